@@ -1,0 +1,10 @@
+"""What the operator is told when something asked for cannot be done."""
+
+from __future__ import annotations
+
+
+class UsageError(Exception):
+    """Bad input from a person: an address, a setting, a folder.
+
+    The message is one sentence that says what came, what was wanted and what to do; the program prints it and exits with 2.
+    """

@@ -1,0 +1,91 @@
+"""What flows in: camera events from the link, frames from a source, and the shots they make together.
+
+All times named `received` are seconds on the host's monotonic clock (`time.monotonic()`); `utc` is seconds since 1970
+and only ever shown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from pathlib import Path
+from typing import Literal
+
+
+class Source(IntEnum):
+    """Who told us of a shot; a higher value is the better witness (a request may never become a picture)."""
+
+    CAMERA_TRIGGER = 1
+    CAMERA_FEEDBACK = 2
+    IMAGE_CAPTURED_BY_AUTOPILOT = 3
+    IMAGE_CAPTURED_BY_CAMERA = 4
+
+
+class CaptureResult(Enum):
+    TAKEN = "taken"
+    FAILED = "failed"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Position:
+    """Where the vehicle says it was. A note for people and for anchors; it never reaches the stitching."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TriggerEvent:
+    """One camera message, whatever its kind (MAVLink messages 112, 180, 263)."""
+
+    vehicle: int  # MAVLink system id of the sender
+    component: int  # MAVLink component id of the sender
+    camera: int  # camera id or index as the message gives it; 0 where it gives none
+    source: Source
+    sequence: int | None  # the message's own counter
+    received: float
+    source_time: float | None  # seconds on the sender's clock
+    clock: Literal["boot", "epoch", "none"]  # what `source_time` counts from
+    utc: float | None
+    result: CaptureResult
+    file_hint: str | None  # base name only, already stripped of any path
+    position: Position | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One image that has come completely. Pixels are loaded when they are wanted."""
+
+    name: str  # POSIX path relative to the watched folder; an overwritten name gets "#2"
+    path: Path
+    content_hash: str  # hex of blake2b with 16 bytes over the whole file
+    size: int  # bytes
+    received: float  # when the file was found whole
+    modified: float  # the file's own time, seconds since 1970
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DamagedFile:
+    """A file that will not become a frame as it is; it is taken later if it becomes whole."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """Something a source wants said aloud (a folder was created, a link fell silent, a port is shared)."""
+
+    source: str
+    level: Literal["info", "warning", "error"]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shot:
+    """The unit of work: a frame and, where one is known, the event that announced it."""
+
+    event: TriggerEvent | None
+    frame: Frame
