@@ -1,0 +1,1 @@
+"""Live mosaics from camera triggers, stitched from the images alone."""

@@ -1,0 +1,197 @@
+"""A camera over a plane: where the pixels of a frame lie on the canvas, and back.
+
+Conventions, used everywhere in this package:
+
+* Frame pixels: OpenCV's rule, the centre of the top-left pixel is (0, 0), x right, y down.
+* Canvas: x right, y down; the ground is the canvas plane. One unit is one full-resolution pixel of an island's first frame.
+* Camera axes: x right, y down, z forward. A frame with yaw = pitch = roll = 0 looks straight down, its x along the canvas' x.
+* Lens: one radial term in OpenCV's sense, `distorted = undistorted * (1 + k1 * r**2)` with radii in focal lengths.
+* Transforms are named target_from_source; points are (n, 2) float64 arrays, and NaN stands for "nowhere"
+  (behind the camera, above the horizon, outside what the lens can see).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+UNDISTORT_STEPS = 8  # Newton's method on the radius; 5 reach 1e-9 for |k1| <= 0.3, the rest is margin
+HORIZON_COSINE = 0.02  # rays closer to the horizon than about 1 degree hit the ground nowhere useful
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """What the frames of one camera share; `focal` and `k1` are estimated from matches, never given."""
+
+    width: int  # px
+    height: int  # px
+    focal: float = 1.5  # in half-diagonals, so that it does not depend on the frame's size
+    k1: float = 0.0
+
+    @property
+    def half_diagonal(self) -> float:
+        return math.hypot(self.width, self.height) / 2
+
+    @property
+    def focal_px(self) -> float:
+        return self.focal * self.half_diagonal
+
+    @property
+    def centre(self) -> Array:
+        """Principal point in pixels: the middle of the frame."""
+        return np.array([(self.width - 1) / 2, (self.height - 1) / 2])
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where a frame was taken from.
+
+    `x`, `y`: the canvas point straight below the camera. `log_gsd`: natural log of the ground sampling distance there
+    (canvas units per pixel), so height = exp(log_gsd) * focal_px. Angles in radians; rotation = Rz(yaw) Ry(pitch) Rx(roll).
+    """
+
+    x: float
+    y: float
+    log_gsd: float = 0.0
+    yaw: float = 0.0
+    pitch: float = 0.0
+    roll: float = 0.0
+
+    def rotation(self) -> Array:
+        """Rotation canvas_from_camera, 3x3."""
+        return rotation_matrix(self.yaw, self.pitch, self.roll)
+
+
+def rotation_matrix(yaw: float, pitch: float, roll: float) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll), 3x3."""
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (math.cos, math.sin))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def canvas_from_pixels(pose: Pose, camera: Camera, pixels: Array) -> Array:
+    """Canvas places (n, 2) of frame pixels (n, 2); NaN for those that see no ground."""
+    rays = np.column_stack([undistort(camera, normalised(camera, pixels)), np.ones(len(pixels))]) @ pose.rotation().T
+    height = math.exp(pose.log_gsd) * camera.focal_px
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = np.array([pose.x, pose.y]) + height * rays[:, :2] / rays[:, 2:]
+        places[rays[:, 2] < HORIZON_COSINE * np.linalg.norm(rays, axis=1)] = np.nan
+    return places
+
+
+def pixels_from_canvas(pose: Pose, camera: Camera, places: Array) -> Array:
+    """Frame pixels (n, 2) of canvas places (n, 2), inside the frame or not; NaN where the lens cannot see them."""
+    height = math.exp(pose.log_gsd) * camera.focal_px
+    rays = np.column_stack([places - [pose.x, pose.y], np.full(len(places), height)]) @ pose.rotation()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        undistorted = rays[:, :2] / rays[:, 2:]
+        undistorted[rays[:, 2] <= 0] = np.nan
+    return distort(camera, undistorted) * camera.focal_px + camera.centre
+
+
+def normalised(camera: Camera, pixels: Array) -> Array:
+    """Pixels (n, 2) in focal lengths from the principal point."""
+    return np.asarray((pixels - camera.centre) / camera.focal_px, dtype=np.float64)
+
+
+def distort(camera: Camera, undistorted: Array) -> Array:
+    """Apply the lens; NaN beyond the radius where a negative k1 would fold the picture back."""
+    r2 = (undistorted**2).sum(axis=1, keepdims=True)
+    distorted = undistorted * (1 + camera.k1 * r2)
+    return np.asarray(np.where(1 + 3 * camera.k1 * r2 > 0, distorted, np.nan))
+
+
+def undistort(camera: Camera, distorted: Array) -> Array:
+    """Inverse of `distort` (Newton's method on the radius); NaN for radii that no ray reaches."""
+    if camera.k1 == 0:
+        return distorted
+    r_distorted = np.linalg.norm(distorted, axis=1)
+    r = r_distorted.copy()
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(UNDISTORT_STEPS):
+            r -= (r * (1 + camera.k1 * r**2) - r_distorted) / (1 + 3 * camera.k1 * r**2)
+        reached = (1 + 3 * camera.k1 * r**2 > 0) & (abs(r * (1 + camera.k1 * r**2) - r_distorted) < 1e-6)
+        factor = np.where(r_distorted > 0, r / r_distorted, 1.0)
+    return np.asarray(np.where(reached[:, None], distorted * factor[:, None], np.nan))
+
+
+def pixel_grid(camera: Camera, columns: int, rows: int) -> Array:
+    """A regular grid over the frame's pixel centres, row by row, (rows * columns, 2)."""
+    x, y = np.meshgrid(np.linspace(0, camera.width - 1, columns), np.linspace(0, camera.height - 1, rows))
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def frame_border(camera: Camera, per_side: int) -> Array:
+    """Points along the frame's outer edge (not the outermost pixel centres), clockwise from the top left, (4 * per_side, 2)."""
+    t = np.arange(per_side) / per_side
+    one, zero = np.ones_like(t), np.zeros_like(t)
+    unit = np.concatenate([np.c_[t, zero], np.c_[one, t], np.c_[1 - t, one], np.c_[zero, 1 - t]])
+    return np.asarray(unit * [camera.width, camera.height] - 0.5)
+
+
+def footprint(pose: Pose, camera: Camera, per_side: int = 8) -> Array:
+    """Outline of the frame on the canvas, (4 * per_side, 2); NaN where the outline is above the horizon."""
+    return canvas_from_pixels(pose, camera, frame_border(camera, per_side))
+
+
+def ground_sampling_distance(pose: Pose, camera: Camera, pixels: Array) -> Array:
+    """Canvas units per pixel around each pixel (n,): the square root of the area a pixel covers; NaN above the horizon."""
+    right, down = np.array([0.5, 0.0]), np.array([0.0, 0.5])
+    dx = canvas_from_pixels(pose, camera, pixels + right) - canvas_from_pixels(pose, camera, pixels - right)
+    dy = canvas_from_pixels(pose, camera, pixels + down) - canvas_from_pixels(pose, camera, pixels - down)
+    return np.asarray(np.sqrt(abs(dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0])))
+
+
+def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
+    """The homography (3x3, frame pixels to canvas) that fits the pose and lens best over the frame's visible ground."""
+    pixels = pixel_grid(camera, 17, 13)
+    places = canvas_from_pixels(pose, camera, pixels)
+    seen = np.isfinite(places).all(axis=1)
+    if camera.k1 == 0 or seen.sum() < 8:
+        return pinhole_homography(pose, camera)
+    homography, _ = cv2.findHomography(pixels[seen], places[seen] - [pose.x, pose.y], 0)
+    shift = np.array([[1.0, 0, pose.x], [0, 1, pose.y], [0, 0, 1]])
+    fitted = shift @ homography
+    return np.asarray(fitted / fitted[2, 2])
+
+
+def pinhole_homography(pose: Pose, camera: Camera) -> Array:
+    """The homography (3x3, frame pixels to canvas) of the pose without its lens, scaled so that H[2, 2] = 1 where it can be."""
+    height = math.exp(pose.log_gsd) * camera.focal_px
+    ray_from_pixel = np.array([[1, 0, -camera.centre[0]], [0, 1, -camera.centre[1]], [0, 0, camera.focal_px]])
+    canvas_from_ray = np.array([[height, 0, pose.x], [0, height, pose.y], [0, 0, 1]])
+    homography = canvas_from_ray @ pose.rotation() @ ray_from_pixel
+    return np.asarray(homography / homography[2, 2] if abs(homography[2, 2]) > 1e-12 else homography)
+
+
+def similarity_between(source: Array, target: Array) -> tuple[float, float, Array]:
+    """Least-squares similarity target_from_source of points (n, 2): scale, angle in radians, shift (2,).
+
+    Umeyama, IEEE PAMI 13(4), 1991, without reflection: `target = scale * R(angle) @ source + shift`.
+    """
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    dot = (a * b).sum()
+    cross = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    spread = max((a * a).sum(), 1e-300)
+    scale, angle = math.hypot(dot, cross) / spread, math.atan2(cross, dot)
+    rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return scale, angle, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
+
+
+def moved_by_similarity(pose: Pose, scale: float, angle: float, shift: Array) -> Pose:
+    """The pose after the canvas it lies on is moved by a similarity; the frame's view does not change."""
+    c, s = math.cos(angle), math.sin(angle)
+    x = scale * (c * pose.x - s * pose.y) + float(shift[0])
+    y = scale * (s * pose.x + c * pose.y) + float(shift[1])
+    return Pose(x, y, pose.log_gsd + math.log(scale), pose.yaw + angle, pose.pitch, pose.roll)
