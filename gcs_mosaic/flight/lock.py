@@ -1,0 +1,46 @@
+"""One program at a time writes into a folder."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+LOCK_NAME = ".gcs-mosaic.lock"
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def lock_file(descriptor: int) -> None:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+else:
+    import fcntl
+
+    def lock_file(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+class FolderLock:
+    """Holds a folder until `release`, or until the process ends in whatever way."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor: int | None = descriptor
+
+    def release(self) -> None:
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+
+def try_lock(folder: Path) -> FolderLock | None:
+    """The folder's lock, or None if another program holds it. Raises OSError if the folder cannot be written."""
+    descriptor = os.open(folder / LOCK_NAME, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        lock_file(descriptor)
+    except (BlockingIOError, PermissionError):  # the second is how Windows says it
+        os.close(descriptor)
+        return None
+    except OSError:
+        # Some network folders know no locks. Flying without one is better than not flying.
+        return FolderLock(descriptor)
+    return FolderLock(descriptor)

@@ -1,0 +1,122 @@
+"""What the ledger stores and gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from gcs_mosaic.events import TriggerEvent
+from gcs_mosaic.stitch.geometry import Camera, Pose
+
+
+class EventState(StrEnum):
+    """Every event is exactly one of these."""
+
+    PENDING = "pending"
+    MATCHED = "matched"
+    MISSING = "missing"  # its frame never came
+    DUPLICATE = "duplicate"  # another message about the same shot
+    FAILED = "failed"  # the camera said that it took no picture
+
+
+class FrameState(StrEnum):
+    """Every frame is exactly one of these."""
+
+    PENDING = "pending"
+    PLACED = "placed"
+    WAITING = "waiting"  # matches nothing yet
+    REJECTED = "rejected"
+    DUPLICATE = "duplicate"
+    DAMAGED = "damaged"
+    DROPPED = "dropped"  # of a live stream only
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightRecord:
+    """Which flight a folder holds; `started_utc` in seconds since 1970."""
+
+    name: str
+    started_utc: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventRecord:
+    id: int
+    event: TriggerEvent
+    state: EventState
+    duplicate_of: int | None  # id of the event that counts; set exactly for duplicates
+    frame: str | None  # name of the frame; set exactly for matched events
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameRecord:
+    """One frame. `content_hash`, `size` and the times are None for a file that never was whole."""
+
+    name: str
+    state: FrameState
+    reason: str | None  # why it is rejected, damaged, a duplicate or dropped, for people
+    had_event: bool  # False: an orphan
+    original: str | None  # POSIX path relative to the output folder
+    content_hash: str | None
+    size: int | None  # bytes
+    width: int | None  # px
+    height: int | None  # px
+    received: float | None  # host monotonic, seconds
+    modified: float | None  # seconds since 1970
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """The newest estimate of a placed frame; what is painted may still be an older one."""
+
+    name: str
+    island: int
+    pose: Pose
+    camera: Camera
+    inliers: int
+    residual_px: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IslandRecord:
+    id: int
+    merged_into: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoticeRecord:
+    """Something that was said aloud, and when (seconds since 1970)."""
+
+    utc: float
+    source: str
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventAccount:
+    pending: int = 0
+    matched: int = 0
+    missing: int = 0
+    duplicate: int = 0
+    failed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameAccount:
+    pending: int = 0
+    placed: int = 0
+    waiting: int = 0
+    rejected: int = 0
+    duplicate: int = 0
+    damaged: int = 0
+    dropped: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accounts:
+    """How many events and frames are in each state. Every row of the ledger is counted exactly once."""
+
+    events: EventAccount = EventAccount()
+    frames: FrameAccount = FrameAccount()
+    orphans: int = 0  # frames, in whatever state, that no event announced

@@ -1,0 +1,140 @@
+"""Rows of the ledger's tables and the records they stand for."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+
+from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
+from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRecord, FrameState
+from gcs_mosaic.stitch.canvas import Painted
+from gcs_mosaic.stitch.geometry import Camera, Pose
+
+EVENT_COLUMNS = (
+    "vehicle, component, camera, source, sequence, received, source_time, clock, utc, result, file_hint, "
+    "latitude_deg, longitude_deg, altitude_m"
+)
+POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
+GAIN_COLUMNS = "gain_b, gain_g, gain_r"
+
+Stored = str | bytes | None
+
+
+def stored(text: str | None) -> Stored:
+    """A text from outside as SQLite can hold it: file names may contain bytes that are no characters."""
+    if text is None:
+        return None
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "surrogatepass")
+    return text
+
+
+def restored(value: Stored) -> str | None:
+    """Inverse of `stored`."""
+    return value.decode("utf-8", "surrogatepass") if isinstance(value, bytes) else value
+
+
+def name_of(row: sqlite3.Row) -> str:
+    """The frame name that the row's `name` column holds."""
+    return restored(row["name"]) or ""
+
+
+def event_row(event: TriggerEvent) -> tuple[object, ...]:
+    """Values for EVENT_COLUMNS."""
+    place = event.position
+    position = (place.latitude_deg, place.longitude_deg, place.altitude_m) if place else (None, None, None)
+    return (
+        *(event.vehicle, event.component, event.camera, int(event.source), event.sequence, event.received),
+        *(event.source_time, event.clock, event.utc, event.result.value, stored(event.file_hint)),
+        *position,
+    )
+
+
+def event_of(row: sqlite3.Row) -> TriggerEvent:
+    return TriggerEvent(
+        vehicle=row["vehicle"],
+        component=row["component"],
+        camera=row["camera"],
+        source=Source(row["source"]),
+        sequence=row["sequence"],
+        received=row["received"],
+        source_time=row["source_time"],
+        clock=row["clock"],
+        utc=row["utc"],
+        result=CaptureResult(row["result"]),
+        file_hint=restored(row["file_hint"]),
+        position=position_of(row),
+    )
+
+
+def position_of(row: sqlite3.Row) -> Position | None:
+    if row["latitude_deg"] is None or row["longitude_deg"] is None:
+        return None
+    return Position(latitude_deg=row["latitude_deg"], longitude_deg=row["longitude_deg"], altitude_m=row["altitude_m"])
+
+
+def event_record_of(row: sqlite3.Row) -> EventRecord:
+    return EventRecord(
+        id=row["id"],
+        event=event_of(row),
+        state=EventState(row["state"]),
+        duplicate_of=row["duplicate_of"],
+        frame=restored(row["frame_name"]),
+    )
+
+
+def frame_record_of(row: sqlite3.Row) -> FrameRecord:
+    return FrameRecord(
+        name=name_of(row),
+        state=FrameState(row["state"]),
+        reason=row["reason"],
+        had_event=bool(row["had_event"]),
+        original=restored(row["original"]),
+        content_hash=row["content_hash"],
+        size=row["size"],
+        width=row["width"],
+        height=row["height"],
+        received=row["received"],
+        modified=row["modified"],
+    )
+
+
+def pose_row(pose: Pose) -> tuple[float, ...]:
+    """Values for POSE_COLUMNS. Raises ValueError for what is no number: such a pose must not reach the ledger."""
+    values = (pose.x, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll)
+    if not all(math.isfinite(value) for value in values):
+        raise ValueError(f"not a pose: {pose}")
+    return tuple(float(value) for value in values)
+
+
+def pose_of(row: sqlite3.Row) -> Pose:
+    return Pose(row["x"], row["y"], row["log_gsd"], row["yaw"], row["pitch"], row["roll"])
+
+
+def camera_of(row: sqlite3.Row) -> Camera:
+    return Camera(row["camera_width"], row["camera_height"], row["focal"], row["k1"])
+
+
+def painted_of(row: sqlite3.Row) -> Painted:
+    return Painted(
+        name=name_of(row),
+        order=row["order"],
+        island=row["island"],
+        pose=pose_of(row),
+        camera=camera_of(row),
+        gain=(row["gain_b"], row["gain_g"], row["gain_r"]),
+        level=row["level"],
+    )
+
+
+def estimate_of(row: sqlite3.Row) -> Estimate:
+    return Estimate(
+        name=name_of(row),
+        island=row["island"],
+        pose=pose_of(row),
+        camera=camera_of(row),
+        inliers=row["inliers"],
+        residual_px=row["residual_px"],
+    )

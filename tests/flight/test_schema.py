@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.flight.schema import VERSION, connect, connect_for_reading
+
+
+def test_new_file_carries_our_version_and_a_write_ahead_log(tmp_path: Path) -> None:
+    connection = connect(tmp_path / "flight.sqlite")
+    assert connection.execute("PRAGMA user_version").fetchone()[0] == VERSION
+    assert connection.execute("PRAGMA journal_mode").fetchone()[0] == "wal"
+    assert connection.execute("PRAGMA synchronous").fetchone()[0] == 1
+    connection.close()
+
+
+@pytest.mark.parametrize("open_file", [connect, connect_for_reading])
+def test_newer_version_is_refused_and_left_alone(tmp_path: Path, open_file: type) -> None:
+    path = tmp_path / "flight.sqlite"
+    connection = connect(path)
+    connection.execute(f"PRAGMA user_version = {VERSION + 1}")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(UsageError, match=r"newer gcs-mosaic \(ledger version 2, this one knows up to 1\)"):
+        open_file(path)
+    assert path.read_bytes() == before
+
+
+def test_database_of_another_program_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.sqlite"
+    foreign = sqlite3.connect(path)
+    foreign.execute("CREATE TABLE birds (name)")
+    foreign.close()
+    with pytest.raises(UsageError, match="belongs to another program"):
+        connect(path)
+
+
+def test_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "flight.sqlite"
+    path.write_bytes(b"not a database, but long enough to be taken for one" * 100)
+    with pytest.raises(UsageError, match="is not a flight's ledger"):
+        connect(path)
+
+
+def test_reading_makes_no_file(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="does not exist"):
+        connect_for_reading(tmp_path / "flight.sqlite")
+    assert list(tmp_path.iterdir()) == []
