@@ -1,0 +1,67 @@
+"""Features of a frame: SIFT at a bounded size, described as RootSIFT.
+
+SIFT: Lowe, IJCV 60(2), 2004. RootSIFT (square root of the L1-normalised descriptor, so that a dot product compares
+histograms by the Hellinger kernel): Arandjelović and Zisserman, CVPR 2012.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureSettings:
+    megapixels: float = 0.75  # size at which features are sought; 1.8 gave the same map at 2-3 times the time
+    count: int = 2000  # the strongest are kept
+    contrast: float = 0.01  # SIFT's contrast threshold; low, for bare fields: `count` bounds the number anyway
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """What is kept of a frame for matching, strongest first.
+
+    `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, 128) uint8, RootSIFT times 255;
+    `scale`: full-resolution pixels per pixel of the picture in which the features were found.
+    """
+
+    points: NDArray[np.float32]
+    descriptors: NDArray[np.uint8]
+    width: int
+    height: int
+    scale: float
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def extract(image: NDArray[np.uint8], settings: FeatureSettings) -> Features:
+    """Features of a BGR or grey image (h, w[, 3]) uint8."""
+    height, width = image.shape[:2]
+    small = reduced_grey(image, settings.megapixels)
+    scale = width / small.shape[1]
+    sift = cv2.SIFT.create(nfeatures=settings.count, contrastThreshold=settings.contrast)
+    keypoints, descriptors = sift.detectAndCompute(small, None)
+    if descriptors is None:
+        return Features(np.empty((0, 2), np.float32), np.empty((0, 128), np.uint8), width, height, scale)
+    order = np.argsort([-k.response for k in keypoints], kind="stable")[: settings.count]
+    points = (np.array([k.pt for k in keypoints])[order] + 0.5) * scale - 0.5
+    return Features(points.astype(np.float32), root_sift(descriptors[order]), width, height, scale)
+
+
+def reduced_grey(image: NDArray[np.uint8], megapixels: float) -> NDArray[np.uint8]:
+    """Grey copy, reduced (never enlarged) to about so many megapixels."""
+    factor = min(1.0, math.sqrt(megapixels * 1e6 / (image.shape[0] * image.shape[1])))
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA) if factor < 1 else grey, np.uint8)
+
+
+def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """SIFT descriptors (n, 128) as RootSIFT, unit length times 255 in bytes: a quarter of the memory, same matches."""
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
+    return np.asarray(np.rint(255 * np.sqrt(descriptors / total)), dtype=np.uint8)

@@ -1,0 +1,233 @@
+"""The mosaic: frames in, placements out.
+
+mosaic = Mosaic()
+for name, image in frames:
+    print(mosaic.add(image, name))   # Placement, Waiting or Rejection
+    mosaic.adjust()                  # the placements that moved
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch import geometry
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.geometry import Array, Camera, Pose
+from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
+from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
+from gcs_mosaic.stitch.search import Search, SearchSettings
+from gcs_mosaic.stitch.solving import adjust_island, level_pose_over, resect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlausibilitySettings:
+    least_features: int = 40  # a picture with fewer shows nothing to hold on to
+    most_residual: float = 2.0  # median residual above which a placement is not believed, in registration thresholds
+    steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StitchSettings:
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    registration: RegistrationSettings = field(default_factory=RegistrationSettings)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
+    adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
+    adjustments_per_doubling: int = 16  # an island is adjusted when it has grown by this part of itself
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a frame lies on its island's canvas, and how well that is supported."""
+
+    name: str
+    island: int
+    pose: Pose
+    camera: Camera
+    inliers: int  # independent ones, over all neighbours
+    residual_px: float  # median over its matches, full-resolution pixels; NaN for a founder
+    neighbours: tuple[str, ...]
+
+    @property
+    def canvas_from_frame(self) -> Array:
+        """The homography (3x3) from full-resolution pixels to the canvas that fits pose and lens best."""
+        return geometry.canvas_from_frame(self.pose, self.camera)
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A frame that matches nothing yet; it is tried again when new ground is known."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """A frame that will not be placed, and why."""
+
+    name: str
+    reason: str
+
+
+class Mosaic:
+    """Places frames on one canvas per island, from their pixels alone."""
+
+    def __init__(self, settings: StitchSettings | None = None) -> None:
+        self.settings = settings or StitchSettings()
+        self.islands: list[Island] = []
+        adjustment = self.settings.adjustment
+        self._network = Network(adjustment.focal_prior, adjustment.matches_per_pair)
+        self._search = Search(self._network, self.settings.search, self.settings.registration)
+        self._bridges = Bridges(self._network)
+        self._waiting: list[int] = []
+        self._last_placed = 0
+        self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
+
+    def add(self, image: NDArray[np.uint8], name: str) -> Placement | Waiting | Rejection:
+        """Find the features of an image (h, w[, 3]) uint8 and place it."""
+        return self.place(extract(image, self.settings.features), name)
+
+    def place(self, features: Features, name: str) -> Placement | Waiting | Rejection:
+        """Place a frame by its features."""
+        if len(features) < self.settings.plausibility.least_features:
+            return Rejection(name, f"too little to see: {len(features)} features")
+        frame = self._network.append(name, features)
+        self._search.take_in(features)
+        if not self.islands:
+            self._found_island(frame)
+        elif not (self._place_among_placed(frame) or self._found_with_waiting(frame)):
+            self._waiting.append(frame)
+            return Waiting(name)
+        self._use_what_is_new(frame)
+        return self._placement(frame)
+
+    def adjust(self, *, everything: bool = False) -> list[Placement]:
+        """Adjust the islands that have grown enough since the last time (or all); returns what lies elsewhere now."""
+        before = {frame: self._network.pose_of(frame) for frame in self._network.placed()}
+        for island, grown in list(self._grown.items()):
+            members = len(self._network.members(island))
+            if everything or grown * self.settings.adjustments_per_doubling >= members:
+                adjust_island(self._network, island, self.settings.adjustment)
+                del self._grown[island]
+        return [self._placement(f) for f, pose in before.items() if self._network.pose_of(f) != pose]
+
+    def hold(self, name: str, pose: Pose, camera: Camera) -> None:
+        """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
+        next(f for f in reversed(self._network.frames) if f.name == name).held = (pose, camera)
+
+    def placements(self) -> list[Placement]:
+        """All placed frames, in the order in which they came."""
+        return [self._placement(frame) for frame in self._network.placed()]
+
+    def waiting(self) -> list[Waiting]:
+        """Frames that match nothing so far."""
+        return [Waiting(self._network.frames[frame].name) for frame in self._waiting]
+
+    def finish(self) -> list[Rejection]:
+        """Nothing more will come: what still waits is rejected."""
+        return [Rejection(w.name, "matches no other frame") for w in self.waiting()]
+
+    def _found_island(self, frame: int) -> int:
+        """The frame lies level and at its own resolution on a canvas of its own."""
+        self.islands.append(Island(len(self.islands)))
+        self._settle(frame, Pose(*self._network.camera_of(frame).centre), self.islands[-1].number)
+        return self.islands[-1].number
+
+    def _settle(self, frame: int, pose: Pose, island: int) -> None:
+        self._network.put(frame, pose, island)
+        self._last_placed = frame
+        self._grown[island] = self._grown.get(island, 0) + 1
+
+    def _place_among_placed(self, frame: int) -> bool:
+        links = self._search.first_links(frame, self._last_placed)
+        return any(self._place_beside(frame, other, registration) for other, registration in links)
+
+    def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
+        """Place a frame from its first link, then from all that it overlaps; False if the result is not believable."""
+        island = self._network.island_of(other)
+        self._network.link(frame, other, registration)
+        rough = self._rough_pose(frame, other, registration)
+        pose = self._believable_pose(frame, rough) if rough else None
+        if pose:
+            for neighbour, found in self._search.neighbour_links(frame, pose, island):
+                self._network.link(frame, neighbour, found)
+            pose = self._believable_pose(frame, pose)
+        if pose is None:
+            self._network.take_back(frame)
+            return False
+        self._settle(frame, pose, island)
+        return True
+
+    def _rough_pose(self, frame: int, other: int, registration: Registration) -> Pose | None:
+        network = self._network
+        places = geometry.canvas_from_pixels(network.pose_of(other), network.camera_of(other), registration.pixels_b)
+        on_ground = np.isfinite(places).all(axis=1)
+        if on_ground.sum() < 4:
+            return None
+        return level_pose_over(network.camera_of(frame), registration.pixels_a[on_ground], places[on_ground])
+
+    def _believable_pose(self, frame: int, rough: Pose) -> Pose | None:
+        """The frame's best pose against its links, if it fits them and an aircraft can have it."""
+        pose, residual = resect(self._network, frame, rough, self.settings.adjustment)
+        plausibility, registration = self.settings.plausibility, self.settings.registration
+        linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
+        zoom = max((abs(pose.log_gsd - p.log_gsd) for p in linked if p), default=0.0)
+        steep = math.cos(pose.pitch) * math.cos(pose.roll) < math.cos(math.radians(plausibility.steepest_tilt_deg))
+        fits = residual <= plausibility.most_residual * registration.threshold_px
+        return pose if fits and not steep and zoom <= math.log(registration.largest_zoom) else None
+
+    def _found_with_waiting(self, frame: int) -> bool:
+        """Two frames that match nothing but each other found an island."""
+        for other in self._search.likeliest(frame, self._waiting):
+            registration = self._search.register(frame, other)
+            if registration is None:
+                continue
+            last, island = self._last_placed, self._found_island(other)
+            if self._place_beside(frame, other, registration):
+                self._waiting.remove(other)
+                self._use_what_is_new(other)
+                return True
+            self.islands.pop()
+            self._grown.pop(island, None)
+            self._network.take_back(other)
+            self._last_placed = last
+        return False
+
+    def _use_what_is_new(self, frame: int) -> None:
+        """A newly placed frame may give waiting ones their place, or connect its island with another."""
+        for other in self._search.likeliest(frame, self._waiting, WAITING_TRIES):
+            registration = self._search.register(other, frame)
+            if registration is not None and self._place_beside(other, frame, registration):
+                self._waiting.remove(other)
+                self._use_what_is_new(other)
+        self._connect_islands(frame)
+
+    def _connect_islands(self, frame: int) -> None:
+        """Look for this frame's ground on other islands; join two when the evidence suffices."""
+        here = self._network.island_of(frame)
+        elsewhere = [f for f in self._network.placed() if self._network.island_of(f) != here]
+        for other in self._search.likeliest(frame, elsewhere, BRIDGE_TRIES):
+            registration = self._search.register(frame, other)
+            proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
+            if proof:
+                stays, goes = self._bridges.join(proof)
+                self.islands[goes].merged_into = stays
+                gained = self._grown.pop(goes, 0) + len(self._network.members(stays))
+                self._grown[stays] = self._grown.get(stays, 0) + gained
+                return
+
+    def _placement(self, frame: int) -> Placement:
+        state, network = self._network.frames[frame], self._network
+        names = tuple(network.frames[other].name for other in sorted(state.inliers))
+        view = (network.island_of(frame), network.pose_of(frame), network.camera_of(frame))
+        return Placement(state.name, *view, sum(state.inliers.values()), state.residual_px, names)
+
+
+WAITING_TRIES = 2
+BRIDGE_TRIES = 3

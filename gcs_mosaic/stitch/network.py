@@ -1,0 +1,121 @@
+"""The network of frames: which frames there are, how they were linked by matches, and where they lie.
+
+One network holds all islands. Frames are numbered in the order in which they came; numbers never change.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.features import Features
+from gcs_mosaic.stitch.geometry import Camera, Pose, footprint
+from gcs_mosaic.stitch.registration import Registration, well_spread
+
+Array = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class FrameState:
+    """All that is kept of a frame. `pose` and `island` are None until it is placed; `held` is the pose it is drawn at."""
+
+    name: str
+    features: Features
+    camera: int
+    pose: Pose | None = None
+    island: int | None = None
+    held: tuple[Pose, Camera] | None = None
+    inliers: dict[int, int] = field(default_factory=dict)  # independent inliers by linked frame
+    residual_px: float = math.nan  # median over its matches, full-resolution pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Thinned matches of two frames: full-resolution pixels (m, 2) in each."""
+
+    pixels_a: Array
+    pixels_b: Array
+
+
+class Network:
+    """Frames, cameras and links. `boxes` (n, 4): bounding box of each placed frame's footprint, NaN for the others."""
+
+    def __init__(self, first_focal: float, matches_per_link: int) -> None:
+        self.frames: list[FrameState] = []
+        self.cameras: list[Camera] = []
+        self.links: dict[tuple[int, int], Link] = {}
+        self.boxes: Array = np.empty((0, 4))
+        self._first_focal = first_focal
+        self._matches_per_link = matches_per_link
+
+    def append(self, name: str, features: Features) -> int:
+        """Take in a frame, not yet placed; a size not seen before is a camera of its own."""
+        sizes = [(camera.width, camera.height) for camera in self.cameras]
+        size = (features.width, features.height)
+        if size not in sizes:
+            self.cameras.append(Camera(*size, focal=self._first_focal))
+            sizes.append(size)
+        self.frames.append(FrameState(name, features, sizes.index(size)))
+        self.boxes = np.concatenate([self.boxes, np.full((1, 4), np.nan)])
+        return len(self.frames) - 1
+
+    def put(self, frame: int, pose: Pose, island: int) -> None:
+        """Place a frame, or move it."""
+        self.frames[frame].pose, self.frames[frame].island = pose, island
+        self.boxes[frame] = box_of(pose, self.camera_of(frame))
+
+    def take_back(self, frame: int) -> None:
+        """Make a frame unplaced and unlinked again."""
+        state = self.frames[frame]
+        for other in list(state.inliers):
+            self.unlink(frame, other)
+        state.pose = state.island = None
+        self.boxes[frame] = np.nan
+
+    def link(self, a: int, b: int, registration: Registration) -> None:
+        """Keep what registered frame a with frame b, thinned to well-spread matches."""
+        chosen = well_spread(registration.pixels_a, self._matches_per_link)
+        self.unlink(a, b)
+        self.links[a, b] = Link(registration.pixels_a[chosen], registration.pixels_b[chosen])
+        self.frames[a].inliers[b] = self.frames[b].inliers[a] = registration.independent_inliers
+
+    def unlink(self, a: int, b: int) -> None:
+        for first, second in ((a, b), (b, a)):
+            self.links.pop((first, second), None)
+            self.frames[first].inliers.pop(second, None)
+
+    def camera_of(self, frame: int) -> Camera:
+        return self.cameras[self.frames[frame].camera]
+
+    def pose_of(self, frame: int) -> Pose:
+        pose = self.frames[frame].pose
+        assert pose is not None, "only placed frames have a pose"
+        return pose
+
+    def island_of(self, frame: int) -> int:
+        island = self.frames[frame].island
+        assert island is not None, "only placed frames lie on an island"
+        return island
+
+    def placed(self) -> list[int]:
+        return [i for i, frame in enumerate(self.frames) if frame.pose is not None]
+
+    def members(self, island: int) -> list[int]:
+        return [i for i, frame in enumerate(self.frames) if frame.island == island]
+
+
+def box_of(pose: Pose, camera: Camera) -> Array:
+    """Bounding box (x0, y0, x1, y1) of what a frame sees of the canvas; NaN where it sees no ground."""
+    outline = footprint(pose, camera, per_side=3)
+    outline = outline[np.isfinite(outline).all(axis=1)]
+    if not len(outline):
+        return np.full(4, np.nan)
+    return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
+
+
+def centres(boxes: Array) -> Array:
+    """Middles (n, 2) of boxes (n, 4)."""
+    return (boxes[:, :2] + boxes[:, 2:]) / 2

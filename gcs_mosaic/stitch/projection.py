@@ -1,0 +1,116 @@
+"""The camera over a plane with its analytic derivatives, for many points of many frames at once.
+
+The same model as `geometry`, in the units of the adjustment: pixels are centred and divided by the frame's half-diagonal,
+so that one focal length and one lens term serve frames of any size. A pose is a row (x, y, log_gsd, yaw, pitch, roll),
+a lens a row (log focal, k1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+UNDISTORT_STEPS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Projected:
+    """Projected points (m, 2) and their derivatives; `valid` (m,) is False where there is nothing to see."""
+
+    points: Array
+    by_point: Array  # (m, 2, 2)
+    by_pose: Array  # (m, 2, 6)
+    by_lens: Array  # (m, 2, 2)
+    valid: NDArray[np.bool_]
+
+
+def rotations(poses: Array) -> tuple[Array, Array]:
+    """Rotation canvas_from_camera (m, 3, 3) and the axes (m, 3, 3) about which yaw, pitch and roll turn a canvas vector."""
+    (cy, cp, cr), (sy, sp, sr) = np.cos(poses[:, 3:].T), np.sin(poses[:, 3:].T)
+    rotation = np.empty((len(poses), 3, 3))
+    rotation[:, 0] = np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], axis=1)
+    rotation[:, 1] = np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], axis=1)
+    rotation[:, 2] = np.stack([-sp, cp * sr, cp * cr], axis=1)
+    zero, one = np.zeros_like(cy), np.ones_like(cy)
+    axes = np.stack(
+        [np.stack([zero, zero, one], 1), np.stack([-sy, cy, zero], 1), np.stack([cy * cp, sy * cp, -sp], 1)], axis=1
+    )
+    return rotation, axes
+
+
+def canvas_from_pixels(poses: Array, lenses: Array, half_diagonals: Array, pixels: Array) -> Projected:
+    """Canvas places of pixels (m, 2), one pose, lens and half-diagonal (m,) for each."""
+    rotation, axes = rotations(poses)
+    u, u_by_pixel, u_by_lens, seen = _undistorted(pixels, lenses)
+    ray = np.einsum("mij,mj->mi", rotation[:, :, :2], u) + rotation[:, :, 2]
+    depth = np.where(abs(ray[:, 2]) < 1e-6, 1e-6, ray[:, 2])
+    height = np.exp(poses[:, 2] + lenses[:, 0]) * half_diagonals
+    offset = height[:, None] * ray[:, :2] / depth[:, None]
+    by_ray = _perspective_derivative(ray[:, :2], depth) * height[:, None, None]
+    by_u = by_ray @ rotation[:, :, :2]
+    by_pose = np.zeros((len(pixels), 2, 6))
+    by_pose[:, 0, 0] = by_pose[:, 1, 1] = 1
+    by_pose[:, :, 2] = offset
+    by_pose[:, :, 3:] = by_ray @ np.cross(axes, ray[:, None, :]).transpose(0, 2, 1)
+    by_lens = by_u @ u_by_lens
+    by_lens[:, :, 0] += offset
+    return Projected(poses[:, :2] + offset, by_u @ u_by_pixel, by_pose, by_lens, seen & (ray[:, 2] > 0.02))
+
+
+def pixels_from_canvas(poses: Array, lenses: Array, half_diagonals: Array, places: Array) -> Projected:
+    """Pixels (m, 2) of canvas places (m, 2), one pose, lens and half-diagonal (m,) for each."""
+    rotation, axes = rotations(poses)
+    height = np.exp(poses[:, 2] + lenses[:, 0]) * half_diagonals
+    sight = np.column_stack([places - poses[:, :2], height])
+    ray = np.einsum("mji,mj->mi", rotation, sight)
+    depth = np.where(abs(ray[:, 2]) < 1e-6, 1e-6, ray[:, 2])
+    u = ray[:, :2] / depth[:, None]
+    v, v_by_u, v_by_k1 = _distorted(u, lenses[:, 1])
+    focal = np.exp(lenses[:, 0])
+    by_ray = (v_by_u @ _perspective_derivative(ray[:, :2], depth)) * focal[:, None, None]
+    by_sight = by_ray @ rotation.transpose(0, 2, 1)
+    by_pose = np.empty((len(places), 2, 6))
+    by_pose[:, :, :2] = -by_sight[:, :, :2]
+    by_pose[:, :, 2] = by_sight[:, :, 2] * height[:, None]
+    by_pose[:, :, 3:] = -by_sight @ np.cross(axes, sight[:, None, :]).transpose(0, 2, 1)
+    points = focal[:, None] * v
+    by_lens = np.stack([by_pose[:, :, 2] + points, focal[:, None] * v_by_k1], axis=2)
+    valid = (ray[:, 2] > 0.02 * height) & (1 + 3 * lenses[:, 1] * (u**2).sum(axis=1) > 0)
+    return Projected(points, by_sight[:, :, :2], by_pose, by_lens, valid)
+
+
+def _perspective_derivative(xy: Array, depth: Array) -> Array:
+    """Derivative (m, 2, 3) of (x / z, y / z) by (x, y, z)."""
+    by = np.zeros((len(xy), 2, 3))
+    by[:, 0, 0] = by[:, 1, 1] = 1 / depth
+    by[:, :, 2] = -xy / depth[:, None] ** 2
+    return by
+
+
+def _distorted(u: Array, k1: Array) -> tuple[Array, Array, Array]:
+    """Lens applied to u (m, 2): the result, its derivative by u (m, 2, 2) and by k1 (m, 2)."""
+    r2 = (u**2).sum(axis=1)
+    factor = 1 + k1 * r2
+    by_u = factor[:, None, None] * np.eye(2) + 2 * k1[:, None, None] * u[:, :, None] * u[:, None, :]
+    return u * factor[:, None], by_u, u * r2[:, None]
+
+
+def _undistorted(pixels: Array, lenses: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Inverse of the lens: u (m, 2), its derivative by the pixel (m, 2, 2) and by the lens (m, 2, 2), and where it exists."""
+    focal, k1 = np.exp(lenses[:, 0]), lenses[:, 1]
+    distorted = pixels / focal[:, None]
+    r_distorted = np.linalg.norm(distorted, axis=1)
+    r = r_distorted.copy()
+    for _ in range(UNDISTORT_STEPS):
+        r -= (r * (1 + k1 * r**2) - r_distorted) / np.maximum(1 + 3 * k1 * r**2, 0.05)
+    u = distorted * np.where(r_distorted > 1e-12, r / np.maximum(r_distorted, 1e-12), 1.0)[:, None]
+    _, distorted_by_u, distorted_by_k1 = _distorted(u, k1)
+    u_by_distorted = np.linalg.inv(distorted_by_u + 1e-12 * np.eye(2))
+    by_focal = -(u_by_distorted @ distorted[:, :, None])
+    by_k1 = -(u_by_distorted @ distorted_by_k1[:, :, None])
+    exists = (1 + 3 * k1 * r**2 > 0.05) & (abs(r * (1 + k1 * r**2) - r_distorted) < 1e-6)
+    return u, u_by_distorted / focal[:, None, None], np.concatenate([by_focal, by_k1], axis=2), exists

@@ -1,0 +1,103 @@
+"""Finding the frames that show the same ground: by place where it is known, by likeness where it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.stitch import neighbours
+from gcs_mosaic.stitch.features import Features
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.network import Network, box_of, centres
+from gcs_mosaic.stitch.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.retrieval import RetrievalIndex
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchSettings:
+    neighbours: int = 12  # frames a new one is matched with; this bound keeps the cost per frame constant
+    first_tries: int = 4  # frames near the last one that are tried before the wide search
+    wide_tries: int = 6  # best of all frames that the wide search matches in full
+    least_overlap: float = 0.05  # share of a frame below which matching is not worth the time
+
+
+class Search:
+    """Looks for links between the frames of a network."""
+
+    def __init__(self, network: Network, settings: SearchSettings, registration: RegistrationSettings) -> None:
+        self._network = network
+        self._settings = settings
+        self._registration = registration
+        self._retrieval = RetrievalIndex()
+
+    def take_in(self, features: Features) -> None:
+        """Make a frame findable by likeness; to be called once per frame of the network, in order."""
+        self._retrieval.add(features)
+
+    def first_links(self, frame: int, last: int) -> Iterator[tuple[int, Registration]]:
+        """Placed frames that this one can be registered with, the likeliest first; `last` was placed last."""
+        tried: set[int] = set()
+        for other in self._candidates(frame, last):
+            if other not in tried:
+                tried.add(other)
+                registration = self.register(frame, other)
+                if registration is not None:
+                    yield other, registration
+
+    def _candidates(self, frame: int, last: int) -> Iterator[int]:
+        yield from self._nearby(last)
+        yield from self.likeliest(frame, self._network.placed())
+
+    def likeliest(self, frame: int, among: Sequence[int], count: int | None = None) -> list[int]:
+        """Frames that look most like this one, best first."""
+        others = np.array([f for f in among if f != frame], dtype=np.intp)
+        features = self._network.frames[frame].features
+        return self._retrieval.likeliest(features, others, count or self._settings.wide_tries)
+
+    def register(self, frame: int, other: int) -> Registration | None:
+        """Register two frames that may lie anywhere."""
+        a, b = self._network.frames[frame].features, self._network.frames[other].features
+        found = register(a, b, self._registration)
+        return found if isinstance(found, Registration) else None
+
+    def neighbour_links(self, frame: int, pose: Pose, island: int) -> Iterator[tuple[int, Registration]]:
+        """Links of a frame at a rough pose with those it should overlap, spread over all directions."""
+        for other in self._overlapping(frame, pose, island):
+            if other not in self._network.frames[frame].inliers:
+                registration = self._register_in_place(frame, pose, other)
+                if registration is not None:
+                    yield other, registration
+
+    def _nearby(self, last: int) -> list[int]:
+        """The last placed frame, then those that meet its region of interest, nearest first."""
+        network = self._network
+        region = neighbours.region_of_interest(network.boxes[last])
+        here = np.array(network.members(network.island_of(last)))
+        here = here[neighbours.boxes_meet(region, network.boxes[here])]
+        far = np.linalg.norm(centres(network.boxes[here]) - centres(network.boxes[[last]]), axis=1)
+        order = [int(here[i]) for i in np.argsort(far, kind="stable") if here[i] != last]
+        return [last, *order][: self._settings.first_tries]
+
+    def _overlapping(self, frame: int, pose: Pose, island: int) -> list[int]:
+        network, camera = self._network, self._network.camera_of(frame)
+        box = box_of(pose, camera)
+        members = np.array([f for f in network.members(island) if f != frame], dtype=np.intp)
+        members = members[neighbours.boxes_meet(box, network.boxes[members])]
+        shared = np.array([neighbours.overlap(pose, camera, network.pose_of(o), network.camera_of(o)) for o in members])
+        keep = shared >= self._settings.least_overlap
+        members, shared = members[keep], shared[keep]
+        away = centres(network.boxes[members]) - centres(box[None])
+        bearings = np.arctan2(away[:, 1], away[:, 0])
+        return [int(members[i]) for i in neighbours.spread_choice(shared, bearings, self._settings.neighbours)]
+
+    def _register_in_place(self, frame: int, pose: Pose, other: int) -> Registration | None:
+        """Register two frames by the features that both should see, as far as their poses are known."""
+        network = self._network
+        a, b = network.frames[frame].features, network.frames[other].features
+        view_a, view_b = (pose, network.camera_of(frame)), (network.pose_of(other), network.camera_of(other))
+        seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
+        seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
+        found = register(a, b, self._registration, seen_a, seen_b)
+        return found if isinstance(found, Registration) else None
