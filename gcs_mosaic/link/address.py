@@ -1,0 +1,114 @@
+"""Every form of `--mavlink`, validated here, so that nothing reaches pymavlink that it would guess about or execute."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Literal
+
+from gcs_mosaic.errors import UsageError
+
+Kind = Literal["udp", "tcp", "tcpin", "serial", "file"]
+
+DEFAULT_BAUD = 57600  # bits per second; what telemetry radios are sold with
+EVERY_INTERFACE = "0.0.0.0"  # a vehicle on the radio's network must reach us, as it reaches any ground station
+
+_SCHEMES: dict[str, Kind] = {
+    "udp": "udp",
+    "udpin": "udp",
+    "tcp": "tcp",
+    "tcpout": "tcp",
+    "tcpin": "tcpin",
+    "serial": "serial",
+}
+_HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
+_DEVICE = re.compile(r"(/dev/(?!.*\.\.)[\w./+-]+|COM\d{1,3})", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkAddress:
+    """Where MAVLink comes from: `host` and `port` for sockets, `device` and `baud` for serial, `path` for a log."""
+
+    kind: Kind
+    host: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = DEFAULT_BAUD
+    path: Path | None = None
+
+
+def parse_address(text: str) -> LinkAddress:
+    """The address that `text` names.
+
+    Accepts `udp:PORT`, `udp:HOST:PORT`, `udpin:…`, `tcp:HOST:PORT`, `tcpin:[HOST:]PORT`, the same with `://`,
+    `serial:/dev/ttyACM0:57600`, a plain `/dev/tty…` or `COM3`, and `FILE.tlog`. Raises UsageError for all else.
+    """
+    text = text.strip()
+    if text.lower().endswith(".tlog"):
+        return LinkAddress(kind="file", path=Path(text))
+    if text.startswith("/dev/") or re.match(r"COM\d", text):
+        return _serial(text, text)
+    scheme, colon, rest = text.partition(":")
+    if scheme.lower() in ("udpout", "udpbcast"):
+        raise UsageError(
+            f"--mavlink {text!r} calls out, but nothing is ever sent and so nothing would answer: "
+            "use udp:14550 and let the other side send to that port."
+        )
+    kind = _SCHEMES.get(scheme.lower())
+    if kind is None or not colon:
+        raise _malformed(text, "an address such as udp:14550, tcp:HOST:5760, serial:/dev/ttyACM0:57600 or FLIGHT.tlog")
+    rest = rest.removeprefix("//")
+    return _serial(text, rest) if kind == "serial" else _socket(text, kind, rest.removesuffix("/"))
+
+
+def connection_string(address: LinkAddress) -> str:
+    """The address in pymavlink's own spelling, which is also how it is shown to people."""
+    match address.kind:
+        case "udp":
+            return f"udpin:{address.host}:{address.port}"
+        case "tcp" | "tcpin":
+            return f"{address.kind}:{address.host}:{address.port}"
+        case "serial":
+            return address.device
+        case "file":
+            return str(address.path)
+
+
+def _socket(text: str, kind: Kind, rest: str) -> LinkAddress:
+    host, _, port = rest.rpartition(":")
+    if not re.fullmatch(r"[0-9]{1,5}", port) or not 1 <= int(port) <= 65535:
+        raise _malformed(text, f"a port from 1 to 65535 at the end, such as {kind}:{_example_host(kind)}14550")
+    if not host and kind == "tcp":
+        raise _malformed(text, "the host to connect to, such as tcp:127.0.0.1:5760")
+    host = host or EVERY_INTERFACE
+    if not _is_host(host):
+        raise _malformed(text, f"a host name or an IPv4 address before the port, such as {kind}:127.0.0.1:{port}")
+    return LinkAddress(kind=kind, host=host, port=int(port))
+
+
+def _serial(text: str, rest: str) -> LinkAddress:
+    device, colon, baud = rest.partition(":")
+    if not _DEVICE.fullmatch(device):
+        raise _malformed(text, "a serial device such as serial:/dev/ttyACM0:57600 or COM3")
+    if colon and (not re.fullmatch(r"[0-9]{3,7}", baud) or not 300 <= int(baud) <= 4_000_000):
+        raise _malformed(text, f"a speed in bits per second after the device, such as serial:{device}:57600")
+    return LinkAddress(kind="serial", device=device, baud=int(baud) if colon else DEFAULT_BAUD)
+
+
+def _is_host(host: str) -> bool:
+    if re.fullmatch(r"[0-9.]+", host):
+        with suppress(ValueError):
+            return bool(ip_address(host))
+        return False
+    return _HOST.fullmatch(host) is not None
+
+
+def _example_host(kind: Kind) -> str:
+    return "127.0.0.1:" if kind == "tcp" else ""
+
+
+def _malformed(text: str, wanted: str) -> UsageError:
+    return UsageError(f"--mavlink {text!r} is not understood: give {wanted}.")

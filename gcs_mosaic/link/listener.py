@@ -1,0 +1,126 @@
+"""What to make of the messages on one link: whom to follow, what to say aloud. No I/O; time comes as an argument."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Literal
+
+from gcs_mosaic.events import Notice, TriggerEvent
+from gcs_mosaic.link.address import LinkAddress, connection_string
+from gcs_mosaic.link.decode import MavMessage, decode
+from gcs_mosaic.link.settings import LinkSettings
+
+MAV_TYPE_GCS = 6
+GROUND_STATION_PORT = 14550  # where every ground station listens unless told otherwise
+_AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
+_VEHICLES = {1: "fixed-wing aircraft", 2: "quadrotor", 4: "helicopter", 13: "hexarotor", 14: "octorotor", 30: "camera"}
+
+
+class VehicleChoice:
+    """The one aircraft whose camera is listened to; shared by all links, so that two of them cannot disagree."""
+
+    def __init__(self, wanted: int | None = None) -> None:
+        self.wanted = wanted
+        self.others: Counter[int] = Counter()
+        """Triggers of other aircraft, by MAVLink system id."""
+        self._chosen: dict[str, int] = {} if wanted is None else {"id": wanted}
+
+    @property
+    def followed(self) -> int | None:
+        """System id of the aircraft that is followed; None until one triggers."""
+        return self._chosen.get("id")
+
+    def follows(self, event: TriggerEvent) -> bool:
+        """Whether `event` comes from the followed aircraft; the first one asked about is chosen if none was wanted."""
+        # One dictionary call, because links on several threads may ask at once.
+        if self._chosen.setdefault("id", event.vehicle) == event.vehicle:
+            return True
+        self.others[event.vehicle] += 1
+        return False
+
+
+class Listener:
+    """Turns messages into events and notices. Ask `tick` now and then, so that silence is noticed too."""
+
+    def __init__(self, address: LinkAddress, settings: LinkSettings, choice: VehicleChoice, started: float) -> None:
+        self._address, self._settings, self._choice = address, settings, choice
+        self._name = connection_string(address)
+        self._last_heard = started
+        self._silent = False
+        self._first_vehicle: float | None = None
+        self._systems: set[int] = set()
+        self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
+
+    def greeting(self) -> Notice:
+        """What is said at the start."""
+        return self._notice("info", f"listening on {self._name}; nothing is ever sent")
+
+    def farewell(self) -> Notice:
+        """What is said at the end."""
+        return self._notice("info", f"{self._name} is closed")
+
+    def hear(self, message: MavMessage, received: float) -> Iterator[TriggerEvent | Notice]:
+        """What a message means; most mean nothing."""
+        yield from self._back_again(received)
+        if message.get_type() == "HEARTBEAT":
+            yield from self._heartbeat(message, received)
+        event = decode(message, received)
+        if event and self._choice.follows(event):
+            yield event
+        elif event and self._choice.others[event.vehicle] == 1:
+            yield self._notice("warning", _not_followed(event.vehicle, self._choice))
+
+    def tick(self, now: float) -> Iterator[Notice]:
+        """What the passing of time means."""
+        if not self._silent and now - self._last_heard > self._settings.silent_after_s:
+            self._silent = True
+            yield self._notice("warning", f"{self._name} is silent: nothing for {self._settings.silent_after_s:g} s")
+        waited = now - self._first_vehicle if self._first_vehicle is not None else 0.0
+        if self._ground_station == "unknown" and waited > self._settings.ground_station_after_s:
+            self._ground_station = "missing"
+            # A forwarding ground station keeps its own heartbeats to itself; where it listens itself, we are in its way.
+            level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
+            yield self._notice(level, _no_ground_station(self._name))
+
+    def _back_again(self, received: float) -> Iterator[Notice]:
+        gap = received - self._last_heard
+        self._last_heard = received
+        if self._silent:
+            self._silent = False
+            yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")
+
+    def _heartbeat(self, message: MavMessage, received: float) -> Iterator[Notice]:
+        system = message.get_srcSystem()
+        if message.type == MAV_TYPE_GCS:
+            if self._ground_station == "missing":
+                yield self._notice("info", f"a ground station (system {system}) is heard on {self._name}")
+            self._ground_station = "heard"
+        elif system not in self._systems:
+            self._systems.add(system)
+            self._first_vehicle = received if self._first_vehicle is None else self._first_vehicle
+            yield self._notice("info", f"first heartbeat on {self._name}: system {system}{_described(message)}")
+
+    def _notice(self, level: Literal["info", "warning"], text: str) -> Notice:
+        return Notice(source=self._name, level=level, text=text)
+
+
+def _described(heartbeat: MavMessage) -> str:
+    names = (_AUTOPILOTS.get(heartbeat.autopilot), _VEHICLES.get(heartbeat.type))
+    described = ", ".join(name for name in names if name)
+    return f" ({described})" if described else ""
+
+
+def _not_followed(vehicle: int, choice: VehicleChoice) -> str:
+    why = "as asked" if choice.wanted is not None else "the first to trigger a camera"
+    return (
+        f"system {vehicle} triggers a camera too and is left out, because system {choice.followed} is followed "
+        f"({why}): use --vehicle {vehicle} to follow it instead"
+    )
+
+
+def _no_ground_station(name: str) -> str:
+    return (
+        f"no ground station is heard on {name}: if one should have this link, start it first and let it forward to "
+        "another port (QGroundControl forwards to 14445), because only one program can listen on a port"
+    )

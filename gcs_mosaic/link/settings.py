@@ -1,0 +1,27 @@
+"""The settings of a link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSettings:
+    """How a link is listened to. Times are in seconds."""
+
+    vehicle: int | None = None
+    """MAVLink system id of the aircraft to follow; none = the first that triggers a camera."""
+    silent_after_s: float = 10.0
+    """A link that brings nothing for so long is said to be silent: ten heartbeats, more than a turn of the aircraft."""
+    ground_station_after_s: float = 20.0
+    """How long to wait for a ground station's heartbeat before saying that none is heard on this link."""
+    poll_s: float = 0.25
+    """Longest wait for bytes before looking whether to stop."""
+    connect_timeout_s: float = 3.0
+    """Longest wait for a TCP connection."""
+    reconnect_first_s: float = 0.25
+    """Wait before a lost TCP or serial link is opened again; it doubles with each failure."""
+    reconnect_longest_s: float = 5.0
+    """Longest such wait: after a repair nobody wants to wait longer."""
+    receive_buffer_bytes: int = 1 << 20
+    """What the kernel keeps for us while we are busy: a second of 5,000 messages."""

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+from mavlink_peer import heartbeat, received, trigger
+
+from gcs_mosaic.events import Notice, TriggerEvent
+from gcs_mosaic.link.address import parse_address
+from gcs_mosaic.link.listener import Listener, VehicleChoice
+from gcs_mosaic.link.settings import LinkSettings
+
+SETTINGS = LinkSettings(silent_after_s=10, ground_station_after_s=20)
+
+
+def listener(choice: VehicleChoice | None = None, address: str = "udp:14550") -> Listener:
+    return Listener(parse_address(address), SETTINGS, choice or VehicleChoice(), started=0.0)
+
+
+def texts(items: object) -> list[str]:
+    return [item.text for item in items if isinstance(item, Notice)]  # type: ignore[attr-defined]
+
+
+def test_the_first_heartbeat_of_a_vehicle_is_said_once() -> None:
+    ours = listener()
+    assert "system 7 (PX4, quadrotor)" in texts(ours.hear(received(heartbeat(), system=7), 1.0))[0]
+    assert texts(ours.hear(received(heartbeat(), system=7), 2.0)) == []
+
+
+def test_silence_is_said_once_and_so_is_its_end() -> None:
+    ours = listener()
+    assert texts(ours.tick(9.0)) == []
+    assert "silent" in texts(ours.tick(10.5))[0]
+    assert texts(ours.tick(30.0)) == []
+    assert "again after 31 s" in texts(ours.hear(received(trigger(1)), 31.0))[0]
+    assert texts(ours.tick(32.0)) == []
+
+
+def test_a_missing_ground_station_is_said_with_advice() -> None:
+    ours = listener()
+    list(ours.hear(received(heartbeat()), 1.0))
+    assert texts(ours.tick(9.0)) == []
+    list(ours.hear(received(heartbeat()), 21.0))
+    (notice,) = ours.tick(22.0)
+    assert (notice.level, "14445" in notice.text) == ("warning", True)
+    assert "is heard" in texts(ours.hear(received(heartbeat(kind=6), system=255), 23.0))[0]
+
+
+def test_a_ground_station_that_is_heard_needs_no_word() -> None:
+    ours = listener()
+    list(ours.hear(received(heartbeat()), 1.0))
+    assert texts(ours.hear(received(heartbeat(kind=6), system=255), 2.0)) == []
+    list(ours.hear(received(heartbeat()), 59.0))
+    assert texts(ours.tick(60.0)) == []
+
+
+def test_on_a_forwarded_port_a_missing_ground_station_is_no_warning() -> None:
+    ours = listener(address="udp:14445")
+    list(ours.hear(received(heartbeat()), 19.0))
+    list(ours.hear(received(heartbeat()), 39.0))
+    assert [notice.level for notice in ours.tick(40.0)] == ["info"]
+
+
+def test_only_the_first_vehicle_that_triggers_is_followed() -> None:
+    choice = VehicleChoice()
+    first, second = listener(choice), listener(choice)
+    assert [type(item) for item in first.hear(received(trigger(1), system=3), 1.0)] == [TriggerEvent]
+    assert "--vehicle 4" in texts(second.hear(received(trigger(1), system=4), 2.0))[0]
+    assert list(second.hear(received(trigger(2), system=4), 3.0)) == []
+    assert (choice.followed, choice.others) == (3, {4: 2})
+
+
+def test_the_vehicle_that_was_asked_for_is_followed() -> None:
+    ours = listener(VehicleChoice(wanted=4))
+    assert "as asked" in texts(ours.hear(received(trigger(1), system=3), 1.0))[0]
+    assert [type(item) for item in ours.hear(received(trigger(1), system=4), 2.0)] == [TriggerEvent]

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import os
+import pty
+import socket
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+from mavlink_peer import free_udp_port, packet, trigger
+
+from gcs_mosaic.events import Notice, TriggerEvent
+from gcs_mosaic.link.address import parse_address
+from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.link.triggers import triggers
+
+QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
+
+Heard = Iterator[TriggerEvent | Notice]
+
+
+@pytest.fixture
+def listen() -> Iterator[Callable[[str], Heard]]:
+    stop, opened = threading.Event(), list[Heard]()
+
+    def start(address: str) -> Heard:
+        opened.append(triggers(parse_address(address), stop, QUICK))
+        return opened[-1]
+
+    yield start
+    stop.set()
+    for heard in opened:
+        list(heard)
+
+
+def sequence(heard: Heard) -> int | None:
+    return next(item.sequence for item in heard if isinstance(item, TriggerEvent))
+
+
+def said(heard: Heard, text: str) -> Notice:
+    return next(item for item in heard if isinstance(item, Notice) and text in item.text)
+
+
+def test_a_tcp_link_is_opened_again_when_it_is_lost(listen: Callable[[str], Heard]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        heard = listen(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        for seq in range(2):
+            said(heard, "is connected")
+            with server.accept()[0] as link:
+                link.sendall(packet(trigger(seq)))
+                assert sequence(heard) == seq
+            said(heard, "is lost")
+
+
+def test_a_tcp_link_waits_for_the_other_side(listen: Callable[[str], Heard]) -> None:
+    port = free_udp_port()
+    heard = listen(f"tcp:127.0.0.1:{port}")
+    assert said(heard, "cannot be opened").level == "warning"
+    with socket.create_server(("127.0.0.1", port)):
+        said(heard, "is connected")
+
+
+def test_a_tcp_caller_is_taken_and_another_after_it(listen: Callable[[str], Heard]) -> None:
+    port = free_udp_port()
+    heard = listen(f"tcpin:127.0.0.1:{port}")
+    for seq in range(2):
+        with socket.create_connection(("127.0.0.1", port)) as link:
+            link.sendall(packet(trigger(seq)))
+            assert sequence(heard) == seq
+
+
+def test_a_serial_line_is_read_raw(listen: Callable[[str], Heard]) -> None:
+    ours, theirs = pty.openpty()
+    heard = listen(f"serial:{os.ttyname(theirs)}:115200")
+    said(heard, "is connected")
+    # 13 and 10, 3 and 17: what a terminal that is not raw would change or act on.
+    for seq in (0x0D0A, 0x0311):
+        os.write(ours, packet(trigger(seq)))
+        assert sequence(heard) == seq
+    os.close(ours)
+    os.close(theirs)
+    assert "lost" in said(heard, "is lost").text
+
+
+def test_a_serial_line_that_another_program_reads_is_not_shared(listen: Callable[[str], Heard]) -> None:
+    ours, theirs = pty.openpty()
+    said(listen(os.ttyname(theirs)), "is connected")
+    assert "cannot be opened" in said(listen(os.ttyname(theirs)), "cannot").text
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_a_serial_device_that_is_not_there_is_said(listen: Callable[[str], Heard]) -> None:
+    assert "No such file" in said(listen("/dev/ttyNOWHERE9"), "cannot be opened").text
