@@ -31,7 +31,7 @@ class AdjustmentSettings:
     focal_prior: float = 1.5  # half-diagonals; a common field of view (67 degrees across the diagonal)
     focal_prior_log_sigma: float = 0.3  # weak: a factor of 1.35
     k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
-    tilt_prior_sigma: float = 0.03  # radians; what holds the map level
+    tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
     steps: int = 30  # at most; a warm start needs 2-5
     step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
 

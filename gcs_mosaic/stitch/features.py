@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -61,7 +62,7 @@ def reduced_grey(image: NDArray[np.uint8], megapixels: float) -> NDArray[np.uint
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA) if factor < 1 else grey, np.uint8)
 
 
-def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
+def root_sift(descriptors: NDArray[Any]) -> NDArray[np.uint8]:
     """SIFT descriptors (n, 128) as RootSIFT, unit length times 255 in bytes: a quarter of the memory, same matches."""
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
     return np.asarray(np.rint(255 * np.sqrt(descriptors / total)), dtype=np.uint8)

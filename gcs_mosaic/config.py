@@ -1,0 +1,85 @@
+"""All settings in one tree, read from YAML. Each room's defaults stand beside the room; here they are only put together."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.stitch.mosaic import StitchSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Config:
+    """What `gcs-mosaic` runs with. Paths are relative to where it is started."""
+
+    mavlink: tuple[str, ...] = ("udp:14550",)  # links to listen on
+    watch: str = "frames"  # folder in which the camera's files appear
+    out: str = "mosaic"  # folder for tiles, ledger and originals
+    http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
+    stitch: StitchSettings = field(default_factory=StitchSettings)
+
+
+def load_config(path: Path) -> Config:
+    """Settings from a YAML file over the defaults. UsageError names what is unknown or of the wrong kind."""
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"The configuration {path} cannot be read ({error.strerror}); give an existing YAML file.") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"The configuration {path} is not YAML: {' '.join(str(error).split())}") from None
+    settings = from_mapping(Config, {} if document is None else document, str(path))
+    return typing.cast(Config, settings)
+
+
+def from_mapping(kind: type, values: object, where: str) -> Any:
+    """A settings dataclass from a mapping of some or all of its fields, checked and nested."""
+    if not isinstance(values, dict):
+        raise UsageError(f"{where}: expected settings as 'name: value' lines, got {values!r}.")
+    hints = typing.get_type_hints(kind)
+    for key in values:
+        if key not in hints:
+            raise UsageError(f"{where}: {key!r} is not a setting{_nearest(str(key), hints)}; see config/default.yaml.")
+    return kind(**{key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()})
+
+
+def _nearest(key: str, known: dict[str, Any]) -> str:
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f" (did you mean {close[0]!r}?)" if close else f" (there are {', '.join(known)})"
+
+
+def _value(kind: Any, value: object, where: str) -> Any:
+    """The value if it is of this kind, else a UsageError."""
+    if dataclasses.is_dataclass(kind):
+        return from_mapping(typing.cast(type, kind), value, where)
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        return _value(next(a for a in arguments if a is not type(None)), value, where)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise UsageError(f"{where}: expected one of {', '.join(map(str, arguments))}, got {value!r}.")
+        return value
+    if origin is tuple:
+        items = value if isinstance(value, list) else [value]
+        return tuple(_value(arguments[0], item, where) for item in items)
+    return _plain(kind, value, where)
+
+
+def _plain(kind: type, value: object, where: str) -> Any:
+    names = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
+    fits = isinstance(value, kind) or (kind is float and isinstance(value, int))
+    if isinstance(value, bool) and kind is not bool:
+        fits = False
+    if not fits or (isinstance(value, float) and not math.isfinite(value)):
+        raise UsageError(f"{where}: expected {names.get(kind, kind.__name__)}, got {value!r}.")
+    return kind(value)

@@ -1,0 +1,25 @@
+"""A small textured ground and frames cut from it at known poses."""
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixel_grid
+
+SMALL_CAMERA = Camera(480, 360, 1.5, 0.0)
+
+
+def textured_ground(size: int, seed: int) -> np.ndarray:
+    """A grey picture (size, size) with structure at every scale, so that features are found at every height."""
+    rng = np.random.default_rng(seed)
+    ground = np.zeros((size, size), np.float32)
+    for cell in (2, 4, 8, 16, 64):
+        noise = rng.normal(size=(size // cell + 2, size // cell + 2)).astype(np.float32)
+        ground += cv2.resize(noise, (size, size), interpolation=cv2.INTER_CUBIC) * cell**0.5
+    return cv2.normalize(ground, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+
+
+def photograph(ground: np.ndarray, pose: Pose, camera: Camera) -> np.ndarray:
+    """What a camera at this pose sees of the ground, whose pixels are the canvas units; grey where it ends."""
+    places = canvas_from_pixels(pose, camera, pixel_grid(camera, camera.width, camera.height)).astype(np.float32)
+    maps = np.nan_to_num(places, nan=-1e6).reshape(camera.height, camera.width, 2)
+    return cv2.remap(ground, maps, None, cv2.INTER_LINEAR, borderValue=128)

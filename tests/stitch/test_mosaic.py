@@ -1,0 +1,110 @@
+"""Small flights over a known ground: every frame ends where it was taken, or says why not."""
+
+import math
+
+import numpy as np
+import pytest
+from stitch_ground import SMALL_CAMERA, photograph
+
+from gcs_mosaic.stitch.geometry import Pose, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.mosaic import Mosaic, Placement, Rejection, Waiting
+
+
+def line(x, y, count, step=130, **more):
+    return [Pose(x + step * i, y, **more) for i in range(count)]
+
+
+def fly(mosaic, ground, poses, first=0):
+    outcomes = []
+    for i, pose in enumerate(poses, start=first):
+        outcomes.append(mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}"))
+        mosaic.adjust()
+    return outcomes
+
+
+def map_error(placements, truth) -> float:
+    """RMS distance from the true places after one similarity, in pixels of the ground."""
+    grid = pixel_grid(SMALL_CAMERA, 5, 4)
+    found = np.concatenate([canvas_from_pixels(p.pose, p.camera, grid) for p in placements])
+    true = np.concatenate([canvas_from_pixels(truth[int(p.name)], SMALL_CAMERA, grid) for p in placements])
+    scale, angle, shift = similarity_between(found, true)
+    c, s = math.cos(angle), math.sin(angle)
+    return float(np.sqrt(((scale * found @ np.array([[c, s], [-s, c]]) + shift - true) ** 2).sum(axis=1).mean()))
+
+
+def test_two_flight_lines_become_one_map(ground):
+    rng = np.random.default_rng(5)
+    level = line(400, 500, 7) + line(400, 720, 7)[::-1]
+    truth = [Pose(p.x, p.y, *rng.normal(0, [0.05, 0.1, 0.05, 0.05])) for p in level]
+    mosaic = Mosaic()
+    outcomes = fly(mosaic, ground, truth)
+    assert all(isinstance(outcome, Placement) for outcome in outcomes)
+    mosaic.adjust(everything=True)
+    assert map_error(mosaic.placements(), truth) < 1.5
+    assert {p.island for p in mosaic.placements()} == {0}
+
+
+def test_a_climb_is_not_a_drift(ground):
+    truth = [Pose(1200, 1200, math.log(0.5 + 0.15 * i), 0.2 * i) for i in range(11)]
+    mosaic = Mosaic()
+    assert all(isinstance(outcome, Placement) for outcome in fly(mosaic, ground, truth))
+    mosaic.adjust(everything=True)
+    assert map_error(mosaic.placements(), truth) < 2.5
+
+
+def test_frames_apart_form_an_island_that_joins_when_the_gap_is_flown(ground):
+    first, far, bridge = line(300, 600, 4), line(1300, 600, 4), line(820, 600, 4)
+    mosaic = Mosaic()
+    fly(mosaic, ground, first)
+    outcomes = fly(mosaic, ground, far, first=4)
+    assert isinstance(outcomes[0], Waiting)
+    assert {p.island for p in mosaic.placements()} == {0, 1}
+    fly(mosaic, ground, bridge, first=8)
+    mosaic.adjust(everything=True)
+    assert {p.island for p in mosaic.placements()} == {0}
+    assert [island.merged_into for island in mosaic.islands] == [None, 0]
+    assert map_error(mosaic.placements(), first + far + bridge) < 2
+
+
+def test_a_frame_of_another_place_waits_and_is_rejected_at_the_end(ground, other_ground):
+    mosaic = Mosaic()
+    fly(mosaic, ground, line(400, 500, 3))
+    assert isinstance(mosaic.add(photograph(other_ground, Pose(500, 500), SMALL_CAMERA), "stray"), Waiting)
+    assert mosaic.finish() == [Rejection("stray", "matches no other frame")]
+
+
+@pytest.mark.parametrize("grey", [0, 128, 255])
+def test_an_empty_picture_is_rejected_with_a_reason(grey):
+    outcome = Mosaic().add(np.full((360, 480, 3), grey, np.uint8), "empty")
+    assert outcome == Rejection("empty", "too little to see: 0 features")
+
+
+def test_a_frame_of_another_size_is_another_camera(ground):
+    mosaic = Mosaic()
+    fly(mosaic, ground, line(400, 500, 3))
+    crop = photograph(ground, Pose(600, 500), SMALL_CAMERA)[30:330, 40:440].copy()
+    outcome = mosaic.add(crop, "small")
+    assert isinstance(outcome, Placement)
+    assert (outcome.camera.width, outcome.camera.height) == (400, 300)
+
+
+def test_held_frames_stay_where_they_are_drawn(ground):
+    mosaic = Mosaic()
+    fly(mosaic, ground, line(400, 500, 4))
+    for placement in mosaic.placements():
+        mosaic.hold(placement.name, placement.pose, placement.camera)
+    before = {p.name: p.pose for p in mosaic.placements()}
+    mosaic.adjust(everything=True)
+    fly(mosaic, ground, line(920, 500, 2), first=4)
+    shift = [math.hypot(p.pose.x - before[p.name].x, p.pose.y - before[p.name].y) for p in mosaic.placements()[:4]]
+    assert np.median(shift) < 20
+
+
+def test_nothing_that_is_not_in_the_pixels_matters(ground):
+    truth = line(400, 500, 4)
+    runs = []
+    for _ in range(2):
+        mosaic = Mosaic()
+        fly(mosaic, ground, truth)
+        runs.append([p.pose for p in mosaic.placements()])
+    assert runs[0] == runs[1]

@@ -1,0 +1,53 @@
+"""Settings: the shipped YAML is the code's defaults, and mistakes are answered with the nearest right word."""
+
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.config import Config, load_config
+from gcs_mosaic.errors import UsageError
+
+DEFAULT_YAML = Path(__file__).parent.parent / "config" / "default.yaml"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "settings.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_shipped_configuration_equals_the_defaults():
+    assert load_config(DEFAULT_YAML) == Config()
+
+
+def test_an_empty_file_changes_nothing(tmp_path):
+    assert load_config(written(tmp_path, "")) == Config()
+
+
+def test_one_setting_deep_inside_is_changed(tmp_path):
+    config = load_config(written(tmp_path, "stitch: {search: {neighbours: 8}}"))
+    assert config.stitch.search.neighbours == 8
+    assert config.stitch.features == Config().stitch.features
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("mavlnk: [udp:14550]", "did you mean 'mavlink'"),
+        ("stitch: {search: {neighbors: 8}}", "did you mean 'neighbours'"),
+        ("stitch: {search: {neighbours: many}}", "expected a whole number, got 'many'"),
+        ("stitch: {search: {neighbours: true}}", "expected a whole number"),
+        ("stitch: {registration: {threshold_px: .nan}}", "expected a number"),
+        ("stitch: [1]", "expected settings"),
+        ("watch: [", "is not YAML"),
+    ],
+)
+def test_a_mistake_is_named(tmp_path, text, said):
+    with pytest.raises(UsageError, match="settings.yaml") as error:
+        load_config(written(tmp_path, text))
+    assert said in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(UsageError, match="cannot be read"):
+        load_config(tmp_path / "none.yaml")

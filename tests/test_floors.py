@@ -1,0 +1,64 @@
+"""Imports run downwards only; the middle room knows nothing of the world around it."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "gcs_mosaic"
+
+# Which rooms of the package a room may import. What is not listed here is a room of nobody.
+ALLOWED = {
+    "errors": set(),
+    "events": set(),
+    "stitch": {"stitch"},
+    "link": {"link", "events", "errors"},
+    "frames": {"frames", "events", "errors"},
+    "pairing": {"events", "errors"},
+    "flight": {"flight", "stitch", "events", "errors"},
+    "web": {"web", "flight", "stitch", "events", "errors"},
+    "config": {"link", "frames", "pairing", "flight", "web", "stitch", "errors", "events"},
+    "pipeline": {"config", "flight", "frames", "stitch", "events", "errors"},
+    "batch": {"pipeline", "config", "flight", "frames", "stitch", "events", "errors"},
+    "daemon": {"pipeline", "config", "link", "frames", "pairing", "flight", "web", "stitch", "events", "errors"},
+    "cli": {"daemon", "batch", "pipeline", "config", "flight", "frames", "web", "link", "stitch", "events", "errors"},
+    "__main__": {"cli"},
+    "__init__": {"stitch"},
+}
+OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy"}
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def room(path):
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_room_imports_only_what_lies_below_it(path):
+    inside = {name.split(".")[1] for name in imports(path) if name.startswith("gcs_mosaic.")}
+    assert inside <= ALLOWED[room(path)]
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "stitch").glob("*.py")), ids=lambda path: path.name)
+def test_stitching_needs_only_numbers_and_pictures(path):
+    packages = {name.split(".")[0] for name in imports(path)} - {"gcs_mosaic"} - set(sys.stdlib_module_names)
+    assert packages <= OUTSIDE_OF_STITCH
+
+
+def test_importing_the_package_loads_neither_the_link_nor_a_server():
+    code = "import sys, gcs_mosaic; print(sorted({'pymavlink', 'aiohttp', 'yaml', 'rich'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "[]"
