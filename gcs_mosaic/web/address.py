@@ -1,0 +1,71 @@
+"""Where the page is served: `--http HOST:PORT`."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from typing import Self
+from urllib.parse import urlsplit
+
+from gcs_mosaic.errors import UsageError
+
+LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
+DEFAULT = "127.0.0.1:8470"
+
+
+@dataclass(frozen=True, slots=True)
+class HttpAddress:
+    """A host (name or number) and a port; port 0 lets the system choose one."""
+
+    host: str
+    port: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From HOST:PORT, [IPV6]:PORT or PORT. Raises UsageError."""
+        split = split_host(text if ":" in text else f"127.0.0.1:{text}")
+        if split is None or split[1] is None:
+            raise UsageError(f"--http {text!r} is not HOST:PORT: write, for example, --http {DEFAULT}")
+        return cls(split[0], split[1])
+
+    @property
+    def is_wildcard(self) -> bool:
+        """Whether every address of this machine is meant."""
+        return is_number(self.host) and ipaddress.ip_address(self.host).is_unspecified
+
+    def url(self, port: int) -> str:
+        """What to open in a browser on this machine; `port` is the one that was really bound."""
+        host = "127.0.0.1" if self.is_wildcard else self.host
+        return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+
+    def is_ours(self, host_header: str) -> bool:
+        """Whether a browser that sends this Host header was really sent to us.
+
+        A foreign web page can let its own name point to this machine (DNS rebinding) and then read what we serve; its
+        name is what gives it away. Where we listen on every address, any number is ours, because a number cannot be
+        made to point elsewhere.
+        """
+        split = split_host(host_header)
+        if split is None:
+            return False
+        host = split[0]
+        return host in LOOPBACK_NAMES or host == self.host.lower() or (self.is_wildcard and is_number(host))
+
+
+def split_host(text: str) -> tuple[str, int | None] | None:
+    """Host (lower case) and port of HOST, HOST:PORT or [IPV6]:PORT; None if it is neither."""
+    try:
+        parts = urlsplit(f"//{text}")
+        whole = parts.netloc == text and "@" not in text and parts.hostname
+        return (str(parts.hostname), parts.port) if whole else None
+    except ValueError:
+        return None
+
+
+def is_number(host: str) -> bool:
+    """Whether the host is an IP address."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True

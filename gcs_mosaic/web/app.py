@@ -1,0 +1,136 @@
+"""The page's server: a flight's output folder, read-only, over HTTP.
+
+Works beside a daemon (which hands it a Feed) and after the flight (it then looks at mosaic.json itself).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+
+from aiohttp import web
+
+from gcs_mosaic.flight.manifest import last_revision
+from gcs_mosaic.flight.pyramid import filled
+from gcs_mosaic.stitch.grid import FINEST_LEVEL, Tile
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.feed import Change, Feed
+from gcs_mosaic.web.guard import add_headers, host_check
+
+VIEWER = Path(__file__).parent / "viewer"
+DOCUMENTS = ("mosaic.json", "placements.json", "status.json")
+TILE_PATH = r"/tiles/{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}{suffix:(\.[a-z]{3,4})?}"
+
+HEARTBEAT_S = 15.0  # so that routers between the page and us keep the connection, and a vanished page is noticed
+SEND_S = 20.0  # a page that has not taken one message by then is gone
+POLL_S = 1.0  # how often mosaic.json is looked at when no daemon tells us
+MOST_PAGES = 64  # open at a time; more is a mistake or an attack
+TILE_THREADS = 2  # for filling tiles; the stitching needs the cores more than a page does
+
+ROOT = web.AppKey("root", Path)
+FEED = web.AppKey("feed", Feed)
+TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
+
+
+def make_app(root: Path, address: HttpAddress, feed: Feed | None = None) -> web.Application:
+    """The application that serves the output folder `root`; without a feed it polls mosaic.json."""
+    app = web.Application(middlewares=[host_check(address)])
+    app[ROOT], app[FEED] = root, feed or Feed()
+    app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="tiles")
+    app.on_response_prepare.append(add_headers)
+    app.on_shutdown.append(end_live)
+    app.on_cleanup.append(end_tiles)
+    if feed is None:
+        app.cleanup_ctx.append(poll_folder)
+    app.router.add_get("/", page)
+    app.router.add_static("/viewer/", VIEWER, follow_symlinks=False, show_index=False)
+    for name in DOCUMENTS:
+        app.router.add_get(f"/{name}", document)
+    app.router.add_get(TILE_PATH, tile)
+    app.router.add_get("/live", live, allow_head=False)
+    return app
+
+
+async def page(_request: web.Request) -> web.StreamResponse:
+    return web.FileResponse(VIEWER / "index.html")
+
+
+async def document(request: web.Request) -> web.StreamResponse:
+    """One of the JSON documents as it is on disk."""
+    path = request.app[ROOT] / request.path.lstrip("/")
+    if not path.is_file():
+        raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n")
+    return web.FileResponse(path, headers={"Content-Type": "application/json"})
+
+
+async def tile(request: web.Request) -> web.StreamResponse:
+    """One tile with its holes filled; a transparent one where nothing was seen (maps take a 404 for a fault)."""
+    island, wanted = requested_tile(request)
+    pool = request.app[TILE_POOL]
+    encoded = await asyncio.get_running_loop().run_in_executor(pool, filled, request.app[ROOT], island, wanted)
+    if encoded is None:
+        return web.FileResponse(VIEWER / "transparent.png")
+    etag = hashlib.blake2b(encoded.data, digest_size=12).hexdigest()
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
+    return web.Response(body=encoded.data, content_type=encoded.media_type, headers={"ETag": f'"{etag}"'})
+
+
+def requested_tile(request: web.Request) -> tuple[int, Tile]:
+    """Island and tile of a request's path. Raises HTTPNotFound for a tile that no grid has."""
+    island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
+    if z > FINEST_LEVEL or max(x, y) >= 1 << z:
+        raise web.HTTPNotFound(text="There is no such tile.\n")
+    return island, Tile(z, x, y)
+
+
+async def live(request: web.Request) -> web.StreamResponse:
+    """Server-sent events: first the revision as it is, then each change."""
+    feed = request.app[FEED]
+    if feed.subscribers >= MOST_PAGES:
+        raise web.HTTPServiceUnavailable(text="Too many pages are open.\n")
+    response = web.StreamResponse(headers={"Content-Type": "text/event-stream"})
+    await response.prepare(request)
+    with feed.subscribe() as subscription, suppress(ConnectionError, TimeoutError):
+        await send(response, Change(last_revision(request.app[ROOT]), None))
+        while not subscription.closed:
+            await send(response, await subscription.next(HEARTBEAT_S))
+    return response
+
+
+async def send(response: web.StreamResponse, change: Change | None) -> None:
+    """Send one change, or a heartbeat. Raises TimeoutError and ConnectionError when the page is gone."""
+    message = ": alive\n\n" if change is None else f"data: {change.json()}\n\n"
+    async with asyncio.timeout(SEND_S):
+        await response.write(message.encode())
+
+
+async def poll_folder(app: web.Application) -> AsyncIterator[None]:
+    """Publish a revision whenever mosaic.json has changed."""
+    task = asyncio.create_task(poll_forever(app[ROOT], app[FEED]))
+    yield
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+
+
+async def poll_forever(root: Path, feed: Feed) -> None:
+    known = last_revision(root)
+    while True:
+        await asyncio.sleep(POLL_S)
+        revision = await asyncio.to_thread(last_revision, root)
+        if revision != known:
+            known = revision
+            feed.publish(revision, None)
+
+
+async def end_live(app: web.Application) -> None:
+    app[FEED].close()
+
+
+async def end_tiles(app: web.Application) -> None:
+    app[TILE_POOL].shutdown(wait=False, cancel_futures=True)

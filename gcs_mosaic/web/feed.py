@@ -1,0 +1,125 @@
+"""News of painted tiles, from the daemon's thread to every open page."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+from gcs_mosaic.stitch.grid import Tile
+
+MOST_TILES = 5000  # kept for one slow page; beyond that it is told to look at everything again
+Painted = frozenset[tuple[int, Tile]]  # (island, tile)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What became different up to `revision`; `painted` is None where anything may have changed.
+
+    `painted` names tiles at the level at which a frame was painted: their ancestors were refreshed with them, and finer
+    tiles below them may be filled from them.
+    """
+
+    revision: int
+    painted: Painted | None
+
+    def after(self, earlier: Change | None) -> Change:
+        """This change and an earlier one, as one."""
+        if earlier is None:
+            return self
+        if self.painted is None or earlier.painted is None:
+            return Change(self.revision, None)
+        both = self.painted | earlier.painted
+        return Change(self.revision, both if len(both) <= MOST_TILES else None)
+
+    def json(self) -> str:
+        """What a page is sent: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
+        tiles = None if self.painted is None else [[island, *tile] for island, tile in sorted(self.painted)]
+        return json.dumps({"revision": self.revision, "tiles": tiles}, separators=(",", ":"))
+
+
+class Feed:
+    """Hands every change to every subscriber; a slow one gets several as one, so nothing grows without bound."""
+
+    def __init__(self) -> None:
+        self.revision = 0
+        self._lock = threading.Lock()
+        self._subscriptions: set[Subscription] = set()
+
+    def publish(self, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> None:
+        """Tell that a revision is on disk, and which tiles one frame's painting changed (None: anything).
+
+        Call it from any thread, once per painted frame: refreshed ancestors may be among the tiles and are recognised
+        as such, which is only right while the tiles of one call were painted at one level.
+        """
+        change = Change(revision, None if tiles is None else finest(tiles))
+        with self._lock:
+            self.revision = revision
+            for subscription in self._subscriptions:
+                subscription.offer(change)
+
+    @contextmanager
+    def subscribe(self) -> Iterator[Subscription]:
+        """Changes from now on, for a task of the running event loop."""
+        subscription = Subscription(asyncio.get_running_loop())
+        with self._lock:
+            self._subscriptions.add(subscription)
+        try:
+            yield subscription
+        finally:
+            with self._lock:
+                self._subscriptions.discard(subscription)
+
+    @property
+    def subscribers(self) -> int:
+        return len(self._subscriptions)
+
+    def close(self) -> None:
+        """End every subscription."""
+        with self._lock:
+            for subscription in self._subscriptions:
+                subscription.close()
+
+
+class Subscription:
+    """One page's share: at most one change waits in it."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.closed = False
+        self._loop = loop
+        self._lock = threading.Lock()
+        self._pending: Change | None = None
+        self._news = asyncio.Event()
+
+    def offer(self, change: Change) -> None:
+        with self._lock:
+            self._pending = change.after(self._pending)
+        self._wake()
+
+    def close(self) -> None:
+        self.closed = True
+        self._wake()
+
+    async def next(self, timeout_s: float) -> Change | None:
+        """The next change, or None after `timeout_s` seconds without one, or when closed."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                await self._news.wait()
+        self._news.clear()
+        with self._lock:
+            change, self._pending = self._pending, None
+        return change
+
+    def _wake(self) -> None:
+        with suppress(RuntimeError):  # the page's event loop may have ended already
+            self._loop.call_soon_threadsafe(self._news.set)
+
+
+def finest(tiles: Iterable[tuple[int, Tile]]) -> Painted:
+    """The tiles none of whose children is among them."""
+    every = frozenset(tiles)
+    parents = {(island, tile.parent) for island, tile in every}
+    return every - parents

@@ -1,0 +1,162 @@
+// The map of one island: which one, which part of it, and the newest frame's outline.
+
+import { LiveTiles, affectedBy } from "/viewer/tiles.js";
+
+const BASE_LEVEL = 16; // one tile pixel per canvas unit
+const ORIGIN = 2 ** 23 + 0.5; // canvas units from the grid's edge to the canvas' origin
+const MAGNIFY_LEVELS = 3; // how far one may zoom in beyond the finest tiles
+
+/** Canvas units as latitude (y, down) and longitude (x); zoom 16 shows a canvas unit as a CSS pixel. */
+const CANVAS = L.extend({}, L.CRS.Simple, {
+  transformation: new L.Transformation(1, ORIGIN, 1, ORIGIN),
+  scale: (zoom) => 2 ** (zoom - BASE_LEVEL),
+  zoom: (scale) => Math.log2(scale) + BASE_LEVEL,
+});
+
+export class MosaicMap {
+  constructor() {
+    this.map = L.map("map", { crs: CANVAS, attributionControl: false, zoomSnap: 0.5, zoomControl: false, minZoom: 0 });
+    L.control.zoom({ position: "bottomright" }).addTo(this.map);
+    this.layer = null;
+    this.outline = null;
+    this.revision = 0;
+    this.mosaic = null;
+    this.newestFrame = null;
+    this.chosenIsland = null; // by hand; null: the newest or largest
+    this.bind();
+    this.setMode("all");
+  }
+
+  bind() {
+    this.movedByUs = false;
+    this.map.on("dragstart", () => this.setMode("free"));
+    this.map.on("zoomstart", () => this.mode === "all" && !this.movedByUs && this.setMode("free"));
+    this.map.on("resize", () => this.keepInView());
+    for (const mode of ["all", "newest"]) {
+      document.getElementById(mode).onclick = () => this.setMode(this.mode === mode ? "free" : mode);
+    }
+    document.getElementById("island").onchange = (event) => this.chooseIsland(Number(event.target.value));
+  }
+
+  /** What the view keeps showing: "all" (the whole island), "newest" (the newest frame), "free" (what the user chose). */
+  setMode(mode) {
+    this.mode = mode;
+    for (const name of ["all", "newest"]) {
+      document.getElementById(name).setAttribute("aria-pressed", String(mode === name));
+    }
+    if (mode === "newest") this.chosenIsland = null;
+    if (this.mosaic) this.showIsland();
+  }
+
+  chooseIsland(island) {
+    this.chosenIsland = island;
+    this.setMode("all");
+  }
+
+  show(mosaic, placements) {
+    if (!mosaic || !mosaic.islands.length) return;
+    this.mosaic = mosaic;
+    this.newestFrame = placements?.frames.at(-1) ?? null;
+    this.showChoice();
+    this.showIsland();
+  }
+
+  /** Tiles [[island, z, x, y], …] were painted; null: anything may have changed. */
+  tilesChanged(revision, tiles) {
+    if (!tiles && revision === this.revision) return;
+    this.revision = revision;
+    if (!this.layer) return;
+    const ours = tiles?.filter(([island]) => island === this.layer.island).map(([, ...tile]) => tile);
+    this.layer.refresh(revision, ours ? affectedBy(ours) : () => true);
+  }
+
+  islands() {
+    return this.mosaic.islands.filter((island) => island.merged_into === undefined);
+  }
+
+  /** The chosen island, or the newest frame's when following it, or the one with most frames. */
+  currentIsland() {
+    const islands = this.islands();
+    const wanted = this.chosenIsland ?? (this.mode === "newest" ? this.newestFrame?.island : null);
+    const byFrames = [...islands].sort((a, b) => b.frames - a.frames);
+    return islands.find((island) => island.id === wanted) ?? byFrames[0];
+  }
+
+  showIsland() {
+    const island = this.currentIsland();
+    if (!island) return;
+    const options = layerOptions(island);
+    this.map.setMaxZoom(island.maxzoom + MAGNIFY_LEVELS);
+    if (this.layer?.island !== island.id) this.startLayer(island.id, options);
+    this.bounds = options.bounds;
+    document.getElementById("island").value = String(island.id);
+    this.showOutline(island.id);
+    this.keepInView();
+    this.layer.grow(options);
+  }
+
+  startLayer(island, options) {
+    this.layer?.remove();
+    this.layer = new LiveTiles(island, Math.max(this.revision, this.mosaic.revision), options);
+    this.look(options.bounds);
+    this.layer.addTo(this.map);
+  }
+
+  keepInView() {
+    if (!this.layer) return;
+    if (this.mode === "all") this.look(this.bounds);
+    if (this.mode === "newest" && this.outline) this.lookAtNewest(this.outline.getBounds());
+  }
+
+  lookAtNewest(place) {
+    if (this.map.getBounds().contains(place)) return;
+    if (this.map.getBoundsZoom(place) < this.map.getZoom()) this.look(place);
+    else this.map.panTo(place.getCenter());
+  }
+
+  look(bounds) {
+    this.movedByUs = true;
+    this.map.fitBounds(bounds, { animate: false, padding: [24, 24] });
+    this.movedByUs = false;
+  }
+
+  showOutline(island) {
+    this.outline?.remove();
+    const corners = this.newestFrame?.island === island ? outlineOf(this.newestFrame) : null;
+    this.outline = corners && outlineLayer(corners).addTo(this.map);
+  }
+
+  showChoice() {
+    const select = document.getElementById("island");
+    const islands = this.islands();
+    select.hidden = islands.length < 2;
+    const options = islands.map(({ id, frames }) => new Option(`Island ${id}: ${frames} ${frames === 1 ? "frame" : "frames"}`, id));
+    // Exchanging the options would close the list under the user's finger.
+    if (document.activeElement !== select) select.replaceChildren(...options);
+  }
+}
+
+function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) {
+  return {
+    bounds: L.latLngBounds([top, left], [bottom, right]),
+    minNativeZoom: minzoom,
+    maxNativeZoom: maxzoom,
+    maxZoom: maxzoom + MAGNIFY_LEVELS,
+    updateInterval: 100,
+    keepBuffer: 3,
+  };
+}
+
+/** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. */
+function outlineOf({ canvas_from_frame: h, width, height }) {
+  const corners = [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]];
+  const weights = corners.map(([x, y]) => h[2][0] * x + h[2][1] * y + h[2][2]);
+  if (weights.some((w) => w * weights[0] <= 0)) return null;
+  return corners.map(([x, y], i) => [1, 0].map((row) => (h[row][0] * x + h[row][1] * y + h[row][2]) / weights[i]));
+}
+
+/** Yellow on black, so that it shows on any ground. */
+function outlineLayer(corners) {
+  const line = (color, weight) => L.polygon(corners, { color, weight, fill: false, interactive: false });
+  return L.featureGroup([line("#000", 6), line("#ffe600", 3)]);
+}

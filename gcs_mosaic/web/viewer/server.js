@@ -1,0 +1,48 @@
+// Talking to the server, and knowing when we no longer do.
+
+const TIMEOUT_MS = 4000;
+const LOST_AFTER_MS = 5000;
+
+let clockOffsetMs = 0; // server's clock minus this device's: a tablet's clock may be minutes off
+
+/** The moment on the server's clock, ms since 1970. */
+export function serverNow() {
+  return Date.now() + clockOffsetMs;
+}
+
+/** Seconds since a moment in ISO 8601; null for none. */
+export function ageOf(moment) {
+  return moment ? Math.max(0, (serverNow() - Date.parse(moment)) / 1000) : null;
+}
+
+/** A JSON document, or null if it is not written yet. Throws when the server does not answer. */
+export async function fetchDocument(path) {
+  const response = await fetch(path, { signal: AbortSignal.timeout(TIMEOUT_MS) });
+  const date = Date.parse(response.headers.get("Date"));
+  // The header has whole seconds; half a second is the best guess of the rest.
+  if (!Number.isNaN(date)) clockOffsetMs = date + 500 - Date.now();
+  if (response.status === 404) return null;
+  if (!response.ok) throw new Error(`${path}: ${response.status}`);
+  return response.json();
+}
+
+/** Remembers when the server last answered. */
+export class Connection {
+  lastAnswer = Date.now();
+
+  /** Run something that talks to the server; a failure only shows in `lostForSeconds`. */
+  async attempt(action) {
+    try {
+      await action();
+      this.lastAnswer = Date.now();
+    } catch (error) {
+      console.warn(error);
+    }
+  }
+
+  /** Seconds since the last answer, or 0 while that is short enough to be normal. */
+  lostForSeconds() {
+    const silent = Date.now() - this.lastAnswer;
+    return silent > LOST_AFTER_MS ? silent / 1000 : 0;
+  }
+}

@@ -1,0 +1,149 @@
+// The status strip, the alarm, the notices and the empty map's text. It never shows old numbers as if they were new.
+
+import { ageOf } from "/viewer/server.js";
+
+const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more often
+const NOTICES = 3;
+
+const byId = (id) => document.getElementById(id);
+
+export function showStrip({ mosaic, placements, status }, connection) {
+  const state = stateOf(status, mosaic, connection.lostForSeconds());
+  showState(state);
+  showCounts(status, mosaic);
+  showNotices(status?.notices ?? []);
+  showEmpty(!mosaic?.islands.length && !placements?.frames.length, status, state);
+}
+
+/** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old. */
+function stateOf(status, mosaic, lostSeconds) {
+  const updated = status?.updated ?? mosaic?.updated;
+  const asOf = updated ? `What you see is from ${clock(updated)}.` : "";
+  if (lostSeconds) {
+    const alarm = `No connection to gcs-mosaic for ${duration(lostSeconds)}. ${asOf}`;
+    return { kind: "bad", title: "No connection", detail: `for ${duration(lostSeconds)}`, alarm };
+  }
+  if (!status) return mosaic ? { kind: "calm", title: "Saved flight", detail: clock(updated) } : nothingYet();
+  if (status.state === "stopped") return { kind: "calm", title: "Flight ended", detail: clock(updated) };
+  const age = ageOf(updated);
+  if (age > HUNG_AFTER_S) {
+    const alarm = `gcs-mosaic has not shown a sign of life for ${duration(age)}. ${asOf}`;
+    return { kind: "bad", title: "Not responding", detail: `for ${duration(age)}`, alarm };
+  }
+  return runningState(status);
+}
+
+function nothingYet() {
+  return { kind: "calm", title: "Waiting", detail: "nothing is written yet" };
+}
+
+function runningState({ state, frames_in_queue: queue, mavlink, last_frame: last }) {
+  const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
+  const queued = queue ? `${queue} in the queue` : "";
+  const warning = silent && { kind: "warn", detail: `MAVLink ${silent.state}: ${silent.address}` };
+  const texts = {
+    listening: { kind: "wait", title: "Listening", detail: "no frame yet" },
+    flying: { kind: "good", title: "Flying", detail: queued || "frames arrive" },
+    idle: { kind: "wait", title: "Idle", detail: last ? `no frame for ${duration(ageOf(last.time))}` : "" },
+    settling: { kind: "wait", title: "Finishing", detail: queued || "painting the final map" },
+  };
+  return { ...(texts[state] ?? { kind: "warn", title: state, detail: "" }), ...warning };
+}
+
+function showState({ kind, title, detail, alarm }) {
+  byId("state").className = kind;
+  setText(byId("state").querySelector("b"), title);
+  setText(byId("state").querySelector("span"), detail);
+  byId("alarm").hidden = !alarm;
+  setText(byId("alarm"), alarm ?? "");
+  document.body.classList.toggle("stale", Boolean(alarm));
+}
+
+function showCounts(status, mosaic) {
+  const source = status ?? mosaic;
+  const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
+  const islands = mosaic?.islands.filter((island) => island.merged_into === undefined).length ?? 0;
+  if (source) entries.push(["Islands", islands, islands > 1 ? "warn" : ""]);
+  if (status?.last_frame) entries.push(lastFrame(status));
+  byId("counts").replaceChildren(...entries.map(countOf));
+}
+
+function frameCounts({ placed, waiting, rejected, damaged, dropped }) {
+  return [
+    ["Frames placed", placed, "good"],
+    ["Waiting", waiting, waiting ? "warn" : ""],
+    ["Rejected", rejected, rejected ? "bad" : ""],
+    ...seldom([["Damaged", damaged], ["Dropped", dropped]]),
+  ];
+}
+
+function eventCounts({ matched, missing, failed }) {
+  return [
+    ["Triggers matched", matched, ""],
+    ["Missing", missing, missing ? "bad" : ""],
+    ...seldom([["Failed", failed]]),
+  ];
+}
+
+/** Bad news that takes room only when there is some. */
+function seldom(entries) {
+  return entries.filter(([, count]) => count).map(([label, count]) => [label, count, "bad"]);
+}
+
+function lastFrame({ state, last_frame: last }) {
+  const when = state === "stopped" ? clock(last.time) : `${duration(ageOf(last.time))} ago`;
+  return ["Last frame", when, last.outcome === "rejected" ? "bad" : "", `${last.name}: ${last.reason ?? last.outcome}`];
+}
+
+function countOf([label, value, kind, title]) {
+  const box = document.createElement("div");
+  box.className = kind;
+  box.title = title ?? "";
+  box.append(element("dt", label), element("dd", String(value)));
+  return box;
+}
+
+function showNotices(notices) {
+  const newest = notices.slice(-NOTICES).reverse();
+  const lines = newest.map(({ time, level, text }) => {
+    const line = element("li", "");
+    line.className = level;
+    line.append(element("time", clock(time)), element("span", text));
+    return line;
+  });
+  byId("notices").replaceChildren(...lines);
+}
+
+function showEmpty(empty, status, { title, detail }) {
+  byId("empty").hidden = !empty;
+  if (!empty) return;
+  const links = (status?.mavlink ?? []).map(({ address, state, last_heard: heard }) =>
+    `MAVLink on ${address}: ${heard ? `heard ${duration(ageOf(heard))} ago` : state === "failed" ? "failed" : "nothing heard yet"}`);
+  const watch = status?.watch ? [`Frames from ${status.watch.folder}: ${status.watch.state}, none has come yet`] : [];
+  const lines = links.length || watch.length ? [...links, ...watch] : [`${title}: ${detail}`];
+  byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", line)));
+}
+
+function element(name, text) {
+  const made = document.createElement(name);
+  made.textContent = text;
+  return made;
+}
+
+/** Only touch what changes, or a screen reader would read it out each second. */
+function setText(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+function duration(seconds) {
+  if (seconds < 120) return `${Math.round(seconds)} s`;
+  if (seconds < 7200) return `${Math.round(seconds / 60)} min`;
+  return `${Math.round(seconds / 3600)} h`;
+}
+
+/** The time of day on this device; with the date if that is another day. */
+function clock(moment) {
+  const then = new Date(moment);
+  const sameDay = then.toDateString() === new Date().toDateString();
+  return sameDay ? then.toLocaleTimeString("en-GB") : then.toLocaleString("en-GB");
+}

@@ -1,0 +1,63 @@
+// The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
+
+import { MosaicMap } from "/viewer/map.js";
+import { Connection, fetchDocument } from "/viewer/server.js";
+import { showStrip } from "/viewer/strip.js";
+
+const STATUS_EVERY_MS = 1000;
+const CLOCK_EVERY_MS = 1000;
+
+const connection = new Connection();
+const map = new MosaicMap();
+const known = { mosaic: null, placements: null, status: null };
+let reading = false;
+let readAgain = false;
+
+/** Read mosaic.json and placements.json; calls that come meanwhile lead to one more reading afterwards. */
+async function readMap() {
+  readAgain = true;
+  if (reading) return;
+  reading = true;
+  while (readAgain) {
+    readAgain = false;
+    await connection.attempt(async () => {
+      const [mosaic, placements] = await Promise.all([fetchDocument("/mosaic.json"), fetchDocument("/placements.json")]);
+      startAfreshForAnotherFlight(mosaic);
+      Object.assign(known, { mosaic, placements });
+      map.show(mosaic, placements);
+      show();
+    });
+  }
+  reading = false;
+}
+
+/** A daemon that was started again may write another flight: nothing on this page is true of it. */
+function startAfreshForAnotherFlight(mosaic) {
+  if (known.mosaic && mosaic && known.mosaic.flight !== mosaic.flight) location.reload();
+}
+
+async function readStatus() {
+  await connection.attempt(async () => {
+    known.status = await fetchDocument("/status.json");
+  });
+  show();
+  setTimeout(readStatus, STATUS_EVERY_MS);
+}
+
+function listen() {
+  const source = new EventSource("/live");
+  source.onmessage = (message) => {
+    const change = JSON.parse(message.data);
+    map.tilesChanged(change.revision, change.tiles);
+    readMap();
+  };
+}
+
+function show() {
+  showStrip(known, connection);
+}
+
+readMap();
+readStatus();
+listen();
+setInterval(show, CLOCK_EVERY_MS);

@@ -1,0 +1,70 @@
+"""An output folder with tiles of one colour each, for tests of the page and its server."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.flight.disk import write_beside
+from gcs_mosaic.flight.documents import write_json
+from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
+from gcs_mosaic.flight.records import Accounts, Estimate, EventAccount, FrameAccount, NoticeRecord
+from gcs_mosaic.flight.status import LastFrame, LinkStatus, Status, WatchStatus, status_document
+from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.grid import Tile
+
+MIDDLE = 1 << 15  # the tile of level 16 whose top left corner is the canvas' origin (but for half a pixel)
+RED, GREEN, BLUE = (0, 0, 255), (0, 200, 0), (255, 0, 0)
+
+
+class SmallFlight:
+    """Writes what a daemon writes, four tiles wide and high at level 16."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.manifest = Manifest(root)
+        self.estimates: list[Estimate] = []
+        self.islands = [IslandEntry(id=0, bounds=(0, 0, 1024, 1024), minzoom=14, maxzoom=16, frames=1)]
+
+    def paint(self, tile: Tile, colour: tuple[int, int, int], island: int = 0) -> None:
+        path = self.root / "tiles" / str(island) / str(tile.z) / str(tile.x) / f"{tile.y}.jpg"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _, data = cv2.imencode(".jpg", np.full((256, 256, 3), colour, np.uint8))
+        write_beside(path, data.tobytes())
+
+    def place(self, name: str, x: float, y: float, island: int = 0) -> None:
+        estimate = Estimate(
+            name=name, island=island, pose=Pose(x, y), camera=Camera(240, 180), inliers=99, residual_px=0.5
+        )
+        self.estimates.append(estimate)
+
+    def write(self) -> int:
+        accounts = Accounts(frames=FrameAccount(placed=len(self.estimates)), events=EventAccount(matched=2, missing=1))
+        contents = Contents(
+            flight="small",
+            updated_utc=time.time(),
+            islands=self.islands,
+            accounts=accounts,
+            estimates=self.estimates,
+            unplaced=[],
+        )
+        return self.manifest.write(contents)
+
+    def status(self, **changes: object) -> None:
+        now = time.time()
+        status = Status(
+            flight="small",
+            state="flying",
+            updated_utc=now,
+            started_utc=now - 60,
+            mavlink=(LinkStatus(address="udp:14550", state="heard", last_heard_utc=now),),
+            watch=WatchStatus(folder="frames", state="watching"),
+            last_frame=LastFrame(name="b.jpg", outcome="placed", island=0, utc=now - 1, seconds_to_tile=0.5),
+            accounts=Accounts(frames=FrameAccount(placed=54, waiting=2), events=EventAccount(matched=53, missing=1)),
+            notices=(NoticeRecord(utc=now - 5, source="link", level="info", text="udp:14550: vehicle 1 is heard"),),
+        )
+        write_json(self.root / "status.json", status_document(replace(status, **changes)))  # type: ignore[arg-type]

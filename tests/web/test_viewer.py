@@ -1,0 +1,180 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import CHROMIUM, Page, open_browser
+from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
+
+from gcs_mosaic.flight.manifest import IslandEntry
+from gcs_mosaic.stitch.grid import Tile
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.server import WebServer
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+
+COLOURS = """
+(() => [...document.querySelectorAll("img.leaflet-tile")].filter((i) => i.complete && i.naturalWidth).map((image) => {
+  const canvas = new OffscreenCanvas(1, 1).getContext("2d");
+  canvas.drawImage(image, 100, 100, 1, 1, 0, 0, 1, 1);
+  const [r, g, b, a] = canvas.getImageData(0, 0, 1, 1).data;
+  const name = a < 128 ? "none" : r > 128 ? "red" : g > 128 ? "green" : b > 128 ? "blue" : "black";
+  return new URL(image.src).pathname + " " + name;
+}))()
+"""
+TEXT = "document.body.innerText"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
+        opened.resize(1280, 800)
+        yield opened
+
+
+@pytest.fixture
+def feed() -> Feed:
+    return Feed()
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> SmallFlight:
+    return SmallFlight(tmp_path)
+
+
+@pytest.fixture
+def url(tmp_path: Path, page: Page, feed: Feed) -> Iterator[str]:
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), feed)
+    yield server.start()
+    page.open("about:blank")
+    server.stop()
+
+
+def square(level: int) -> Tile:
+    """The tile of a level at the canvas' origin."""
+    return Tile(level, MIDDLE >> (16 - level), MIDDLE >> (16 - level))
+
+
+def at(tile: Tile, colour: str, island: int = 0) -> str:
+    return f'{COLOURS}.includes("/tiles/{island}/{tile.z}/{tile.x}/{tile.y} {colour}")'
+
+
+def test_tiles_are_shown_and_exchanged_when_told(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
+    first = square(16)
+    beside, far = Tile(16, first.x + 1, first.y), Tile(16, first.x, first.y + 1)
+    for tile in (first, beside, far):
+        flight.paint(tile, RED)
+    flight.place("a.jpg", 128, 128)
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 1000, 700), minzoom=14, maxzoom=16, frames=1)]
+    feed.publish(flight.write(), [(0, first)])
+    flight.status()
+    page.open(url)
+    page.wait_for(at(first, "red"))
+    page.wait_for(at(far, "red"))
+    page.evaluate("window.sameDocument = [...document.querySelectorAll('img.leaflet-tile')].length")
+    before = len(page.requests)
+    flight.paint(first, GREEN)
+    feed.publish(flight.write(), [(0, first), (0, first.parent)])
+    page.wait_for(at(first, "green"))
+    page.wait_for(f"{TEXT}.includes('Frames placed')")
+    fetched = {request.split("?")[0] for request in page.requests[before:] if "/tiles/" in request}
+    assert fetched == {f"{url}tiles/0/16/{first.x}/{first.y}"}
+    assert page.evaluate("window.sameDocument") > 0
+    assert page.complaints == []
+
+
+def test_page_asks_nothing_of_any_other_host(page: Page, url: str, flight: SmallFlight) -> None:
+    page.requests.clear()
+    flight.paint(square(16), RED)
+    flight.place("a.jpg", 128, 128)
+    flight.write()
+    flight.status()
+    page.open(url)
+    page.wait_for(at(square(16), "red"))
+    assert page.hosts() == {url.split("/")[2]}
+
+
+def test_growing_island_gets_new_tiles_without_reload(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=1)]
+    flight.paint(square(16), RED)
+    flight.place("a.jpg", 128, 128)
+    feed.publish(flight.write(), None)
+    page.open(url)
+    page.wait_for(at(square(16), "red"))
+    page.evaluate("window.sameDocument = true")
+    grown = Tile(16, MIDDLE + 2, MIDDLE)
+    flight.paint(grown, BLUE)
+    flight.place("b.jpg", 640, 128)
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 768, 256), minzoom=14, maxzoom=16, frames=2)]
+    feed.publish(flight.write(), [(0, grown)])
+    page.wait_for(at(grown, "blue"))
+    assert page.evaluate("window.sameDocument")
+
+
+def test_islands_can_be_chosen(page: Page, url: str, flight: SmallFlight) -> None:
+    both = [IslandEntry(id=n, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=5 - n) for n in (0, 1)]
+    flight.islands = both
+    flight.paint(square(16), RED, island=0)
+    flight.paint(square(16), BLUE, island=1)
+    flight.write()
+    page.open(url)
+    page.wait_for(at(square(16), "red"))
+    page.evaluate("(i => { i.value = '1'; i.onchange({ target: i }); })(document.getElementById('island'))")
+    page.wait_for(at(square(16), "blue", island=1))
+
+
+def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=10, maxzoom=16, frames=1)]
+    flight.place("a.jpg", 128, 128)
+    flight.paint(square(16), RED)
+    feed.publish(flight.write(), None)
+    page.open(url)
+    page.wait_for(at(square(16), "red"))
+    page.evaluate("document.getElementById('newest').click()")
+    far = Tile(16, MIDDLE + 40, MIDDLE)
+    flight.place("b.jpg", 40 * 256 + 128, 128)
+    flight.paint(far, BLUE)
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 10496, 256), minzoom=10, maxzoom=16, frames=2)]
+    feed.publish(flight.write(), [(0, far)])
+    page.wait_for(
+        "(box => box && box.left >= 0 && box.right <= innerWidth)"
+        "(document.querySelector('path.leaflet-interactive, .leaflet-overlay-pane path')?.getBoundingClientRect())"
+    )
+    page.wait_for(f"{COLOURS}.some(tile => tile.endsWith('blue'))")
+
+
+def test_empty_page_says_what_is_waited_for(page: Page, url: str, flight: SmallFlight) -> None:
+    flight.status(state="listening", last_frame=None)
+    page.open(url)
+    page.wait_for(f"{TEXT}.includes('No frame yet') && {TEXT}.includes('udp:14550')")
+    page.wait_for(f"{TEXT}.includes('Listening') && {TEXT}.includes('Frames from frames: watching')")
+
+
+def test_silent_daemon_is_not_shown_as_flying(page: Page, url: str, flight: SmallFlight) -> None:
+    flight.write()
+    flight.status(updated_utc=1714564800.0)
+    page.open(url)
+    page.wait_for(f"{TEXT}.includes('has not shown a sign of life for')")
+    assert not page.evaluate(f"{TEXT}.includes('Flying')")
+
+
+def test_lost_server_is_said_plainly(page: Page, tmp_path: Path, flight: SmallFlight) -> None:
+    flight.write()
+    flight.status()
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0))
+    page.open(server.start())
+    page.wait_for(f"{TEXT}.includes('Flying')")
+    server.stop()
+    page.wait_for(f"{TEXT}.includes('No connection to gcs-mosaic')", timeout_s=15)
+    assert page.evaluate("getComputedStyle(document.getElementById('alarm')).display") != "none"
+
+
+def test_hostile_names_stay_text(page: Page, url: str, flight: SmallFlight) -> None:
+    evil = "<img src=x onerror=window.evil=1>"
+    flight.write()
+    flight.status(flight=evil, last_frame=None, watch=None, state="flying")
+    page.open(url)
+    page.wait_for(f"{TEXT}.includes('Flying')")
+    assert not page.evaluate("window.evil")
