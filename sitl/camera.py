@@ -1,0 +1,115 @@
+"""Takes the pictures: a lens over the world, with the faults of a real camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from sitl.geometry import (
+    Array,
+    CameraState,
+    Lens,
+    ground_from_pixels,
+    ground_of_rays,
+    pixels_from_ground,
+    rays_of_picture,
+    sinking_views,
+)
+from sitl.ground.raster import Field, Image
+from sitl.world import World
+
+HAZE = np.array([222, 208, 196], np.float32)  # BGR of the air towards the horizon
+ZENITH = np.array([206, 160, 112], np.float32)  # BGR of the sky high above
+CLEAR_AIR = 4000.0  # metres over which 63 % of the light is lost to haze
+SHARPNESS = 0.3  # octaves finer than one level per pixel size: the mip filter alone is softer than a good lens
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """The lens and what the sensor adds; the defaults are a small, decent camera."""
+
+    lens: Lens = field(default_factory=Lens)
+    vignetting: float = 0.12  # share of light lost in the corners
+    exposure: float = 0.0  # deviation of the exposure between frames, in log
+    noise: float = 1.5  # deviation of the sensor noise, in grey levels of 255
+    quality: int = 92  # of the JPEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A camera over a world. relief: share of the world's heights that is seen, 0 for a plane."""
+
+    world: World
+    camera: Camera
+    relief: float = 0.0
+    seed: int = 1
+
+    def surface(self, x: Array, y: Array) -> Array:
+        """Heights in metres of places x, y of any shape."""
+        return self.world.height_at(x, y, self.relief)
+
+    def ground_from_pixels(self, state: CameraState, pixels: Array) -> Array:
+        """(n, 2) pixels -> (n, 2) metres: the orthographic place of the surface point seen; NaN for sky."""
+        return ground_from_pixels(self.camera.lens, state, pixels, self.surface if self.relief else None)
+
+    def pixels_from_ground(self, state: CameraState, ground: Array) -> Array:
+        """(n, 2) metres -> (n, 2) pixels of the surface there, hidden or not; NaN behind the camera."""
+        heights = self.surface(ground[..., 0], ground[..., 1]) if self.relief else 0.0
+        return pixels_from_ground(self.camera.lens, state, ground, heights)
+
+    def picture(self, state: CameraState, index: int) -> Image:
+        """(height, width, 3) BGR: what the camera sees in this state; index seeds this frame's own noise."""
+        rng = np.random.default_rng([self.seed, 4, index])
+        return expose(self.camera, self.light(state), rng)
+
+    def light(self, state: CameraState) -> Field:
+        """(height, width, 3): the picture before the sensor."""
+        rays = rays_of_picture(self.camera.lens)
+        east, south, down = sinking_views(state, rays)
+        x, y = ground_of_rays(state, rays, self.surface if self.relief else None)
+        colours = self.world.colours(x, y, octave(self, state, down))
+        horizon_near = down < 0.25 * np.sqrt(east * east + south * south)
+        if horizon_near.any():
+            veil(colours, state, (east, south, down))
+        return colours
+
+    def encoded(self, state: CameraState, index: int) -> bytes:
+        """The picture as a JPEG file."""
+        done, data = cv2.imencode(".jpg", self.picture(state, index), [cv2.IMWRITE_JPEG_QUALITY, self.camera.quality])
+        assert done
+        return bytes(data)
+
+
+def octave(scene: Scene, state: CameraState, down: Array) -> Array:
+    """log2 of how many world pixels one picture pixel covers, as the geometric mean of its two directions; NaN for sky.
+
+    A plane seen under a ray whose vertical part is `down` (camera axes, z = 1) is magnified by height / focal * down^-1.5.
+    """
+    base = np.log2(state.height / scene.camera.lens.focal_px / scene.world.gsd) - SHARPNESS
+    with np.errstate(invalid="ignore", divide="ignore"):
+        steep = np.log2(np.where(down > 0, down, np.nan))
+    return np.asarray(base - 1.5 * steep, np.float32)
+
+
+def veil(colours: Field, state: CameraState, views: tuple[Array, Array, Array]) -> None:
+    """Haze over far ground, and the sky above it, in place."""
+    east, south, down = views
+    slope = down / np.sqrt(east * east + south * south + down * down)
+    distance = state.height / np.maximum(slope, 1e-5)
+    haze = np.where(slope > 0, 1 - np.exp(-distance / CLEAR_AIR), 1.0)[..., None].astype(np.float32)
+    up = np.clip(-slope * 2.5, 0, 1)[..., None].astype(np.float32)
+    air = HAZE + (ZENITH - HAZE) * up
+    colours += haze * (air - colours)
+
+
+def expose(camera: Camera, light: Field, rng: np.random.Generator) -> Image:
+    """Vignetting, exposure and sensor noise."""
+    gain = np.float32(np.exp(rng.normal(0, camera.exposure)))
+    radius2 = (rays_of_picture(camera.lens) ** 2).sum(-1)
+    fall_off = 1 - np.float32(camera.vignetting) * radius2 / radius2.max()
+    seen = light * (gain * fall_off)[..., None]
+    if camera.noise:
+        seen += rng.standard_normal(seen.shape, np.float32) * np.float32(camera.noise)
+    return np.asarray(np.clip(seen + 0.5, 0, 255), np.uint8)

@@ -1,0 +1,52 @@
+"""Brings pictures into the watched folder as slow cards and cables do: late, and a piece at a time."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+PIECES = 4
+AT_ONCE = 8  # files on their way at the same time
+
+
+def write_slowly(path: Path, data: bytes, seconds: float, pieces: int = PIECES) -> None:
+    """Write a file in pieces over some seconds, so that a watcher really sees it half-written."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    size = -(-len(data) // pieces)
+    with path.open("wb") as file:
+        for start in range(0, len(data), size):
+            if start:
+                time.sleep(seconds / pieces)
+            file.write(data[start : start + size])
+            file.flush()
+
+
+@dataclass(slots=True)
+class Delivery:
+    """delay: seconds from the trigger to a file's first byte; writing: seconds from its first to its last."""
+
+    folder: Path
+    delay: float = 0.4
+    writing: float = 0.3
+    pool: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(AT_ONCE, "delivery"))
+    sent: list[Future[None]] = field(default_factory=list)
+
+    def send(self, name: str, data: bytes) -> None:
+        """Start a picture on its way and return at once."""
+        self.sent.append(self.pool.submit(self.bring, self.folder / name, data))
+
+    def bring(self, path: Path, data: bytes) -> None:
+        time.sleep(self.delay)
+        write_slowly(path, data, self.writing)
+
+    def finish(self) -> None:
+        """Wait for all pictures; the first error of any (a full disk, say) is raised."""
+        for future in self.sent:
+            future.result()
+        self.pool.shutdown()
+
+    def abandon(self) -> None:
+        """Finish what is being written and forget the rest."""
+        self.pool.shutdown(cancel_futures=True)

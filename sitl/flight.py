@@ -1,0 +1,92 @@
+"""Makes a whole flight: states, pictures named as a camera names them, and the truth of it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypedDict, Unpack
+
+from sitl.camera import Camera, Scene
+from sitl.geometry import CameraState
+from sitl.path import SCENARIOS, Plan, fly
+from sitl.truth import Truth, true_frame, write
+from sitl.world import make_world
+
+WORKERS = 2
+AHEAD = 4  # pictures rendered before they are wanted: about 2 MB
+PER_FOLDER = 999  # cameras begin a new folder after so many pictures
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """A flight that can be flown: names[k] is taken in states[k]. folder: where the pictures are, if they were written."""
+
+    scene: Scene
+    states: tuple[CameraState, ...]
+    names: tuple[str, ...]
+    folder: Path | None = None
+
+    def truth(self) -> Truth:
+        frames = (true_frame(self.scene, state, name) for state, name in zip(self.states, self.names, strict=True))
+        return Truth(lens=self.scene.camera.lens, frames=tuple(frames))
+
+    def pictures(self) -> Iterator[bytes]:
+        """The JPEG files in order of capture, the next few rendered ahead on threads."""
+        waiting: deque[Future[bytes]] = deque()
+        with ThreadPoolExecutor(WORKERS) as pool:
+            for index, state in enumerate(self.states):
+                waiting.append(pool.submit(self.scene.encoded, state, index))
+                if len(waiting) > AHEAD:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+
+
+class Options(TypedDict, total=False):
+    """What else a flight may be given.
+
+    seed: of the ground, the wind and the noise. cache: a folder in which painted worlds are kept. relief: share of the
+    heights that is seen, 0 for a plane. camera: its lens keeps focal and k1, its size gives way. world_size: pixels of
+    0.1 m, a multiple of 1024; the default serves up to about 60 frames at 100 m, 12288 serves 3,000 of 640x480 at 50 m.
+    route: frames, height, overlaps; its seed gives way.
+    """
+
+    seed: int
+    cache: Path | None
+    relief: float
+    camera: Camera
+    world_size: int
+    route: Plan
+
+
+def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[Options]) -> Flight:
+    """A flight of a named scenario with pictures of `size` (width, height), not yet rendered. ValueError if there is none."""
+    if scenario not in SCENARIOS:
+        raise ValueError(f"{scenario!r} is no scenario; there are {', '.join(SCENARIOS)}")
+    seed = options.get("seed", 1)
+    camera = options.get("camera", Camera())
+    camera = replace(camera, lens=replace(camera.lens, width=size[0], height=size[1]))
+    world = make_world(seed, options.get("world_size", 6144), cache=options.get("cache"))
+    scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed)
+    states = fly(scenario, camera.lens, replace(options.get("route", Plan()), seed=seed))
+    return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states))))
+
+
+def make(scenario: str, folder: Path, size: tuple[int, int] = (1000, 750), **options: Unpack[Options]) -> Flight:
+    """`plan` a flight, render its pictures into folder/DCIM and write folder/truth.json."""
+    flight = replace(plan(scenario, size, **options), folder=folder)
+    for name, data in zip(flight.names, flight.pictures(), strict=True):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    write(flight.truth(), folder / "truth.json")
+    return flight
+
+
+def camera_names(count: int) -> Iterator[str]:
+    """DCIM/100MEDIA/IMG_0001.JPG and on, POSIX paths relative to the watched folder."""
+    for k in range(count):
+        yield f"DCIM/{100 + k // PER_FOLDER}MEDIA/IMG_{k + 1:04d}.JPG"

@@ -1,0 +1,1 @@
+"""Made-up countryside: what lies on it (shapes), and its picture and heights (paint)."""

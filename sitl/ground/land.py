@@ -1,0 +1,21 @@
+"""Lays out a countryside; everything follows from the seed alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sitl.ground.growth import bank_trees, hedges, lone_trees, settle, woods
+from sitl.ground.parcels import divide, wander, whole_square
+from sitl.ground.shapes import Land, Way
+
+
+def lay_out(seed: int, side: float) -> Land:
+    """A square of `side` metres: divided into fields, a stream and a path through them, settled, planted."""
+    rng = np.random.default_rng([seed, 1])
+    land = Land(side)
+    divide(rng, land, whole_square(side, turn=rng.uniform(0.15, 0.5)))
+    land.ways.append(Way(wander(rng, side), 3.5, "stream"))
+    land.ways.append(Way(wander(rng, side), 2.6, "dirt"))
+    settle(rng, land)
+    land.trees += [*hedges(rng, land), *woods(rng, land), *lone_trees(rng, land), *bank_trees(rng, land)]
+    return land

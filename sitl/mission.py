@@ -1,0 +1,44 @@
+"""Flies a film: triggers at their times, pictures a little later, telemetry all the while."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from sitl.delivery import Delivery
+from sitl.exposures import Exposure, Film
+from sitl.messages import Capture
+from sitl.vehicle import Vehicle
+
+BREATH = 0.05  # seconds between looks at the clock
+FIRST_INDEX = 1  # cameras count from one
+
+Say = Callable[[Exposure], None]
+
+
+def fly(film: Film, vehicle: Vehicle, delivery: Delivery, speed: float = 1.0, said: Say | None = None) -> None:
+    """Fly to the end and wait for the last picture to arrive. A picture that is not ready in time delays all that follow,
+    so the pace is kept however slow the machine is. said: called after every trigger."""
+    began = time.monotonic()
+    try:
+        for exposure in film.exposures():
+            began = wait_until(began, exposure, vehicle, speed)
+            vehicle.capture(Capture(index=FIRST_INDEX + exposure.index, name=exposure.name, state=exposure.state))
+            delivery.send(exposure.name, exposure.data)
+            if said:
+                said(exposure)
+        delivery.finish()
+    except BaseException:
+        delivery.abandon()
+        raise
+
+
+def wait_until(began: float, exposure: Exposure, vehicle: Vehicle, speed: float) -> float:
+    """Tick until the exposure is due; returns when the flight must have begun for it to be on time."""
+    due = began + exposure.time / speed
+    late = time.monotonic() - due
+    vehicle.tick(exposure.state)
+    while (left := due - time.monotonic()) > 0:
+        time.sleep(min(left, BREATH))
+        vehicle.tick(exposure.state)
+    return began + max(0.0, late)

@@ -1,0 +1,169 @@
+"""Flight plans: where the camera is at each picture, wind and all.
+
+A route is an ideal line of stations; `blown` turns it into states as the air really leaves them. Every route lies around
+(0, 0), keeps at the default size within the default world, and grows with the number of frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.geometry import CameraState, Lens
+
+TURN_SECONDS = 2.0  # lost between two flight lines
+CLIMB_RATIO = 3.0
+GAP = 1.6  # lengths of a picture between the last known ground and the first after it: nothing overlaps, wind or not
+LOOKS = np.radians([72, 55, 75, 66])  # tilts of oblique frames; half the angle of view is 22, so most see the horizon
+OBLIQUE_EVERY = 5  # frames
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """frames: about how many (a route may need a few more); height in metres; overlaps as shares of a picture."""
+
+    frames: int = 30
+    height: float = 100.0
+    forward: float = 0.75
+    side: float = 0.6
+    speed: float = 12.0  # metres per second over ground
+    wind: float = 3.0  # metres per second, across the first line: makes the crab angle
+    tilt: float = 0.05  # radians that pitch and roll never leave
+    strangers: int = 0  # frames over a place that nothing else sees (scenario `lost`)
+    seed: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Station:
+    """A place on the ideal route. course: where it flies, clockwise from north; look: camera tilted ahead, radians."""
+
+    x: float
+    y: float
+    height: float
+    course: float
+    look: float = 0.0
+
+
+Route = Callable[[Lens, Plan], list[Station]]
+
+
+def fly(scenario: str, lens: Lens, plan: Plan) -> list[CameraState]:
+    """The states of a named scenario; KeyError for a name that is none."""
+    return blown(SCENARIOS[scenario](lens, plan), plan)
+
+
+def steps(lens: Lens, plan: Plan) -> tuple[float, float]:
+    """Metres between pictures of a line and between lines, at the plan's height."""
+    across, along = lens.footprint(plan.height)
+    return along * (1 - plan.forward), across * (1 - plan.side)
+
+
+def survey(lens: Lens, plan: Plan) -> list[Station]:
+    """Level lines to and fro, as square an area as the number of frames allows."""
+    step, spacing = steps(lens, plan)
+    lines = max(1, round(np.sqrt(plan.frames * step / spacing)))
+    per_line = -(-plan.frames // lines)
+    middle_x, middle_y = (lines - 1) / 2 * spacing, (per_line - 1) / 2 * step
+    stations = []
+    for k in range(plan.frames):
+        line, place = divmod(k, per_line)
+        north = line % 2 == 0
+        y = (middle_y - place * step) if north else (place * step - middle_y)
+        course = 0.0 if north else np.pi
+        stations.append(Station(x=line * spacing - middle_x, y=y, height=plan.height, course=course))
+    return stations
+
+
+def climb(lens: Lens, plan: Plan) -> list[Station]:
+    """An outward spiral that ends three times as high as it began (at 0.8 of the plan's height)."""
+    stations, turn, radius = [], 0.0, 0.15 * plan.height
+    for height in 0.8 * plan.height * CLIMB_RATIO ** np.linspace(0, 1, plan.frames):
+        x, y = radius * np.cos(turn), radius * np.sin(turn)
+        stations.append(Station(x=x, y=y, height=float(height), course=turn + np.pi))
+        across, along = lens.footprint(float(height))
+        advance = along * (1 - plan.forward) / radius
+        turn, radius = turn + advance, radius + across * (1 - plan.side) * advance / (2 * np.pi) * 0.8
+    return stations
+
+
+def lost(lens: Lens, plan: Plan) -> list[Station]:
+    """East over known ground, a gap, at least three frames of new ground; then back west beside it, bridging the gap."""
+    step, spacing = steps(lens, plan)
+    gap = lens.footprint(plan.height)[1] * GAP
+    both = max(8, round((plan.frames - gap / step) / 2))
+    second = max(3, both // 3)
+    first = both - second
+    out = [k * step for k in range(first)] + [(first - 1) * step + gap + k * step for k in range(second)]
+    back = list(np.linspace(out[-1], 0, round(out[-1] / step) + 1))
+    middle, row = out[-1] / 2, -0.6 * plan.height
+    east = [Station(x=x - middle, y=row, height=plan.height, course=np.pi / 2) for x in out]
+    west = [Station(x=float(x) - middle, y=row + spacing, height=plan.height, course=-np.pi / 2) for x in back]
+    return east[:first] + strangers(plan, middle) + east[first:] + west
+
+
+def strangers(plan: Plan, middle: float) -> list[Station]:
+    """Places far south of everything, far from each other."""
+    sides = np.linspace(-1, 1, plan.strangers) if plan.strangers > 1 else np.zeros(plan.strangers)
+    return [Station(x=float(k) * middle, y=2.0 * plan.height, height=plan.height, course=0.4) for k in sides]
+
+
+def oblique(lens: Lens, plan: Plan) -> list[Station]:
+    """A survey that now and then lifts its eyes: towards the middle of the area, up to the horizon and the sky."""
+    stations = survey(lens, plan)
+    for n, k in enumerate(range(OBLIQUE_EVERY - 1, len(stations), OBLIQUE_EVERY)):
+        at = stations[k]
+        inwards = float(np.arctan2(-at.x, at.y))
+        look = float(LOOKS[n % len(LOOKS)])
+        stations[k] = Station(x=at.x, y=at.y, height=at.height, course=inwards, look=look)
+    return stations
+
+
+SCENARIOS: dict[str, Route] = {"survey": survey, "climb": climb, "lost": lost, "oblique": oblique}
+
+
+def blown(route: list[Station], plan: Plan) -> list[CameraState]:
+    """What wind makes of a route: a crab angle, gusts in place, height, heading and attitude, and the time it takes."""
+    rng = np.random.default_rng([plan.seed, 5])
+    count, times = len(route), clock(route, plan)
+    east, south = gusts(rng, count) * 1.2, gusts(rng, count) * 1.2
+    up, swing = gusts(rng, count) * 0.008, gusts(rng, count) * 0.03
+    pitch, roll = (np.clip(gusts(rng, count) * plan.tilt / 2, -plan.tilt, plan.tilt) for _ in range(2))
+    return [
+        CameraState(
+            time=times[k],
+            x=at.x + east[k],
+            y=at.y + south[k],
+            height=at.height * (1 + up[k]),
+            yaw=at.course + crab(at.course, plan) + swing[k],
+            pitch=pitch[k] + at.look,
+            roll=roll[k],
+        )
+        for k, at in enumerate(route)
+    ]
+
+
+def crab(course: float, plan: Plan) -> float:
+    """The nose points into a wind from the west by the angle that keeps the course."""
+    return float(np.arcsin(np.clip(-plan.wind / max(plan.speed, 0.1) * np.cos(course), -0.5, 0.5)))
+
+
+def gusts(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    """(count,) of deviation 1, each remembering 0.6 of the one before: air does not forget at once."""
+    values = rng.standard_normal(count)
+    for k in range(1, count):
+        values[k] = 0.6 * values[k - 1] + 0.8 * values[k]
+    return values
+
+
+def clock(route: list[Station], plan: Plan) -> list[float]:
+    """Seconds since the start at each station."""
+    times = [0.0]
+    for before, after in pairwise(route):
+        way = float(np.hypot(after.x - before.x, after.y - before.y))
+        turned = abs(after.course - before.course) > 1.0
+        times.append(times[-1] + way / plan.speed + TURN_SECONDS * turned)
+    return times[: len(route)]

@@ -1,0 +1,122 @@
+"""The program under test, as an operator has it: a process, a folder, signals. Nothing of its code is imported."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+START_TIMEOUT = 60.0  # seconds until it must listen
+STALL_TIMEOUT = 120.0  # seconds without any progress after which it is given up
+STOP_TIMEOUT = 180.0  # seconds to finish the frame in hand and paint the final poses
+EXPORT_TIMEOUT = 300.0
+POLL = 0.1
+
+FRAME_STATES = ("pending", "placed", "waiting", "rejected", "duplicate", "damaged", "dropped")
+
+
+class ProgramError(Exception):
+    """The program did not do what it must; the message is one sentence for the operator."""
+
+
+@dataclass(slots=True)
+class Program:
+    """gcs-mosaic, listening on a UDP port of this host, watching a folder, writing into another."""
+
+    port: int
+    watch: Path
+    out: Path
+    http: str | None
+    process: subprocess.Popen[bytes] | None = field(default=None)
+
+    def command(self) -> list[str]:
+        page = ["--http", self.http] if self.http else ["--no-http"]
+        where = ["--watch", str(self.watch), "--out", str(self.out)]
+        return [sys.executable, "-m", "gcs_mosaic", "--mavlink", f"udp:127.0.0.1:{self.port}", *where, *page]
+
+    def start(self) -> None:
+        """Start it and wait until it listens. Its own session: Ctrl-C reaches us first, and we stop it in order."""
+        self.process = subprocess.Popen(self.command(), start_new_session=True)
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (self.out / "status.json").exists():
+            self.must_run()
+            if time.monotonic() > deadline:
+                raise ProgramError(
+                    f"gcs-mosaic wrote no {self.out / 'status.json'} within {START_TIMEOUT:.0f} s of its start"
+                )
+            time.sleep(POLL)
+
+    def must_run(self) -> None:
+        code = None if self.process is None else self.process.poll()
+        if code is not None:
+            raise ProgramError(f"gcs-mosaic ended by itself with exit code {code}; what it said is above")
+
+    def account(self, kind: str) -> dict[str, int]:
+        """The account of "frames" or "events" as mosaic.json has it; empty until there is one."""
+        data = json_of(self.out / "mosaic.json")
+        found = data.get(kind)
+        return {str(key): int(value) for key, value in found.items()} if isinstance(found, dict) else {}
+
+    def wait_for(self, count: int, said: Callable[[dict[str, int]], None]) -> None:
+        """Wait until `count` frames are accounted for and none is pending."""
+        last, changed = self.account("frames"), time.monotonic()
+        while worked_off(last) < count:
+            self.must_run()
+            time.sleep(POLL)
+            account = self.account("frames")
+            if account != last:
+                last, changed = account, time.monotonic()
+                said(account)
+            if time.monotonic() - changed > STALL_TIMEOUT:
+                done = f"gcs-mosaic worked off {worked_off(last)} of {count} pictures"
+                raise ProgramError(f"{done}, then nothing moved for {STALL_TIMEOUT:.0f} s: {last}")
+
+    def stop(self) -> int:
+        """SIGTERM, as a service manager does it; the exit code. It is killed if it does not end."""
+        if self.process is None:
+            return 0
+        self.process.terminate()
+        try:
+            return self.process.wait(STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise ProgramError(
+                f"gcs-mosaic did not end within {STOP_TIMEOUT:.0f} s of SIGTERM and was killed"
+            ) from None
+
+    def placements(self, file: Path) -> dict[str, Any]:
+        """Every frame's place, by `gcs-mosaic export`."""
+        command = [
+            sys.executable,
+            "-m",
+            "gcs_mosaic",
+            "export",
+            str(self.out),
+            "--format",
+            "placements",
+            "--to",
+            str(file),
+        ]
+        done = subprocess.run(command, timeout=EXPORT_TIMEOUT, check=False)
+        if done.returncode:
+            raise ProgramError(f"gcs-mosaic export ended with exit code {done.returncode}; what it said is above")
+        return json_of(file)
+
+
+def worked_off(account: dict[str, int]) -> int:
+    return sum(account.values()) - account.get("pending", 0)
+
+
+def json_of(path: Path) -> dict[str, Any]:
+    """Empty while there is no such file: it is written beside and renamed, so it is whole or absent."""
+    try:
+        data = json.loads(path.read_text())
+    except FileNotFoundError:
+        return {}
+    return data if isinstance(data, dict) else {}

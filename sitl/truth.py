@@ -1,0 +1,116 @@
+"""What is known of a simulated flight: for every frame, where its pixels truly lie on the ground. Kept as truth.json."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.camera import Scene
+from sitl.geometry import CameraState, Lens, resolution
+
+FORMAT = 1
+COLUMNS, ROWS = 9, 7  # grid points of a frame, its corners included
+COARSEST = 4.0  # a point counts while a pixel there is at most so many times the frame's best; beyond lies the horizon
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueFrame:
+    """grid_px, grid_ground: (63, 2) row by row, metres, NaN for sky; grid_height: (63,) metres of the surface seen;
+    grid_used: (63,) points that count; gsd: metres per pixel in the middle of the picture, or of its best point."""
+
+    name: str
+    gsd: float
+    state: CameraState
+    grid_px: NDArray[np.float64]
+    grid_ground: NDArray[np.float64]
+    grid_height: NDArray[np.float64]
+    grid_used: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    lens: Lens
+    frames: tuple[TrueFrame, ...]
+
+    @property
+    def gsd(self) -> float:
+        """Metres per pixel of the median frame: the pixel in which errors are told."""
+        return float(np.median([frame.gsd for frame in self.frames]))
+
+
+def true_frame(scene: Scene, state: CameraState, name: str) -> TrueFrame:
+    lens = scene.camera.lens
+    grid = grid_of(lens)
+    ground = scene.ground_from_pixels(state, grid)
+    coarseness = resolution(lens, state, grid)
+    with np.errstate(invalid="ignore"):
+        used = (coarseness <= COARSEST * np.nanmin(coarseness)) & scene.world.contains(ground)
+    middle = resolution(lens, state, np.array([lens.centre]))[0]
+    heights = scene.surface(ground[:, 0], ground[:, 1]) if scene.relief else 0 * ground[:, 0]
+    return TrueFrame(
+        name=name,
+        gsd=float(np.fmin(middle, COARSEST * np.nanmin(coarseness))),
+        state=state,
+        grid_px=grid,
+        grid_ground=np.asarray(ground, np.float64),
+        grid_height=np.asarray(heights, np.float64),
+        grid_used=used,
+    )
+
+
+def grid_of(lens: Lens) -> NDArray[np.float64]:
+    x, y = np.meshgrid(np.linspace(0, lens.width - 1, COLUMNS), np.linspace(0, lens.height - 1, ROWS))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def write(truth: Truth, path: Path) -> None:
+    frames = [
+        {
+            "name": frame.name,
+            "width": truth.lens.width,
+            "height": truth.lens.height,
+            "gsd": frame.gsd,
+            "state": asdict(frame.state),
+            "grid_px": frame.grid_px.tolist(),
+            "grid_ground": with_nulls(frame.grid_ground),
+            "grid_height": with_nulls(frame.grid_height),
+            "grid_used": frame.grid_used.tolist(),
+        }
+        for frame in truth.frames
+    ]
+    path.write_text(json.dumps({"format": FORMAT, "lens": asdict(truth.lens), "frames": frames}))
+
+
+def read(path: Path) -> Truth:
+    """ValueError with a clear sentence for a file that is no truth.json of this format."""
+    try:
+        data = json.loads(path.read_text())
+        if data["format"] != FORMAT:
+            raise ValueError(f"format {data['format']}, wanted {FORMAT}")
+        return Truth(lens=Lens(**data["lens"]), frames=tuple(frame_of(entry) for entry in data["frames"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is not a truth.json of a simulated flight: {error}") from error
+
+
+def frame_of(entry: dict[str, Any]) -> TrueFrame:
+    return TrueFrame(
+        name=str(entry["name"]),
+        gsd=float(entry["gsd"]),
+        state=CameraState(**entry["state"]),
+        grid_px=np.array(entry["grid_px"], np.float64),
+        grid_ground=np.array(entry["grid_ground"], np.float64),
+        grid_height=np.array(entry["grid_height"], np.float64),
+        grid_used=np.array(entry["grid_used"], np.bool_),
+    )
+
+
+def with_nulls(values: NDArray[np.float64]) -> Any:
+    """Lists with null for NaN: JSON has no NaN. `read` gets NaN back, as float arrays turn None into it."""
+    kept = values.astype(object)
+    kept[~np.isfinite(values)] = None
+    return kept.tolist()

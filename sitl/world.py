@@ -1,0 +1,137 @@
+"""The ground a flight is flown over: a picture from above at every scale, and its heights.
+
+The middle of the world is (0, 0): metres, x east, y south. Outside, the ground is mirrored, so that an oblique view has
+something to see; no true place is known there.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.geometry import Array
+from sitl.ground.heights import height_map
+from sitl.ground.land import lay_out
+from sitl.ground.paint import paint
+from sitl.ground.raster import Field, Image
+
+PAINT_VERSION = 1  # raise it when the same seed gives another picture: cached worlds are then made anew
+COARSEST = 32  # pixels: the pyramid ends here
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """levels: pictures (size, size, 3) BGR, each half the one before; heights: metres; gsd: metres per pixel of levels[0]."""
+
+    levels: tuple[Image, ...]
+    heights: Field
+    gsd: float
+
+    @property
+    def side(self) -> float:
+        return len(self.levels[0]) * self.gsd
+
+    def contains(self, ground: Array) -> NDArray[np.bool_]:
+        """Which of the places (..., 2) are known ground; NaN is not."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray((np.abs(ground) < self.side / 2).all(-1))
+
+    def height_at(self, x: Array, y: Array, relief: float = 1.0) -> Array:
+        """Metres, by linear interpolation between the cells' centres."""
+        flat = np.atleast_2d(x)
+        column, row = (self.cell_of(np.atleast_2d(place)) for place in (x, y))
+        found = cv2.remap(self.heights, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(found.reshape(flat.shape) * np.float32(relief), x.dtype).reshape(x.shape)
+
+    def cell_of(self, place: Array) -> Field:
+        cell = self.side / len(self.heights)
+        return np.nan_to_num(mirrored(place / cell, len(self.heights))).astype(np.float32)
+
+    def colours(self, x: Array, y: Array, octave: Array) -> Field:
+        """(h, w, 3) BGR of places (h, w), each mixed from the two levels nearest to its octave, log2(pixel size / gsd);
+        NaN is black."""
+        out = np.zeros((*x.shape, 3), np.float32)
+        octave = np.clip(np.nan_to_num(octave), 0, len(self.levels) - 1)
+        for level in range(int(octave.min()), int(np.ceil(octave.max())) + 1):
+            share = 1 - np.abs(octave - level)
+            used: NDArray[np.bool_] = np.logical_and(share > 0, np.isfinite(x))
+            if used.any():
+                box = span(used.any(axis=1)), span(used.any(axis=0))
+                weight = np.where(used[box], share[box], 0)[..., None]
+                out[box] += weight * self.sample(level, x[box], y[box], used[box])
+        return out
+
+    def sample(self, level: int, x: Array, y: Array, used: NDArray[np.bool_]) -> Field:
+        """(h, w, 3) colours of one level; only the part of the level that is used is touched (it may lie on disk)."""
+        picture, scale = self.levels[level], self.gsd * 2**level
+        column, row = (mirrored(np.nan_to_num(place) / scale, len(picture)).astype(np.float32) for place in (x, y))
+        window = tuple(span_of(place[used], len(picture)) for place in (row, column))
+        crop = np.ascontiguousarray(picture[window[0], window[1]])
+        column, row = column - np.float32(window[1].start), row - np.float32(window[0].start)
+        seen = cv2.remap(crop, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(seen, np.float32)
+
+
+def mirrored(place: Array, size: int) -> Array:
+    """Place in pixels from the world's middle -> pixel index in a raster of `size`, folded back at the borders."""
+    period = 2 * size
+    folded = np.abs((place - size / 2) % period - size)
+    return np.asarray(folded - 0.5)
+
+
+def span(used: Any) -> slice:
+    """From the first to the last that is true."""
+    where = np.flatnonzero(used)
+    return slice(int(where[0]), int(where[-1]) + 1)
+
+
+def span_of(index: Array, size: int) -> slice:
+    """The slice of a raster that holds all these indices and the neighbours that interpolation wants."""
+    low, high = int(np.floor(index.min())) - 2, int(np.ceil(index.max())) + 3
+    return slice(min(max(0, low), size - 1), max(1, min(size, high)))
+
+
+@lru_cache(maxsize=2)
+def make_world(seed: int = 1, size: int = 6144, gsd: float = 0.1, cache: Path | None = None) -> World:
+    """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted once and read from there."""
+    if cache is None:
+        land = lay_out(seed, size * gsd)
+        return World(pyramid(paint(land, seed, size, gsd)), height_map(seed, land, size, gsd), gsd)
+    folder = cache / f"world-{PAINT_VERSION}-{seed}-{size}-{gsd:g}"
+    if not folder.is_dir():
+        save(make_world.__wrapped__(seed, size, gsd), folder)
+    return load(folder, gsd)
+
+
+def pyramid(picture: Image) -> tuple[Image, ...]:
+    levels = [picture]
+    while len(levels[-1]) > COARSEST:
+        half = len(levels[-1]) // 2
+        levels.append(np.asarray(cv2.resize(levels[-1], (half, half), interpolation=cv2.INTER_AREA), np.uint8))
+    return tuple(levels)
+
+
+def save(world: World, folder: Path) -> None:
+    """Written beside and renamed: two flights may paint the same world at once."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    beside = Path(tempfile.mkdtemp(dir=folder.parent))
+    for k, level in enumerate(world.levels):
+        np.save(beside / f"level-{k:02d}.npy", level)
+    np.save(beside / "heights.npy", world.heights)
+    try:
+        beside.rename(folder)
+    except OSError:
+        shutil.rmtree(beside)
+
+
+def load(folder: Path, gsd: float) -> World:
+    levels: list[Any] = [np.load(path, mmap_mode="r") for path in sorted(folder.glob("level-*.npy"))]
+    return World(tuple(levels), np.load(folder / "heights.npy"), gsd)
