@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sitl.flight import Flight
+from sitl.geometry import Lens, ground_from_pixels, world_from_camera
+from sitl.score import score
+from sitl.similarity import robust_similarity, similarity
+from sitl.truth import TrueFrame, Truth
+from sitl.warp import Floats, placed_frame, project
+
+CANVAS_FROM_GROUND = np.array([[8.0, -3.0, 500.0], [3.0, 8.0, -70.0], [0, 0, 1]])
+PIXEL = math.hypot(8, 3)  # canvas units in a metre
+
+
+def pinhole(lens: Lens, frame: TrueFrame) -> Floats:
+    """canvas_from_frame of a frame placed rightly, but for the lens term."""
+    state, f, (cx, cy) = frame.state, lens.focal_px, lens.centre
+    ray_from_pixel = np.array([[1 / f, 0, -cx / f], [0, 1 / f, -cy / f], [0, 0, 1]])
+    ground_from_ray = np.array([[state.height, 0, state.x], [0, state.height, state.y], [0, 0, 1]])
+    return CANVAS_FROM_GROUND @ ground_from_ray @ world_from_camera(state) @ ray_from_pixel
+
+
+def placements(truth: Truth, warp: bool = True) -> dict[str, Any]:
+    """All frames in one island, as right as can be."""
+    return {"frames": [entry(truth.lens, frame, warp) for frame in truth.frames]}
+
+
+def entry(lens: Lens, frame: TrueFrame, warp: bool) -> dict[str, Any]:
+    found: dict[str, Any] = {"name": frame.name, "island": 0, "canvas_from_frame": pinhole(lens, frame).tolist()}
+    if warp:
+        x, y = np.linspace(0, lens.width - 1, 65), np.linspace(0, lens.height - 1, 49)
+        grid = np.stack(np.meshgrid(x, y), axis=-1)
+        canvas = project(CANVAS_FROM_GROUND, ground_from_pixels(lens, frame.state, grid.reshape(-1, 2)))
+        found["warp"] = {"x": x.tolist(), "y": y.tolist(), "canvas": canvas.reshape(grid.shape).tolist()}
+    return found
+
+
+def shifted(place: dict[str, Any], pixels: float, truth: Truth) -> dict[str, Any]:
+    move = np.eye(3)
+    move[0, 2] = pixels * truth.gsd * PIXEL
+    return {"name": place["name"], "island": 0, "canvas_from_frame": (move @ place["canvas_from_frame"]).tolist()}
+
+
+@pytest.fixture(scope="module")
+def truth(flight: Flight) -> Truth:
+    return flight.truth()
+
+
+@pytest.fixture(scope="module")
+def straight(flight: Flight) -> Truth:
+    """The truth of the same flight with a lens that does not bend: homographies are exact."""
+    camera = replace(flight.scene.camera, lens=replace(flight.scene.camera.lens, k1=0.0))
+    return replace(flight, scene=replace(flight.scene, camera=camera)).truth()
+
+
+def test_the_truth_itself_scores_perfectly_in_any_canvas(straight: Truth) -> None:
+    found = score(straight, placements(straight, warp=False))
+    assert (found.frames, found.placed, found.islands, found.largest, found.alone) == (12, 12, 1, 12, 0)
+    assert found.ortho_rmse < 1e-6 and found.pair_p95 < 1e-3 and found.pairs > 500
+    assert found.scale_p5 == pytest.approx(1) and found.scale_p95 == pytest.approx(1)
+
+
+def test_the_warp_carries_the_lens(truth: Truth) -> None:
+    with_lens, without = (score(truth, placements(truth, warp)) for warp in (True, False))
+    assert with_lens.ortho_rmse < 0.02 and with_lens.pair_p95 < 0.05
+    assert without.ortho_rmse > 1 and without.pair_p95 > 2
+
+
+def test_one_misplaced_frame_is_seen_for_what_it_is(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    given["frames"][5] = shifted(given["frames"][5], 10, straight)
+    found = score(straight, given)
+    assert found.ortho_worst_frame == pytest.approx(10, rel=0.05)
+    assert found.ortho_median < 0.1
+    assert found.pair_p95 == pytest.approx(10, rel=0.1)
+
+
+def test_two_frames_swapped_are_seen(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    one, other = given["frames"][0], given["frames"][7]
+    one["name"], other["name"] = other["name"], one["name"]
+    assert score(straight, given).ortho_worst_frame > 100
+
+
+def test_a_drifting_scale_is_seen(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    for k, place in enumerate(given["frames"]):
+        frame = straight.frames[k]
+        about = project(np.array(place["canvas_from_frame"]), np.array([straight.lens.centre]))[0]
+        size = 1 + 0.02 * k
+        grow = np.array([[size, 0, about[0] * (1 - size)], [0, size, about[1] * (1 - size)], [0, 0, 1]])
+        place["canvas_from_frame"] = (grow @ pinhole(straight.lens, frame)).tolist()
+    found = score(straight, given)
+    assert found.scale_p95 / found.scale_p5 == pytest.approx(1.2, abs=0.03)
+
+
+def test_each_island_is_laid_by_itself_and_a_single_frame_is_not_placed(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    for place in given["frames"][6:]:
+        turn = np.array([[0, -2, 40], [2, 0, 9], [0, 0, 1]])
+        place["island"], place["canvas_from_frame"] = 3, (turn @ place["canvas_from_frame"]).tolist()
+    given["frames"][0]["island"] = 8
+    found = score(straight, given)
+    assert (found.islands, found.placed, found.alone, found.largest) == (2, 11, 1, 6)
+    assert found.ortho_rmse < 1e-6
+
+
+def test_names_match_whole_or_by_their_last_part(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    given["frames"][0]["name"] = given["frames"][0]["name"].rsplit("/", 1)[1]
+    given["frames"][1]["name"] = "IMG_9999.JPG"
+    found = score(straight, given)
+    assert found.placed == 11 and found.unknown == ("IMG_9999.JPG",)
+
+
+def test_a_frame_sent_to_the_horizon_costs_dearly_but_breaks_nothing(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    given["frames"][2]["canvas_from_frame"][2] = [0.01, 0, -2.0]
+    found = score(straight, given)
+    assert found.ortho_worst_frame > 1e4 and found.ortho_median < 0.1
+
+
+def test_nothing_placed_is_told_without_numbers(truth: Truth) -> None:
+    found = score(truth, {"frames": []})
+    assert found.placed == found.islands == found.pairs == 0 and math.isnan(found.ortho_rmse)
+    assert "placed 0/12" in str(found)
+
+
+def test_a_homography_may_come_with_either_sign(straight: Truth) -> None:
+    given = placements(straight, warp=False)
+    for place in given["frames"]:
+        place["canvas_from_frame"] = (-np.array(place["canvas_from_frame"])).tolist()
+    assert score(straight, given).ortho_rmse < 1e-6
+
+
+def test_a_warp_is_met_exactly_at_its_points(truth: Truth) -> None:
+    given = entry(truth.lens, truth.frames[3], warp=True)
+    placed = placed_frame(given, np.array(truth.lens.centre))
+    x, y = given["warp"]["x"][7], given["warp"]["y"][31]
+    assert np.allclose(placed.canvas(np.array([[x, y]])), given["warp"]["canvas"][31][7])
+
+
+def test_a_similarity_is_found_again_despite_strays() -> None:
+    source = np.random.default_rng(1).uniform(0, 900, (60, 2))
+    target = project(CANVAS_FROM_GROUND, source)
+    assert np.allclose(similarity(source, target, np.ones(60)), CANVAS_FROM_GROUND)
+    target[:12] += 400
+    assert np.allclose(robust_similarity(source, target), CANVAS_FROM_GROUND, rtol=1e-3, atol=0.5)
+
+
+def test_a_similarity_never_mirrors() -> None:
+    source = np.random.default_rng(1).uniform(-1, 1, (60, 2))
+    found = similarity(source, source * [1, -1], np.ones(60))
+    assert np.linalg.det(found) >= 0
