@@ -36,8 +36,8 @@ from gcs_mosaic.flight.rows import (
     pose_row,
     stored,
 )
-from gcs_mosaic.stitch.canvas import Painted
 from gcs_mosaic.stitch.geometry import Camera
+from gcs_mosaic.stitch.painted import Painted
 
 
 class Ledger(LedgerFile):

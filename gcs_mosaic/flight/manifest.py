@@ -11,8 +11,7 @@ from pathlib import Path
 from gcs_mosaic.flight.documents import FORMAT, Document, finite, iso_utc, write_json
 from gcs_mosaic.flight.records import Accounts, Estimate, FrameRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_frame
-
-TILE_SIZE = 256  # px
+from gcs_mosaic.stitch.grid import TILE_SIZE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -97,8 +97,8 @@ async def live(request: web.Request) -> web.StreamResponse:
     await response.prepare(request)
     with feed.subscribe() as subscription, suppress(ConnectionError, TimeoutError):
         await send(response, Change(last_revision(request.app[ROOT]), None))
-        while not subscription.closed:
-            await send(response, await subscription.next(HEARTBEAT_S))
+        async for change in subscription.changes(HEARTBEAT_S):
+            await send(response, change)
     return response
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
@@ -102,6 +102,13 @@ class Subscription:
     def close(self) -> None:
         self.closed = True
         self._wake()
+
+    async def changes(self, timeout_s: float) -> AsyncIterator[Change | None]:
+        """Each change, and None after every `timeout_s` seconds without one, until the subscription is closed."""
+        while not self.closed:
+            change = await self.next(timeout_s)
+            if not self.closed:
+                yield change
 
     async def next(self, timeout_s: float) -> Change | None:
         """The next change, or None after `timeout_s` seconds without one, or when closed."""

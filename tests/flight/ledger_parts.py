@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gcs_mosaic.stitch.canvas import Painted
-
 from gcs_mosaic.events import CaptureResult, Frame, Position, Source, TriggerEvent
 from gcs_mosaic.flight.originals import content_hash
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painted import Painted
 
 
 def an_event(sequence: int = 7, position: Position | None = None, file_hint: str | None = None) -> TriggerEvent:

@@ -6,7 +6,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 import pytest
-from gcs_mosaic.stitch.canvas import Painted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ledger_parts import a_frame, a_painted, an_event
@@ -16,6 +15,7 @@ from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import Estimate, EventState, FlightRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painted import Painted
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
