@@ -1,0 +1,125 @@
+"""Frames from a watched folder. A poll is the truth: file events get lost, and network mounts deliver none."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.frames.candidate import Candidate
+from gcs_mosaic.frames.given import frames_in as frames_in
+from gcs_mosaic.frames.scan import Look, Scan, scan
+from gcs_mosaic.frames.settings import FolderSettings
+
+FIRST_LOOK = "first look"
+"""`Notice.source` of the notice that says that every file that was there at the start has been looked at."""
+
+Item: TypeAlias = Frame | DamagedFile | Notice
+
+
+def watch(folder: Path, stop: threading.Event, settings: FolderSettings | None = None) -> Iterator[Item]:
+    """Frames as they become complete in `folder` and below it, until `stop` is set; a missing folder is made.
+
+    A file is ready when two looks find it unchanged and it is whole. Ready files of one look come in the order of
+    their times, then of their names. Raises UsageError, at once, for a path that can be no folder.
+    """
+    settings = settings or FolderSettings()
+    made = _make_folder(folder)
+    return _watching(FolderWatch(folder, settings, time.time()), made, stop, settings.poll_s)
+
+
+def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event, poll_s: float) -> Iterator[Item]:
+    yield from made
+    while not stop.is_set():
+        for item in watched.poll(time.monotonic()):
+            yield item
+            if stop.is_set():
+                return
+        stop.wait(poll_s)
+
+
+def _make_folder(folder: Path) -> list[Item]:
+    if folder.is_dir():
+        return []
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise UsageError(
+            f"--watch {str(folder)!r} can be no folder ({error.strerror}): give a folder in which the frames appear."
+        ) from error
+    return [Notice(source=str(folder), level="info", text=f"made the folder {folder}, which was not there")]
+
+
+class FolderWatch:
+    """What is known of every file in the folder; each `poll` is one look."""
+
+    def __init__(self, folder: Path, settings: FolderSettings, started_utc: float) -> None:
+        self._folder, self._settings = folder, settings
+        self._oldest_ns = (started_utc - settings.from_age_s) * 1e9
+        self._candidates: dict[Path, Candidate] = {}
+        self._versions: dict[str, int] = {}
+        self._polls = self._left = self._taken = 0
+        self._said: set[str] = set()
+
+    def poll(self, now: float) -> Iterator[Item]:
+        """What has become ready, or must be said, at the monotonic time `now`."""
+        found = scan(self._folder)
+        self._polls += 1
+        ready = [look for look in found.images if self._is_ready(look, now)]
+        self._forget_vanished(found)
+        yield from self._remarks(found)
+        for look in sorted(ready, key=lambda look: (look.modified_ns, look.name)):
+            yield from self._take(look, now)
+        if self._polls == 2:
+            yield self._first_look()
+
+    def _is_ready(self, look: Look, now: float) -> bool:
+        candidate = self._candidates.get(look.path)
+        if candidate is None:
+            candidate = self._candidates[look.path] = Candidate(self._settings)
+            if self._polls == 1 and look.modified_ns < self._oldest_ns:
+                self._left += 1
+                candidate.leave(look)
+        return candidate.is_ready(look, now)
+
+    def _take(self, look: Look, now: float) -> Iterator[Item]:
+        item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1)
+        if isinstance(item, Frame):
+            self._versions[look.name] = self._versions.get(look.name, 0) + 1
+            self._taken += 1
+        if item is not None:
+            yield item
+
+    def _forget_vanished(self, found: Scan) -> None:
+        there = {look.path for look in found.images}
+        for path in [path for path, known in self._candidates.items() if path not in there]:
+            if not self._candidates[path].worth_keeping:
+                del self._candidates[path]
+
+    def _remarks(self, found: Scan) -> Iterator[Notice]:
+        for suffix in sorted(found.strangers):
+            kind = f"files ending in {suffix}" if suffix else "files without an ending"
+            yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
+        for name in sorted(found.links)[:1]:
+            yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
+        if self._folder.is_dir():
+            self._said.discard(self._gone())
+        else:
+            yield from self._once("error", self._gone())
+
+    def _gone(self) -> str:
+        return f"the folder {self._folder} is gone; waiting for it to come back"
+
+    def _once(self, level: Literal["info", "warning", "error"], text: str) -> Iterator[Notice]:
+        if text not in self._said:
+            self._said.add(text)
+            yield Notice(source=str(self._folder), level=level, text=text)
+
+    def _first_look(self) -> Notice:
+        left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
+        text = f"watching {self._folder}: {self._taken} frames were there{left}"
+        return Notice(source=FIRST_LOOK, level="info", text=text)

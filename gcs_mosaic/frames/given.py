@@ -1,0 +1,66 @@
+"""Frames that are all there: files and folders named on the command line."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.events import DamagedFile, Frame
+from gcs_mosaic.frames.candidate import frame_of, read_whole, versioned
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.frames.scan import Look, scan, shown_name
+from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.frames.whole import NotWhole
+
+
+def frames_in(
+    paths: Path | Iterable[Path], settings: FolderSettings | None = None
+) -> tuple[int, Iterator[Frame | DamagedFile]]:
+    """How many files there are, and each as a frame or with the reason why it is none, read when it is asked for.
+
+    Files come in the order given; those of a folder (and below it) in the order of their names, numbers counting as
+    numbers. Raises UsageError, at once, for a path that is not there and for a folder without images.
+    """
+    given = [paths] if isinstance(paths, Path) else list(paths)
+    looks = [look for path in given for look in _looks(path)]
+    return len(looks), _frames(looks, settings or FolderSettings())
+
+
+def name_order(name: str) -> tuple[tuple[int, str], ...]:
+    """Sort key: IMG_9 before IMG_10."""
+    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", name))
+
+
+def _looks(path: Path) -> list[Look]:
+    try:
+        if not path.is_dir():
+            status = path.stat()
+            return [Look(path, shown_name(Path(path.name)), status.st_size, status.st_mtime_ns)]
+        next(path.iterdir(), None)  # says why a folder cannot be read; a scan passes over it
+    except OSError as error:
+        raise UsageError(
+            f"{str(path)!r} cannot be read ({error.strerror}): give image files or a folder of them."
+        ) from error
+    images = sorted(scan(path).images, key=lambda look: name_order(look.name))
+    if not images:
+        raise UsageError(
+            f"{str(path)!r} holds no images: give a folder with JPEG, PNG or TIFF files (links are not followed)."
+        )
+    return images
+
+
+def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | DamagedFile]:
+    seen = Counter[str]()
+    for look in looks:
+        seen[look.name] += 1
+        yield _read(look, versioned(look.name, seen[look.name]), settings)
+
+
+def _read(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
+    data = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
+    if isinstance(data, bytes):
+        return frame_of(look, name, data, content_hash(data))
+    return DamagedFile(name=name, reason=data.reason if data else "it changed or went while it was read")

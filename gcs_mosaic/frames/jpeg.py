@@ -1,0 +1,53 @@
+"""JPEG: a walk along the markers to the real end. Source: ITU-T T.81, annex B."""
+
+from __future__ import annotations
+
+import re
+
+from gcs_mosaic.frames.structure import StructureError, unpack
+
+_END, _SCAN = 0xD9, 0xDA
+_ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a segment
+_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOFn, which hold the size
+_MARKER = re.compile(rb"\xff+([^\xff\x00])")
+# In coded data 0xFF is followed by zero, a restart marker or a fill byte; anything else ends the scan.
+_AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+
+
+def jpeg_size(data: bytes) -> tuple[int, int]:
+    """(width, height); raises StructureError if the end marker of the picture itself is not there.
+
+    A thumbnail's end marker lies inside a segment and is stepped over; whatever follows the end is not looked at.
+    """
+    position, size, scans = 2, None, 0
+    while True:
+        marker, position = _marker(data, position)
+        if marker == _END:
+            break
+        if marker in _ALONE:
+            continue
+        (length,) = unpack(">H", data, position)
+        if marker in _FRAMES:
+            size = unpack(">xxxHH", data, position)
+        position += max(length, 2)
+        if marker == _SCAN:
+            position, scans = _end_of_scan(data, position), scans + 1
+    if size is None or not scans:
+        raise StructureError("damaged: a JPEG without a picture")
+    return size[1], size[0]
+
+
+def _marker(data: bytes, position: int) -> tuple[int, int]:
+    """The marker at `position` and where it ends; fill bytes before it are allowed."""
+    unpack("BB", data, position)
+    found = _MARKER.match(data, position)
+    if not found:
+        raise StructureError(f"damaged: no JPEG marker at byte {position}")
+    return found[1][0], found.end()
+
+
+def _end_of_scan(data: bytes, position: int) -> int:
+    found = _AFTER_SCAN.search(data, position)
+    if not found:
+        raise StructureError("truncated: the picture has no end yet")
+    return found.start()

@@ -1,0 +1,34 @@
+"""Image files for the tests, made by OpenCV and, where it cannot, by hand."""
+
+from __future__ import annotations
+
+import struct
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+def picture(width: int = 160, height: int = 120, seed: int = 0, kind: type = np.uint8) -> NDArray[np.uint8]:
+    """Smooth colours, so that lossy files stay close to them."""
+    coarse = np.random.default_rng(seed).integers(0, np.iinfo(kind).max, (6, 8, 3)).astype(kind)
+    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def encoded(suffix: str, image: NDArray[np.uint8] | None = None, *options: int) -> bytes:
+    done, data = cv2.imencode(suffix, picture() if image is None else image, options)
+    assert done
+    return data.tobytes()
+
+
+def with_thumbnail(jpeg: bytes) -> bytes:
+    """The JPEG with a whole small JPEG inside an APP1 segment, as cameras write it."""
+    thumbnail = b"Exif\0\0" + encoded(".jpg", picture(40, 30))
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", 2 + len(thumbnail)) + thumbnail + jpeg[2:]
+
+
+def turned(jpeg: bytes) -> bytes:
+    """The JPEG with an EXIF orientation of 6: to be shown turned by 90 degrees."""
+    tiff = b"II*\0" + struct.pack("<IHHHIHHI", 8, 1, 0x0112, 3, 1, 6, 0, 0)
+    exif = b"Exif\0\0" + tiff
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", 2 + len(exif)) + exif + jpeg[2:]
