@@ -11,7 +11,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -100,7 +100,6 @@ def fly_against(program: Program, asked: argparse.Namespace, film: Film, truth: 
 def fly_for(asked: argparse.Namespace, film: Film, watch: Path, port: int, program: Program | None = None) -> None:
     """Trigger and deliver all pictures."""
     faults = Faults(drop=asked.drop, duplicate=asked.duplicate, reorder=asked.reorder, seed=asked.seed)
-    vehicle = Vehicle("127.0.0.1", port, asked.manner, faults)
     hurry = max(1.0, asked.speed)
     say(f"flying {film.count} pictures in {film.seconds / asked.speed:.0f} s ({film.note}), files go to {watch}")
 
@@ -109,10 +108,8 @@ def fly_for(asked: argparse.Namespace, film: Film, watch: Path, port: int, progr
             so_far = told(program.account("frames")) if program else ""
             say(f"taken {exposure.index + 1}/{film.count}" + (f", so far {so_far}" if so_far else ""))
 
-    try:
+    with closing(Vehicle("127.0.0.1", port, asked.manner, faults)) as vehicle:
         fly(film, vehicle, Delivery(watch, 0.4 / hurry, 0.3 / hurry), asked.speed, progress)
-    finally:
-        vehicle.close()
 
 
 def stay(asked: argparse.Namespace, program: Program) -> None:

@@ -14,7 +14,7 @@ AT_ONCE = 8  # files on their way at the same time
 def write_slowly(path: Path, data: bytes, seconds: float, pieces: int = PIECES) -> None:
     """Write a file in pieces over some seconds, so that a watcher really sees it half-written."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    size = -(-len(data) // pieces)
+    size = max(1, -(-len(data) // pieces))
     with path.open("wb") as file:
         for start in range(0, len(data), size):
             if start:

@@ -55,6 +55,8 @@ def directory(tiff: bytes, order: str, at: int) -> dict[int, bytes]:
         if length > 4:
             (place,) = struct.unpack_from(order + "I", tiff, place)
         tags[tag] = tiff[place : place + length]
+        if len(tags[tag]) < length:
+            raise ValueError("cut off")
     return tags
 
 

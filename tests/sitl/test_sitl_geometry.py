@@ -45,13 +45,16 @@ def test_pixels_to_the_ground_and_back(yaw: float, pitch: float, roll: float, he
 def test_a_level_camera_heading_north_has_north_on_top_and_east_on_the_right() -> None:
     middle, top, right = ground_from_pixels(LENS, looking_down(), np.array([[319.5, 239.5], [319.5, 0], [639, 239.5]]))
     assert np.allclose(middle, [10, -20])
-    assert top[1] < -20 and top[0] == pytest.approx(10)
-    assert right[0] > 10 and right[1] == pytest.approx(-20)
+    assert top[1] < -20
+    assert top[0] == pytest.approx(10)
+    assert right[0] > 10
+    assert right[1] == pytest.approx(-20)
 
 
 def test_heading_east_turns_the_top_of_the_picture_east() -> None:
     (top,) = ground_from_pixels(LENS, looking_down(yaw=np.pi / 2), np.array([[319.5, 0.0]]))
-    assert top[0] > 10 and top[1] == pytest.approx(-20)
+    assert top[0] > 10
+    assert top[1] == pytest.approx(-20)
 
 
 def test_nose_up_looks_ahead_and_right_wing_down_looks_left() -> None:
@@ -70,7 +73,8 @@ def test_the_lens_bends_by_its_radial_term() -> None:
 def test_above_the_horizon_there_is_no_ground_and_behind_the_camera_no_pixel() -> None:
     tilted = looking_down(pitch=np.radians(75))
     ground = ground_from_pixels(LENS, tilted, np.array([[320.0, 0.0], [320.0, 479.0]]))
-    assert np.isnan(ground[0]).all() and np.isfinite(ground[1]).all()
+    assert np.isnan(ground[0]).all()
+    assert np.isfinite(ground[1]).all()
     assert np.isnan(pixels_from_ground(LENS, tilted, np.array([[10.0, 500.0]]))).all()
 
 

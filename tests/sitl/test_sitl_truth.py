@@ -20,9 +20,11 @@ def test_what_is_written_is_read(flight: Flight, scene: Scene, tmp_path: Path) -
     truth = replace(truth, frames=(*truth.frames, true_frame(scene, OBLIQUE, "oblique.jpg")))
     write(truth, tmp_path / "truth.json")
     again = read(tmp_path / "truth.json")
-    assert again.lens == truth.lens and again.gsd == truth.gsd
+    assert again.lens == truth.lens
+    assert again.gsd == truth.gsd
     for one, other in zip(again.frames, truth.frames, strict=True):
-        assert one.name == other.name and one.state == other.state
+        assert one.name == other.name
+        assert one.state == other.state
         assert np.array_equal(one.grid_ground, other.grid_ground, equal_nan=True)
         assert np.array_equal(one.grid_used, other.grid_used)
 
@@ -32,7 +34,8 @@ def test_the_file_is_plain_json_row_by_row(flight: Flight, tmp_path: Path) -> No
     data = json.loads((tmp_path / "truth.json").read_text(), parse_constant=pytest.fail)
     frame = data["frames"][0]
     assert len(frame["grid_px"]) == len(frame["grid_ground"]) == COLUMNS * ROWS
-    assert frame["grid_px"][0] == [0, 0] and frame["grid_px"][COLUMNS - 1] == [frame["width"] - 1, 0]
+    assert frame["grid_px"][0] == [0, 0]
+    assert frame["grid_px"][COLUMNS - 1] == [frame["width"] - 1, 0]
     assert frame["grid_px"][-1] == [frame["width"] - 1, frame["height"] - 1]
 
 
@@ -53,8 +56,10 @@ def test_relief_is_in_the_truth(flight: Flight) -> None:
 def test_sky_and_the_far_country_do_not_count(scene: Scene) -> None:
     frame = true_frame(scene, OBLIQUE, "oblique.jpg")
     sky = np.isnan(frame.grid_ground).any(1)
-    assert sky[:COLUMNS].all() and not sky[-COLUMNS:].any()
-    assert not frame.grid_used[sky].any() and frame.grid_used[-COLUMNS:].all()
+    assert sky[:COLUMNS].all()
+    assert not sky[-COLUMNS:].any()
+    assert not frame.grid_used[sky].any()
+    assert frame.grid_used[-COLUMNS:].all()
     assert frame.grid_used.sum() < (~sky).sum()
 
 

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import struct
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sitl.exif import HEAD, exif_segments, taken_at
+
+MOMENT = datetime(2021, 6, 5, 14, 3, 59, tzinfo=UTC).timestamp()
+
+
+def photograph(
+    order: str = "<", date: bytes = b"2021:06:05 14:03:59\0", sub: bytes = b"", before: bytes = b""
+) -> bytes:
+    """The head of a JPEG with EXIF as cameras write it: TIFF, IFD0 -> Exif IFD -> DateTimeOriginal, SubSecTimeOriginal."""
+    entries = [(0x9003, 2, date)] + ([(0x9291, 2, sub)] if sub else [])
+    inner, late = 8 + 2 + 12 + 4, b""
+    after = inner + 2 + 12 * len(entries) + 4
+    directory = struct.pack(order + "H", len(entries))
+    for tag, kind, value in entries:
+        place = struct.pack(order + "I", after + len(late)) if len(value) > 4 else value.ljust(4, b"\0")
+        directory += struct.pack(order + "HHI", tag, kind, len(value)) + place
+        late += value if len(value) > 4 else b""
+    first = struct.pack(order + "HHHIII", 1, 0x8769, 4, 1, inner, 0)
+    mark = {"<": b"II", ">": b"MM"}[order]
+    tiff = mark + struct.pack(order + "HI", 42, 8) + first + directory + bytes(4) + late
+    segment = b"Exif\0\0" + tiff
+    return b"\xff\xd8" + before + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + b"\xff\xda" + bytes(50)
+
+
+def read(folder: Path, data: bytes) -> float | None:
+    path = folder / "a.jpg"
+    path.write_bytes(data)
+    return taken_at(path)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_the_date_is_read_in_both_byte_orders(order: str, tmp_path: Path) -> None:
+    assert read(tmp_path, photograph(order)) == MOMENT
+
+
+def test_fractions_of_a_second_count(tmp_path: Path) -> None:
+    assert read(tmp_path, photograph(sub=b"25\0\0")) == pytest.approx(MOMENT + 0.25)
+
+
+def test_other_segments_may_come_first(tmp_path: Path) -> None:
+    jfif = b"\xff\xe0" + struct.pack(">H", 16) + b"JFIF\0".ljust(14, b"\0")
+    xmp = b"\xff\xe1" + struct.pack(">H", 12) + b"http://ns\0"
+    assert read(tmp_path, photograph(before=jfif + xmp)) == MOMENT
+
+
+@pytest.mark.parametrize("date", [b"0000:00:00 00:00:00\0", b"    :  :     :  :  \0", b"\xff" * 20, b"soon\0"])
+def test_a_date_that_is_none_is_none(date: bytes, tmp_path: Path) -> None:
+    assert read(tmp_path, photograph(date=date)) is None
+
+
+def test_cut_off_anywhere_it_is_read_or_not_but_never_fails(tmp_path: Path) -> None:
+    data = photograph()
+    found = [read(tmp_path, data[:length]) for length in range(len(data))]
+    assert set(found) == {None, MOMENT}
+    assert found[0] is None
+
+
+@settings(max_examples=300)
+@given(data=st.binary(max_size=120), at=st.integers(0, 130))
+def test_nonsense_is_never_an_error(data: bytes, at: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    sound = photograph()
+    read(folder, b"\xff\xd8\xff\xe1" + data)
+    read(folder, sound[:at] + data + sound[at + len(data) :])
+
+
+def test_only_the_head_of_a_large_file_is_looked_at() -> None:
+    assert list(exif_segments(photograph() + bytes(HEAD)))
+    assert not list(exif_segments(b"\x89PNG" + bytes(100)))

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+from test_sitl_score import placements
+
+from sitl.__main__ import DONE, FAILED, MISUSED, main
+from sitl.flight import Flight, plan
+from sitl.program import Program
+from sitl.truth import read, write
+
+
+@pytest.fixture
+def photos(tmp_path: Path, flight: Flight) -> Path:
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for k in range(3):
+        (folder / f"{k}.jpg").write_bytes(flight.scene.encoded(flight.states[k], k))
+    return folder
+
+
+def test_it_judges_a_finished_flight_in_a_line(
+    flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(flight.truth(), tmp_path / "truth.json")
+    (tmp_path / "placements.json").write_text(json.dumps(placements(flight.truth())))
+    assert main(["score", str(tmp_path / "truth.json"), str(tmp_path / "placements.json")]) == DONE
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("placed 12/12 alone 0 islands 1")
+    assert "ortho rmse 0.0" in line
+
+
+def test_it_flies_photographs_for_a_program_that_runs_already(photos: Path, tmp_path: Path) -> None:
+    watch = tmp_path / "watch"
+    words = "--interval 0.1 --no-daemon --manner px4,ardupilot,camera".split()
+    with closing(Ground()) as ground:
+        assert main([*words, "--frames", str(photos), "--watch", str(watch), "--port", str(ground.port)]) == DONE
+        kinds = [message.get_msgId() for message in ground.heard()]
+    assert (kinds.count(112), kinds.count(180), kinds.count(263)) == (3, 3, 6)
+    assert all((watch / path.name).read_bytes() == path.read_bytes() for path in photos.iterdir())
+
+
+def test_it_writes_the_truth_of_a_simulated_flight(tmp_path: Path) -> None:
+    file, small = tmp_path / "t.json", partial(plan, world_size=2048)
+    words = "--count 2 --size 160x120 --interval 0.1 --no-daemon --port 9".split()
+    with patch.dict(os.environ, XDG_CACHE_HOME=str(tmp_path / "cache")), patch("sitl.__main__.plan", small):
+        assert main([*words, "--watch", str(tmp_path / "w"), "--truth", str(file)]) == DONE
+    assert [frame.name for frame in read(file).frames] == ["DCIM/100MEDIA/IMG_0001.JPG", "DCIM/100MEDIA/IMG_0002.JPG"]
+
+
+def test_a_folder_in_use_is_refused(photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--frames", str(photos), "--out", str(photos), "--watch", str(tmp_path / "w")]) == MISUSED
+    assert "is not an empty folder" in capsys.readouterr().out
+
+
+def test_a_folder_without_pictures_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--frames", str(tmp_path)]) == MISUSED
+    assert "there are no pictures" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--speed", "0"], ["--drop", "2"], ["--size", "9x9"], ["--manner", "dji"], ["--scenario", "x"], ["--count", "0"]],
+)
+def test_bad_words_end_with_2(words: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+
+
+def test_a_program_that_does_not_start_fails_the_flight(photos: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with patch.object(Program, "command", lambda self: [sys.executable, "-c", "raise SystemExit(7)"]):
+        assert main(["--frames", str(photos), "--interval", "0.1"]) == FAILED
+    assert "exit code 7" in capsys.readouterr().out
+
+
+def test_ctrl_c_ends_it_cleanly(photos: Path, tmp_path: Path) -> None:
+    words = ["--frames", str(photos), "--interval", "30", "--no-daemon", "--watch", str(tmp_path / "w"), "--port", "9"]
+    process = subprocess.Popen([sys.executable, "-m", "sitl", *words], stdout=subprocess.PIPE, text=True)
+    while not (tmp_path / "w/0.jpg").exists():
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=10)
+    assert process.returncode == DONE
+    assert said.splitlines()[-1] == "sitl: stopped"
