@@ -34,7 +34,6 @@ SAY_EVERY = 5  # pictures
 def main(arguments: Sequence[str] | None = None) -> int:
     """Exit code: 0 done, 1 the program under test failed, 2 bad usage."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    signal.signal(signal.SIGTERM, interrupt)
     try:
         return judge(words[1:]) if words[:1] == ["score"] else flown(parser().parse_args(words))
     except KeyboardInterrupt:
@@ -191,4 +190,5 @@ def say(text: str) -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, interrupt)
     sys.exit(main())

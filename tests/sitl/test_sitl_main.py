@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
 import pytest
 from test_sitl_score import placements
+from test_sitl_vehicle import Ground
 
 from sitl.__main__ import DONE, FAILED, MISUSED, main
 from sitl.flight import Flight, plan
@@ -41,7 +43,7 @@ def test_it_judges_a_finished_flight_in_a_line(
 
 def test_it_flies_photographs_for_a_program_that_runs_already(photos: Path, tmp_path: Path) -> None:
     watch = tmp_path / "watch"
-    words = "--interval 0.1 --no-daemon --manner px4,ardupilot,camera".split()
+    words = ["--interval", "0.1", "--no-daemon", "--manner", "px4,ardupilot,camera"]
     with closing(Ground()) as ground:
         assert main([*words, "--frames", str(photos), "--watch", str(watch), "--port", str(ground.port)]) == DONE
         kinds = [message.get_msgId() for message in ground.heard()]
@@ -51,7 +53,7 @@ def test_it_flies_photographs_for_a_program_that_runs_already(photos: Path, tmp_
 
 def test_it_writes_the_truth_of_a_simulated_flight(tmp_path: Path) -> None:
     file, small = tmp_path / "t.json", partial(plan, world_size=2048)
-    words = "--count 2 --size 160x120 --interval 0.1 --no-daemon --port 9".split()
+    words = ["--count", "2", "--size", "160x120", "--interval", "0.1", "--no-daemon", "--port", "9"]
     with patch.dict(os.environ, XDG_CACHE_HOME=str(tmp_path / "cache")), patch("sitl.__main__.plan", small):
         assert main([*words, "--watch", str(tmp_path / "w"), "--truth", str(file)]) == DONE
     assert [frame.name for frame in read(file).frames] == ["DCIM/100MEDIA/IMG_0001.JPG", "DCIM/100MEDIA/IMG_0002.JPG"]
