@@ -14,6 +14,12 @@ from typing import Any
 import yaml
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.flight.originals import OriginalsSettings
+from gcs_mosaic.flight.tiles import TileSettings
+from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.painter import PaintSettings
+from gcs_mosaic.pairing import PairingSettings
 from gcs_mosaic.stitch.mosaic import StitchSettings
 
 
@@ -25,7 +31,14 @@ class Config:
     watch: str = "frames"  # folder in which the camera's files appear
     out: str = "mosaic"  # folder for tiles, ledger and originals
     http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
+    finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
+    link: LinkSettings = field(default_factory=LinkSettings)
+    frames: FolderSettings = field(default_factory=FolderSettings)
+    pairing: PairingSettings = field(default_factory=PairingSettings)
     stitch: StitchSettings = field(default_factory=StitchSettings)
+    paint: PaintSettings = field(default_factory=PaintSettings)
+    originals: OriginalsSettings = field(default_factory=OriginalsSettings)
+    tiles: TileSettings = field(default_factory=TileSettings)
 
 
 def load_config(path: Path) -> Config:

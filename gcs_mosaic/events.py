@@ -84,6 +84,15 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkReport:
+    """How a link is; said when it changes, and about each second while something is heard."""
+
+    address: str
+    state: Literal["listening", "heard", "silent", "failed"]
+    last_heard_utc: float | None  # seconds since 1970
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Shot:
     """The unit of work: a frame and, where one is known, the event that announced it."""
 

@@ -1,14 +1,19 @@
 """The mosaic: frames in, placements out.
 
-mosaic = Mosaic()
-for name, image in frames:
-    print(mosaic.add(image, name))   # Placement, Waiting or Rejection
-    mosaic.adjust()                  # the placements that moved
+In use:
+
+    mosaic = Mosaic()
+    for name, image in frames:
+        print(mosaic.add(image, name))   # Placement, Waiting or Rejection
+        mosaic.adjust()                  # now and then, as the map grows
+        for placement in mosaic.moved():
+            ...                          # all that lie elsewhere than before, this frame among them
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,6 +91,7 @@ class Mosaic:
         self._search = Search(self._network, self.settings.search, self.settings.registration)
         self._bridges = Bridges(self._network)
         self._waiting: list[int] = []
+        self._numbers: dict[str, int] = {}
         self._last_placed = 0
         self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
 
@@ -97,7 +103,7 @@ class Mosaic:
         """Place a frame by its features."""
         if len(features) < self.settings.plausibility.least_features:
             return Rejection(name, f"too little to see: {len(features)} features")
-        frame = self._network.append(name, features)
+        frame = self._numbers[name] = self._network.append(name, features)
         self._search.take_in(features)
         if not self.islands:
             self._found_island(frame)
@@ -107,23 +113,35 @@ class Mosaic:
         self._use_what_is_new(frame)
         return self._placement(frame)
 
-    def adjust(self, *, everything: bool = False) -> list[Placement]:
-        """Adjust the islands that have grown enough since the last time (or all); returns what lies elsewhere now."""
-        before = {frame: self._network.pose_of(frame) for frame in self._network.placed()}
+    def adjust(self, *, everything: bool = False) -> None:
+        """Adjust the islands that have grown enough since the last time, or all that have grown at all."""
         for island, grown in list(self._grown.items()):
             members = len(self._network.members(island))
             if everything or grown * self.settings.adjustments_per_doubling >= members:
                 adjust_island(self._network, island, self.settings.adjustment)
                 del self._grown[island]
-        return [self._placement(f) for f, pose in before.items() if self._network.pose_of(f) != pose]
+
+    def moved(self) -> list[Placement]:
+        """All placements that are new or lie elsewhere than when this was last asked, in the order of their frames.
+
+        Besides the frame just placed these are frames that had waited for it, islands that it joined, and what the
+        adjustment moved.
+        """
+        moved = sorted(self._network.moved)
+        self._network.moved.clear()
+        return [self._placement(frame) for frame in moved]
 
     def hold(self, name: str, pose: Pose, camera: Camera) -> None:
         """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
-        next(f for f in reversed(self._network.frames) if f.name == name).held = (pose, camera)
+        self._network.frames[self._numbers[name]].held = (pose, camera)
 
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
         return [self._placement(frame) for frame in self._network.placed()]
+
+    def frame_counts(self) -> dict[int, int]:
+        """Placed frames by island."""
+        return dict(Counter(self._network.island_of(frame) for frame in self._network.placed()))
 
     def waiting(self) -> list[Waiting]:
         """Frames that match nothing so far."""

@@ -48,6 +48,7 @@ class Network:
         self.cameras: list[Camera] = []
         self.links: dict[tuple[int, int], Link] = {}
         self.boxes: Array = np.empty((0, 4))
+        self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
 
@@ -66,6 +67,7 @@ class Network:
         """Place a frame, or move it."""
         self.frames[frame].pose, self.frames[frame].island = pose, island
         self.boxes[frame] = box_of(pose, self.camera_of(frame))
+        self.moved.add(frame)
 
     def take_back(self, frame: int) -> None:
         """Make a frame unplaced and unlinked again."""
@@ -74,6 +76,7 @@ class Network:
             self.unlink(frame, other)
         state.pose = state.island = None
         self.boxes[frame] = np.nan
+        self.moved.discard(frame)
 
     def link(self, a: int, b: int, registration: Registration) -> None:
         """Keep what registered frame a with frame b, thinned to well-spread matches."""

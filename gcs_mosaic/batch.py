@@ -1,0 +1,115 @@
+"""`gcs-mosaic stitch`: a folder of frames through the same pipeline as a live flight, without MAVLink."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.flight.folder import open_flight_folder
+from gcs_mosaic.frames.directory import frames_in
+from gcs_mosaic.pipeline import Done, Pipeline
+from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
+
+
+def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console) -> Path:
+    """Stitch frames in the order of their names; returns the folder that holds the flight."""
+    folder = open_flight_folder(out)
+    console.print(folder.said)
+    try:
+        # Nobody writes into a finished folder any more, so its frames need no copies.
+        linking = replace(config, originals=replace(config.originals, keep="link"))
+        pipeline = Pipeline(folder.path, linking, lambda notice: _say(console, notice))
+        try:
+            _stitch_into(pipeline, sources, config, console)
+        finally:
+            pipeline.close()
+    finally:
+        folder.close()
+    return folder.path
+
+
+def _stitch_into(pipeline: Pipeline, sources: Sequence[Path], config: Config, console: Console) -> None:
+    start = time.monotonic()
+    preparation = Preparation(config.stitch.features)
+    with _progress(console) as progress:
+        count, found = frames_in(sources, config.frames)
+        done = _work_off(pipeline, preparation, found, progress.add_task("stitching", total=count), progress)
+        final = progress.add_task("final painting", total=None)
+        for _ in pipeline.finish():
+            progress.advance(final)
+        pipeline.save()
+    preparation.close()
+    _summarise(pipeline, done, time.monotonic() - start, console)
+
+
+def _work_off(
+    pipeline: Pipeline,
+    preparation: Preparation,
+    found: Iterator[Frame | DamagedFile],
+    task: TaskID,
+    progress: Progress,
+) -> list[Done]:
+    done: list[Done] = []
+    while (prepared := _next(pipeline, preparation, found)) is not None:
+        worked_off = pipeline.work_off(prepared)
+        worked_off.seconds["write"] = pipeline.save()
+        done.append(worked_off)
+        progress.update(task, completed=pipeline.taken_in - len(preparation), description=f"stitching {worked_off.name}")
+    return done
+
+
+def _next(
+    pipeline: Pipeline, preparation: Preparation, found: Iterator[Frame | DamagedFile]
+) -> Prepared | Unprepared | None:
+    """The next frame, while enough of those behind it are being prepared."""
+    while len(preparation) <= AHEAD and (item := next(found, None)) is not None:
+        if isinstance(item, DamagedFile):
+            pipeline.accept_damaged(item)
+        elif (frame := pipeline.accept(item)) is not None:
+            preparation.append(frame)
+    return preparation.next()
+
+
+def _progress(console: Console) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+def _summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
+    """One screen: what became of the frames, and where the time went."""
+    account = pipeline.accounts().frames
+    console.print(f"{account.placed} of {sum(_counts(account).values())} frames placed in {seconds:.1f} s, {pipeline.out}")
+    for state, count in _counts(account).items():
+        if count and state != "placed":
+            console.print(f"  {count} {state}")
+    for reason, count in Counter(d.reason for d in done if d.reason).most_common(8):
+        console.print(f"    {count} x {reason}")
+    islands = sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1])
+    console.print("islands: " + ", ".join(f"{number} ({count} frames)" for number, count in islands[:12]))
+    console.print(_times(done))
+
+
+def _counts(account: object) -> dict[str, int]:
+    return {state: getattr(account, state) for state in account.__slots__}  # type: ignore[attr-defined]
+
+
+def _times(done: list[Done]) -> Table:
+    table = Table("stage", "median s", "longest s", "total s", title="time per frame (decoding and features run ahead)")
+    for stage in ("decode", "features", "place", "paint", "write"):
+        seconds = sorted(d.seconds[stage] for d in done if stage in d.seconds)
+        if seconds:
+            table.add_row(stage, f"{seconds[len(seconds) // 2]:.3f}", f"{seconds[-1]:.3f}", f"{sum(seconds):.1f}")
+    return table
+
+
+def _say(console: Console, notice: Notice) -> None:
+    console.print(f"{notice.level}: {notice.text}" if notice.level != "info" else notice.text)

@@ -1,0 +1,182 @@
+"""The command line: arguments -> settings -> what was asked for; exit codes.
+
+0: done. 1: something failed that should not have. 2: bad usage, told in one sentence.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+
+from gcs_mosaic.config import Config, load_config
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.flight.disk import DiskFull
+
+USAGE = """\
+gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
+       gcs-mosaic stitch DIR --out DIR                                  a folder of frames, without MAVLink
+       gcs-mosaic serve DIR | status DIR | export DIR --format FORMAT   a flight that was written before"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns its exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    command = COMMANDS.get(words[0]) if words else None
+    try:
+        command(words[1:]) if command else fly(words)
+    except UsageError as error:
+        print(f"gcs-mosaic: {error}", file=sys.stderr)
+        return 2
+    except DiskFull as error:
+        print(f"gcs-mosaic: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("gcs-mosaic: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def fly(words: Sequence[str]) -> None:
+    """The live flight."""
+    from gcs_mosaic import daemon
+
+    parser = _parser("gcs-mosaic", USAGE)
+    parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
+    parser.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
+    parser.add_argument("--from", dest="oldest", metavar="now|start|30m", help="how old a file may be at the start")
+    parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
+    _add_output(parser)
+    page = parser.add_mutually_exclusive_group()
+    page.add_argument("--http", metavar="HOST:PORT", help="where the page is served")
+    page.add_argument("--no-http", action="store_true", help="serve no page")
+    again = parser.add_mutually_exclusive_group()
+    again.add_argument("--resume", action="store_true", help="go on with the flight in --out")
+    again.add_argument("--new", action="store_true", help="a new flight, beside the one in --out")
+    given = parser.parse_args(words)
+    ending = daemon.Ending(stop=threading.Event(), hurry=threading.Event())
+    _end_on_signals(ending.stop, ending.hurry)
+    daemon.fly(_flight_config(given), Console(stderr=True), ending, resume=given.resume)
+
+
+def stitch(words: Sequence[str]) -> None:
+    """A folder of frames."""
+    from gcs_mosaic import batch
+
+    parser = _parser("gcs-mosaic stitch")
+    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
+    _add_output(parser)
+    given = parser.parse_args(words)
+    config = _config(given)
+    batch.stitch(given.frames, Path(config.out), config, Console())
+
+
+def serve(words: Sequence[str]) -> None:
+    """The page of a flight that is over, or that another program writes."""
+    from gcs_mosaic.flight.folder import find_flight
+    from gcs_mosaic.web.address import HttpAddress
+    from gcs_mosaic.web.server import WebServer
+
+    parser = _parser("gcs-mosaic serve")
+    parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
+    parser.add_argument("--http", metavar="HOST:PORT", default=Config().http, help="where the page is served")
+    given = parser.parse_args(words)
+    stop = threading.Event()
+    _end_on_signals(stop, stop)
+    server = WebServer(find_flight(given.flight), HttpAddress.parse(given.http))
+    print(f"the map is at {server.start()} (Ctrl-C ends)", flush=True)
+    while not stop.wait(1.0):
+        pass
+    server.stop()
+
+
+def status(words: Sequence[str]) -> None:
+    """What a running or ended flight says of itself."""
+    from gcs_mosaic.flight.status import read_status
+
+    parser = _parser("gcs-mosaic status")
+    parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    given = parser.parse_args(words)
+    print(read_status(given.flight, as_json=given.json))
+
+
+def export(words: Sequence[str]) -> None:
+    """A flight for other programs."""
+    from gcs_mosaic.flight import export as exports
+
+    parser = _parser("gcs-mosaic export")
+    parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
+    parser.add_argument("--format", choices=["png", "placements"], required=True)
+    parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or placements-export.json in DIR")
+    parser.add_argument("--island", type=int, metavar="N", help="which island; default: the largest")
+    parser.add_argument("--zoom", type=int, metavar="Z", help="level of the picture; default: the finest that fits")
+    given = parser.parse_args(words)
+    if given.format == "placements":
+        target = given.to or given.flight / "placements-export.json"
+        print(exports.export_placements(given.flight, target))
+    else:
+        target = given.to or given.flight / "mosaic.png"
+        print(exports.export_png(given.flight, target, island=given.island, level=given.zoom))
+
+
+COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
+    "stitch": stitch,
+    "serve": serve,
+    "status": status,
+    "export": export,
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> None:  # type: ignore[override]
+        raise UsageError(f"{message} (gcs-mosaic --help shows what there is)")
+
+
+def _parser(program: str, usage: str | None = None) -> argparse.ArgumentParser:
+    return _Parser(prog=program, usage=usage, allow_abbrev=False)
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", metavar="DIR", help="folder for the map (an earlier flight in it is left as it is)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
+
+
+def _config(given: argparse.Namespace) -> Config:
+    config = load_config(given.config) if given.config else Config()
+    return replace(config, out=given.out) if given.out else config
+
+
+def _flight_config(given: argparse.Namespace) -> Config:
+    """The settings file, overruled by what stands on the command line."""
+    from gcs_mosaic.frames.settings import parse_from
+
+    config = _config(given)
+    if given.mavlink:
+        config = replace(config, mavlink=tuple(given.mavlink))
+    if given.watch:
+        config = replace(config, watch=given.watch)
+    if given.oldest:
+        config = replace(config, frames=replace(config.frames, from_age_s=parse_from(given.oldest)))
+    if given.vehicle is not None:
+        config = replace(config, link=replace(config.link, vehicle=given.vehicle))
+    if given.http or given.no_http:
+        config = replace(config, http=None if given.no_http else given.http)
+    return config
+
+
+def _end_on_signals(stop: threading.Event, hurry: threading.Event) -> None:
+    """Ctrl-C and SIGTERM ask for the end; the second one for a quick one."""
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        (hurry if stop.is_set() else stop).set()
+
+    signal.signal(signal.SIGINT, ask)
+    signal.signal(signal.SIGTERM, ask)

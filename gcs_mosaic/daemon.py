@@ -1,0 +1,263 @@
+"""The loop of a live flight: what the sources bring goes in, one thread works it off, tiles and news go out."""
+
+from __future__ import annotations
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from rich.console import Console
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import DamagedFile, Frame, LinkReport, Notice, TriggerEvent
+from gcs_mosaic.flight.disk import DiskFull
+from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
+from gcs_mosaic.flight.records import FrameState
+from gcs_mosaic.flight.status import DaemonState, LastFrame, WatchStatus
+from gcs_mosaic.frames.directory import watch
+from gcs_mosaic.link.address import parse_address
+from gcs_mosaic.link.listener import VehicleChoice
+from gcs_mosaic.link.triggers import triggers
+from gcs_mosaic.logbook import Logbook
+from gcs_mosaic.pipeline import Done, Pipeline
+from gcs_mosaic.prepare import Preparation
+from gcs_mosaic.reporting import Reporter
+from gcs_mosaic.stitch.painted import TileKey
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.server import WebServer
+
+Item = TriggerEvent | Frame | DamagedFile | Notice | LinkReport
+
+T = TypeVar("T")
+
+WAIT_S = 0.2  # longest wait for anything before looking whether to stop
+IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
+STOP_S = 5.0  # for a source to end
+DISK_FULL_RETRY_S = 2.0
+DISK_FULL_SAID_S = 60.0  # a full disk is said again after so long
+INBOX = 10_000  # items; a full one makes the sources wait, and what comes over the network meanwhile waits in the kernel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a flight is ended: `stop` asks for it, `hurry` for leaving out what may be left out."""
+
+    stop: threading.Event
+    hurry: threading.Event
+
+
+def fly(config: Config, console: Console, ending: Ending, *, resume: bool = False) -> None:
+    """Run until told to stop. Raises UsageError before anything is written if it cannot start."""
+    watched, out = Path(config.watch), Path(config.out)
+    refuse_watching_ourselves(watched, out)
+    choice = VehicleChoice(config.link.vehicle)
+    with ExitStack() as stack:
+        # What can be refused comes first: ports and folders that are taken.
+        links = [triggers(parse_address(text), ending.stop, config.link, choice) for text in config.mavlink]
+        files = watch(watched, ending.stop, config.frames)
+        folder = open_flight_folder(out, resume=resume)
+        stack.callback(folder.close)
+        feed, page = _serve(config, folder, stack)
+        daemon = _Daemon(config, folder, console, ending, feed)
+        stack.callback(daemon.close)
+        daemon.say(Notice(source="out", level="info", text=folder.said))
+        if page:
+            daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
+        daemon.run([*links, files])
+
+
+def _serve(config: Config, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
+    feed = Feed()
+    if not config.http:
+        return feed, ""
+    server = WebServer(folder.path, HttpAddress.parse(config.http), feed)
+    page = server.start()
+    stack.callback(server.stop)
+    return feed, page
+
+
+class _Daemon:
+    def __init__(self, config: Config, folder: FlightFolder, console: Console, ending: Ending, feed: Feed) -> None:
+        self._config, self._ending = config, ending
+        self._inbox: queue.Queue[Item] = queue.Queue(INBOX)
+        self._pipeline = Pipeline(folder.path, config, self.say, self._published)
+        self._preparation = Preparation(config.stitch.features)
+        self._reporter = Reporter(folder.path, self._pipeline.flight, self._pipeline.ledger, console)
+        self._reporter.watch = WatchStatus(folder=config.watch, state="watching")
+        self._logbook = Logbook(self._pipeline.ledger, config.pairing)
+        self._feed = feed
+        self._came: dict[str, float] = {}  # when files were whole, by frame name
+        self._last_frame = 0.0
+        self._said_full = -math.inf
+        self._state: DaemonState = "listening"
+
+    def run(self, sources: Iterable[Iterator[Item]]) -> None:
+        """Work until told to stop, then finish."""
+        threads = [threading.Thread(target=self._pump, args=(source,), daemon=True) for source in sources]
+        for thread in threads:
+            thread.start()
+        while not self._ending.stop.is_set():
+            self._take_in(0.0 if self._has_work() else WAIT_S)
+            self._work()
+            self._logbook.tick(time.monotonic())
+            self._report()
+        for thread in threads:
+            thread.join(STOP_S)
+        self._finish()
+
+    def say(self, notice: Notice) -> None:
+        self._reporter.say(notice)
+
+    def close(self) -> None:
+        self._preparation.close()
+        self._pipeline.close()
+
+    # Taking in
+
+    def _pump(self, source: Iterator[Item]) -> None:
+        """A source's thread: everything it brings goes to the inbox."""
+        try:
+            for item in source:
+                self._put(item)
+        except Exception as error:  # a source that dies must not go unnoticed
+            self._put(Notice(source="daemon", level="error", text=f"a source has failed: {error!r}"))
+
+    def _put(self, item: Item) -> None:
+        while not self._ending.stop.is_set():
+            try:
+                return self._inbox.put(item, timeout=WAIT_S)
+            except queue.Full:
+                continue
+
+    def _take_in(self, timeout_s: float) -> None:
+        """Everything that is in the inbox; waits for a first item if there is none."""
+        try:
+            item = self._inbox.get(timeout=timeout_s) if timeout_s else self._inbox.get_nowait()
+            while True:
+                self._take(item)
+                item = self._inbox.get_nowait()
+        except queue.Empty:
+            return
+
+    def _take(self, item: Item) -> None:
+        match item:
+            case TriggerEvent():
+                self._until_it_fits(lambda: self._logbook.event(item))
+            case Frame():
+                self._until_it_fits(lambda: self._take_frame(item))
+            case DamagedFile():
+                self._until_it_fits(lambda: self._pipeline.accept_damaged(item))
+                self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
+            case Notice():
+                self.say(item)
+            case LinkReport():
+                self._reporter.link(item)
+
+    def _take_frame(self, found: Frame) -> None:
+        frame = self._pipeline.accept(found)
+        self._logbook.frame(found, time.monotonic())
+        self._last_frame = time.monotonic()
+        if frame is not None:
+            self._came[frame.name] = found.received
+            self._preparation.append(frame)
+
+    # Working off
+
+    def _has_work(self) -> bool:
+        return self._preparation.is_ready or self._repainting()
+
+    def _repainting(self) -> bool:
+        return not len(self._preparation) and self._pipeline.has_repaints
+
+    def _work(self) -> None:
+        """The newest frame first; repainting only when there is none."""
+        if self._preparation.is_ready:
+            prepared = self._preparation.next()
+            assert prepared is not None, "a frame that is ready is there"
+            done = self._pipeline.work_off(prepared)
+            done.seconds["write"] = self._until_it_fits(self._pipeline.save)
+            self._note_done(done)
+        elif self._repainting() and self._pipeline.repaint_some():
+            self._until_it_fits(self._pipeline.save)
+        elif self._is_idle() and self._state == "flying":
+            self._pipeline.adjust_all()
+            self._state = "idle"
+
+    def _is_idle(self) -> bool:
+        return not len(self._preparation) and time.monotonic() - self._last_frame > IDLE_AFTER_S
+
+    def _note_done(self, done: Done) -> None:
+        self._state = "flying"
+        latency = time.monotonic() - self._came.pop(done.name)
+        self._reporter.last_frame = LastFrame(
+            name=done.name,
+            outcome=done.state,
+            island=done.island,
+            utc=time.time(),
+            seconds_to_tile=latency if done.state is FrameState.PLACED else None,
+            reason=done.reason,
+        )
+        where = f" on island {done.island}" if done.island else ""
+        why = f" ({done.reason})" if done.reason else ""
+        self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
+
+    def _published(self, revision: int, tiles: Iterable[TileKey]) -> None:
+        self._feed.publish(revision, tiles)
+
+    def _until_it_fits(self, write: Callable[[], T]) -> T:
+        """Write; while the disk is full, say so and try again."""
+        while True:
+            try:
+                return write()
+            except DiskFull as full:
+                self._say_full(full)
+                if self._ending.stop.wait(DISK_FULL_RETRY_S) and self._ending.hurry.is_set():
+                    raise
+
+    # Ending
+
+    def _finish(self) -> None:
+        """Work off what has come, adjust and paint a last time, close the accounts."""
+        self._state = "settling"
+        self._take_in(0.0)
+        until = time.monotonic() + self._config.finish_s
+        self.say(Notice(source="daemon", level="info", text=self._farewell()))
+        while len(self._preparation) and self._may_go_on(until):
+            self._preparation.wait(WAIT_S)
+            self._work()
+            self._report()
+        for _ in self._pipeline.finish():
+            self._report()
+            if not self._may_go_on(until):
+                break
+        self._logbook.close(time.monotonic())
+        self._until_it_fits(self._pipeline.save)
+        self._state = "stopped"
+        self._report(now=True)
+
+    def _may_go_on(self, until: float) -> bool:
+        return not self._ending.hurry.is_set() and time.monotonic() < until
+
+    def _farewell(self) -> str:
+        left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
+        return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
+
+    # Saying
+
+    def _say_full(self, full: DiskFull) -> None:
+        if time.monotonic() - self._said_full > DISK_FULL_SAID_S:
+            self._said_full = time.monotonic()
+            self.say(Notice(source="disk", level="error", text=str(full)))
+        self._report(now=True)
+
+    def _report(self, *, now: bool = False) -> None:
+        self._reporter.write(
+            self._state, len(self._preparation), self._pipeline.revision, self._pipeline.accounts, now=now
+        )

@@ -1,0 +1,182 @@
+"""Decides what is painted when: new frames at once, frames that an adjustment has moved when there is time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.canvas import Canvas, CanvasSettings
+from gcs_mosaic.stitch.exposure import (
+    ExposureSettings,
+    Gain,
+    Observation,
+    OverlapMeans,
+    gain_beside,
+    overlap_means,
+    solve_gains,
+)
+from gcs_mosaic.stitch.geometry import Array, Camera, Pose, canvas_from_pixels, frame_border, pixels_from_canvas
+from gcs_mosaic.stitch.lattice import own_level
+from gcs_mosaic.stitch.mosaic import Placement
+from gcs_mosaic.stitch.painted import Painted, TileKey
+
+Image = NDArray[np.uint8]
+LoadImage = Callable[[str], Image | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaintSettings:
+    canvas: CanvasSettings = field(default_factory=CanvasSettings)
+    exposure: ExposureSettings = field(default_factory=ExposureSettings)
+    repaint_px: float = 1.0  # a frame is repainted when a corner is off by so many of its own pixels: a seam shows from there
+    final_px: float = 0.25  # the same at the end of a flight, when there is time
+    final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
+
+
+class Painter:
+    """The canvas, and what is to be painted on it.
+
+    `record(painted)` is called whenever a frame is painted or is to be painted otherwise, before its tiles change.
+    """
+
+    def __init__(
+        self, load_image: LoadImage, record: Callable[[Painted], None], settings: PaintSettings, scratch: Path | None = None
+    ) -> None:
+        self._settings = settings
+        self._record = record
+        self._load_image = load_image
+        self.canvas = Canvas(load_image, settings.canvas, scratch=scratch)
+        self._painted: dict[str, Painted] = {}
+        self._thumbnails: dict[str, Image] = {}
+        self._overlaps: list[tuple[str, str, OverlapMeans]] = []
+        self._stale: dict[str, Placement] = {}
+        self._repainting: Iterator[set[TileKey]] | None = None
+
+    @property
+    def has_repaints(self) -> bool:
+        """Whether some frames lie elsewhere than where they are painted, by more than is tolerated."""
+        return bool(self._stale) or self._repainting is not None or self.canvas.behind > 0
+
+    def is_painted(self, name: str) -> bool:
+        return name in self._painted
+
+    def paint_new(self, image: Image, thumbnail: Image, placement: Placement, order: int) -> set[TileKey]:
+        """Paint a frame for the first time; returns the tiles that look different now."""
+        self._thumbnails[placement.name] = thumbnail
+        painted = Painted(
+            name=placement.name,
+            order=order,
+            island=placement.island,
+            pose=placement.pose,
+            camera=placement.camera,
+            gain=self._gain_of(placement),
+            level=own_level(placement.pose, placement.camera),
+        )
+        self._note(painted)
+        return self.canvas.paint(image, painted)
+
+    def follow(self, placements: Iterable[Placement]) -> None:
+        """Take note of where painted frames lie now; those that moved too far wait for `repaint`."""
+        for placement in placements:
+            painted = self._painted.get(placement.name)
+            if painted is not None and _displacement(painted, placement) > self._settings.repaint_px:
+                self._stale[placement.name] = placement
+            else:
+                self._stale.pop(placement.name, None)
+
+    def repaint_some(self) -> set[TileKey] | None:
+        """A frame's worth of repainting; returns tiles that look different now, or None if all is as it should be."""
+        if self._repainting is None:
+            self._move(self._stale.values())
+            self._stale.clear()
+            self._repainting = self.canvas.repaint()
+        changed = next(self._repainting, None)
+        if changed is None:
+            self._repainting = None
+        return changed if changed is not None or not self._stale else set()
+
+    def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
+        """Bring everything to its final pose and brightness; yields tiles that look different now, frame by frame."""
+        self._stale.clear()
+        self._repainting = None
+        gains = self._final_gains()
+        for painted in list(self._painted.values()):
+            if _contrast(gains[painted.name], painted.gain) > self._settings.final_gain:
+                self._change(replace(painted, gain=gains[painted.name]))
+        self._move(p for p in placements if self._is_off(p, self._settings.final_px))
+        yield from self.canvas.repaint()
+
+    def close(self) -> None:
+        self.canvas.close()
+
+    def _is_off(self, placement: Placement, tolerance: float) -> bool:
+        painted = self._painted.get(placement.name)
+        return painted is not None and _displacement(painted, placement) > tolerance
+
+    def _move(self, placements: Iterable[Placement]) -> None:
+        for placement in placements:
+            painted = self._painted[placement.name]
+            view = (placement.pose, placement.camera)
+            level = own_level(*view)
+            self._change(replace(painted, island=placement.island, pose=view[0], camera=view[1], level=level))
+
+    def _change(self, painted: Painted) -> None:
+        self._note(painted)
+        self.canvas.move([painted])
+
+    def _note(self, painted: Painted) -> None:
+        self._record(painted)
+        self._painted[painted.name] = painted
+
+    def _gain_of(self, placement: Placement) -> Gain:
+        """The brightness that fits the painted frames which this one overlaps."""
+        beside: list[tuple[OverlapMeans, Gain]] = []
+        for name in placement.neighbours:
+            painted = self._painted.get(name)
+            if painted is not None and painted.island == placement.island:
+                means = self._overlap(placement, painted)
+                if means is not None:
+                    self._overlaps.append((placement.name, name, means))
+                    beside.append((means, painted.gain))
+        return gain_beside(beside, self._settings.exposure)
+
+    def _overlap(self, placement: Placement, painted: Painted) -> OverlapMeans | None:
+        small_i, small_j = self._thumbnails[placement.name], self._thumbnails[painted.name]
+        scale_i = placement.camera.width / small_i.shape[1]
+        scale_j = painted.camera.width / small_j.shape[1]
+
+        def j_from_i(pixels: Array) -> Array:
+            places = canvas_from_pixels(placement.pose, placement.camera, (pixels + 0.5) * scale_i - 0.5)
+            return (pixels_from_canvas(painted.pose, painted.camera, places) + 0.5) / scale_j - 0.5
+
+        return overlap_means(small_i, small_j, j_from_i)
+
+    def _final_gains(self) -> dict[str, Gain]:
+        names = {name: i for i, name in enumerate(self._painted)}
+        seen: list[Observation] = [(names[i], names[j], means) for i, j, means in self._overlaps]
+        return dict(zip(names, solve_gains(len(names), seen, self._settings.exposure), strict=True))
+
+
+def _displacement(painted: Painted, placement: Placement) -> float:
+    """How far the frame's worst corner is painted from where it should be, in the frame's own pixels."""
+    if painted.island != placement.island:
+        return np.inf
+    if (painted.pose, painted.camera) == (placement.pose, placement.camera):
+        return 0.0
+    there = _corners(painted.pose, painted.camera)
+    here = _corners(placement.pose, placement.camera)
+    off = np.linalg.norm(there - here, axis=1) / np.exp(placement.pose.log_gsd)
+    return float(np.nanmax(off)) if np.isfinite(off).any() else np.inf
+
+
+def _corners(pose: Pose, camera: Camera) -> Array:
+    """Canvas places of the frame's corners and its middle, (5, 2); NaN above the horizon."""
+    return canvas_from_pixels(pose, camera, np.concatenate([frame_border(camera, 1), camera.centre[None]]))
+
+
+def _contrast(gain: Gain, other: Gain) -> float:
+    return float(np.abs(np.log(np.array(gain) / np.array(other))).max())

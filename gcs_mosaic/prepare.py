@@ -1,0 +1,103 @@
+"""What can be done with a frame before it is its turn: decoding and finding features, a few frames ahead, on other cores."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.events import Frame
+from gcs_mosaic.frames.load import Unreadable, load_frame
+from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
+
+Image = NDArray[np.uint8]
+
+THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
+AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 MP
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A frame with its pixels (h, w, 3), features and thumbnail; `seconds` it took to decode and to find features."""
+
+    frame: Frame
+    image: Image
+    features: Features
+    thumbnail: Image
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Unprepared:
+    """A frame whose picture cannot be read, and why."""
+
+    frame: Frame
+    reason: str
+
+
+def prepare(frame: Frame, settings: FeatureSettings) -> Prepared | Unprepared:
+    """Decode a frame and find its features."""
+    start = time.perf_counter()
+    image = load_frame(frame)
+    if isinstance(image, Unreadable):
+        return Unprepared(frame, image.reason)
+    decoded = time.perf_counter()
+    features = extract(image, settings)
+    seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
+    return Prepared(frame, image, features, thumbnail(image), seconds)
+
+
+def thumbnail(image: Image) -> Image:
+    """A copy (h, w, 3) that is `THUMBNAIL_WIDTH` wide, or the image itself if it is no wider."""
+    if image.shape[1] <= THUMBNAIL_WIDTH:
+        return image
+    height = max(1, round(image.shape[0] * THUMBNAIL_WIDTH / image.shape[1]))
+    return np.asarray(cv2.resize(image, (THUMBNAIL_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+class Preparation:
+    """Frames in a row, the first few of them prepared ahead."""
+
+    def __init__(self, settings: FeatureSettings) -> None:
+        self._settings = settings
+        self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
+        self._ahead: deque[Future[Prepared | Unprepared]] = deque()
+        self._behind: deque[Frame] = deque()
+
+    def __len__(self) -> int:
+        return len(self._ahead) + len(self._behind)
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the first frame of the row can be taken without waiting."""
+        return bool(self._ahead) and self._ahead[0].done()
+
+    def append(self, frame: Frame) -> None:
+        """Put a frame at the end of the row."""
+        self._behind.append(frame)
+        self._fill()
+
+    def next(self) -> Prepared | Unprepared | None:
+        """The first frame of the row, taken from it as soon as it is ready; None if the row is empty."""
+        if not self._ahead:
+            return None
+        prepared = self._ahead.popleft().result()
+        self._fill()
+        return prepared
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until the first frame of the row is ready, but not longer than this."""
+        wait(list(self._ahead)[:1], timeout_s)
+
+    def close(self) -> None:
+        """Stop; frames still in the row stay where they came from."""
+        self._pool.shutdown(cancel_futures=True)
+
+    def _fill(self) -> None:
+        while self._behind and len(self._ahead) < AHEAD:
+            self._ahead.append(self._pool.submit(prepare, self._behind.popleft(), self._settings))

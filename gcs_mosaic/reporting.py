@@ -1,0 +1,76 @@
+"""What the operator hears and sees of a running flight: lines in the terminal, notices in the ledger, status.json."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from gcs_mosaic.events import LinkReport, Notice
+from gcs_mosaic.flight.disk import DiskFull
+from gcs_mosaic.flight.documents import write_json
+from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.records import Accounts, FlightRecord, NoticeRecord
+from gcs_mosaic.flight.status import DaemonState, LastFrame, LinkStatus, Status, WatchStatus, status_document
+
+STATUS_EACH_S = 1.0
+NOTICES_SHOWN = 20
+STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
+
+
+class Reporter:
+    """Says things aloud and keeps status.json up to date. A full disk never stops it."""
+
+    def __init__(self, out: Path, flight: FlightRecord, ledger: Ledger, console: Console) -> None:
+        self._path = out / "status.json"
+        self._flight, self._ledger, self._console = flight, ledger, console
+        self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
+        self._written = 0.0
+        self._links: dict[str, LinkStatus] = {}
+        self.watch: WatchStatus | None = None
+        self.last_frame: LastFrame | None = None
+
+    def say(self, notice: Notice) -> None:
+        """Tell the operator, and remember that it was told."""
+        now = time.time()
+        self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
+        self.line(notice.text, STYLES[notice.level])
+        with suppress(DiskFull):
+            self._ledger.record_notice(notice, now)
+
+    def line(self, text: str, style: str = "") -> None:
+        """One line in the terminal, with the time of day."""
+        self._console.print(f"{datetime.now():%H:%M:%S} {escape(text)}", style=style, highlight=False, soft_wrap=True)
+
+    def link(self, report: LinkReport) -> None:
+        """How a link is."""
+        self._links[report.address] = LinkStatus(
+            address=report.address, state=report.state, last_heard_utc=report.last_heard_utc
+        )
+
+    def write(self, state: DaemonState, queue: int, revision: int, accounts: Callable[[], Accounts], *, now: bool = False) -> None:
+        """Write status.json, but not more often than is useful."""
+        if not now and time.monotonic() - self._written < STATUS_EACH_S:
+            return
+        status = Status(
+            flight=self._flight.name,
+            state=state,
+            updated_utc=time.time(),
+            started_utc=self._flight.started_utc,
+            revision=revision,
+            mavlink=tuple(self._links.values()),
+            watch=self.watch,
+            frames_in_queue=queue,
+            last_frame=self.last_frame,
+            accounts=accounts(),
+            notices=tuple(self._notices),
+        )
+        with suppress(DiskFull):
+            write_json(self._path, status_document(status))
+        self._written = time.monotonic()
