@@ -22,13 +22,13 @@ RED, GREEN, BLUE = (0, 0, 255), (0, 200, 0), (255, 0, 0)
 
 
 class SmallFlight:
-    """Writes what a daemon writes, four tiles wide and high at level 16."""
+    """Writes what a daemon writes, two tiles wide and high at level 16."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self.manifest = Manifest(root)
         self.estimates: list[Estimate] = []
-        self.islands = [IslandEntry(id=0, bounds=(0, 0, 1024, 1024), minzoom=14, maxzoom=16, frames=1)]
+        self.islands = [IslandEntry(id=0, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=1)]
 
     def paint(self, tile: Tile, colour: tuple[int, int, int], island: int = 0) -> None:
         path = self.root / "tiles" / str(island) / str(tile.z) / str(tile.x) / f"{tile.y}.jpg"

@@ -67,7 +67,7 @@ def test_tiles_are_shown_and_exchanged_when_told(page: Page, url: str, feed: Fee
     for tile in (first, beside, far):
         flight.paint(tile, RED)
     flight.place("a.jpg", 128, 128)
-    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 1000, 700), minzoom=14, maxzoom=16, frames=1)]
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 800, 512), minzoom=14, maxzoom=16, frames=1)]
     feed.publish(flight.write(), [(0, first)])
     flight.status()
     page.open(url)
@@ -149,7 +149,7 @@ def test_empty_page_says_what_is_waited_for(page: Page, url: str, flight: SmallF
     flight.status(state="listening", last_frame=None)
     page.open(url)
     page.wait_for(f"{TEXT}.includes('No frame yet') && {TEXT}.includes('udp:14550')")
-    page.wait_for(f"{TEXT}.includes('Listening') && {TEXT}.includes('Frames from frames: watching')")
+    page.wait_for(f"{TEXT}.includes('Listening') && {TEXT}.includes('Watching frames: no frame')")
 
 
 def test_silent_daemon_is_not_shown_as_flying(page: Page, url: str, flight: SmallFlight) -> None:

@@ -15,7 +15,7 @@ const CANVAS = L.extend({}, L.CRS.Simple, {
 
 export class MosaicMap {
   constructor() {
-    this.map = L.map("map", { crs: CANVAS, attributionControl: false, zoomSnap: 0.5, zoomControl: false, minZoom: 0 });
+    this.map = L.map("map", { crs: CANVAS, attributionControl: false, zoomControl: false, zoomSnap: 0.5, minZoom: 0 });
     L.control.zoom({ position: "bottomright" }).addTo(this.map);
     this.layer = null;
     this.outline = null;
@@ -32,6 +32,9 @@ export class MosaicMap {
     this.map.on("dragstart", () => this.setMode("free"));
     this.map.on("zoomstart", () => this.mode === "all" && !this.movedByUs && this.setMode("free"));
     this.map.on("resize", () => this.keepInView());
+    this.map.on("viewreset zoomend", () => this.closeHairlines());
+    // The map also changes its size when notices come or the alarm goes, which Leaflet does not see by itself.
+    new ResizeObserver(() => this.map.invalidateSize({ animate: false })).observe(this.map.getContainer());
     for (const mode of ["all", "newest"]) {
       document.getElementById(mode).onclick = () => this.setMode(this.mode === mode ? "free" : mode);
     }
@@ -102,6 +105,11 @@ export class MosaicMap {
     this.layer.addTo(this.map);
   }
 
+  /** Between whole zoom levels a browser leaves hairlines between tiles; they then overlap a little (see viewer.css). */
+  closeHairlines() {
+    this.map.getContainer().classList.toggle("between-levels", this.map.getZoom() % 1 !== 0);
+  }
+
   keepInView() {
     if (!this.layer) return;
     if (this.mode === "all") this.look(this.bounds);
@@ -116,7 +124,7 @@ export class MosaicMap {
 
   look(bounds) {
     this.movedByUs = true;
-    this.map.fitBounds(bounds, { animate: false, padding: [24, 24] });
+    this.map.fitBounds(bounds, { animate: false, padding: [12, 12] });
     this.movedByUs = false;
   }
 

@@ -1,4 +1,5 @@
 // The status strip, the alarm, the notices and the empty map's text. It never shows old numbers as if they were new.
+// Red is kept for what must not be overlooked: that the page itself cannot be trusted. Losses are yellow.
 
 import { ageOf } from "/viewer/server.js";
 
@@ -71,8 +72,8 @@ function showCounts(status, mosaic) {
 function frameCounts({ placed, waiting, rejected, damaged, dropped }) {
   return [
     ["Frames placed", placed, "good"],
-    ["Waiting", waiting, waiting ? "warn" : ""],
-    ["Rejected", rejected, rejected ? "bad" : ""],
+    ["Waiting", waiting, ""],
+    ["Rejected", rejected, rejected ? "warn" : ""],
     ...seldom([["Damaged", damaged], ["Dropped", dropped]]),
   ];
 }
@@ -80,19 +81,19 @@ function frameCounts({ placed, waiting, rejected, damaged, dropped }) {
 function eventCounts({ matched, missing, failed }) {
   return [
     ["Triggers matched", matched, ""],
-    ["Missing", missing, missing ? "bad" : ""],
+    ["Frames missing", missing, missing ? "warn" : ""],
     ...seldom([["Failed", failed]]),
   ];
 }
 
 /** Bad news that takes room only when there is some. */
 function seldom(entries) {
-  return entries.filter(([, count]) => count).map(([label, count]) => [label, count, "bad"]);
+  return entries.filter(([, count]) => count).map(([label, count]) => [label, count, "warn"]);
 }
 
 function lastFrame({ state, last_frame: last }) {
   const when = state === "stopped" ? clock(last.time) : `${duration(ageOf(last.time))} ago`;
-  return ["Last frame", when, last.outcome === "rejected" ? "bad" : "", `${last.name}: ${last.reason ?? last.outcome}`];
+  return ["Last frame", when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}`];
 }
 
 function countOf([label, value, kind, title]) {
@@ -119,9 +120,14 @@ function showEmpty(empty, status, { title, detail }) {
   if (!empty) return;
   const links = (status?.mavlink ?? []).map(({ address, state, last_heard: heard }) =>
     `MAVLink on ${address}: ${heard ? `heard ${duration(ageOf(heard))} ago` : state === "failed" ? "failed" : "nothing heard yet"}`);
-  const watch = status?.watch ? [`Frames from ${status.watch.folder}: ${status.watch.state}, none has come yet`] : [];
+  const watch = status?.watch ? [watchLine(status.watch)] : [];
   const lines = links.length || watch.length ? [...links, ...watch] : [`${title}: ${detail}`];
   byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", line)));
+}
+
+function watchLine({ folder, state }) {
+  if (state === "watching") return `Watching ${folder}: no frame has come yet`;
+  return state === "missing" ? `The folder ${folder} is missing` : `${folder} has ended`;
 }
 
 function element(name, text) {
