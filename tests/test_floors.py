@@ -16,7 +16,7 @@ ALLOWED = {
     "stitch": {"stitch"},
     "link": {"link", "events", "errors"},
     "frames": {"frames", "events", "errors"},
-    "pairing": {"events", "errors"},
+    "pairing": {"pairing", "link", "events", "errors"},
     "flight": {"flight", "stitch", "events", "errors"},
     "web": {"web", "flight", "stitch", "events", "errors"},
     "config": {"link", "frames", "pairing", "flight", "web", "stitch", "errors", "events"},

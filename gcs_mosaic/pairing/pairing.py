@@ -1,0 +1,170 @@
+"""Which event announced which frame. An event is a hint, not a gate: no frame ever waits for one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from gcs_mosaic.events import CaptureResult, Frame, TriggerEvent
+from gcs_mosaic.link.clock import SourceClocks
+from gcs_mosaic.link.counters import StreamKey
+from gcs_mosaic.pairing.learnt import Learnt
+from gcs_mosaic.pairing.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
+from gcs_mosaic.pairing.search import Search
+from gcs_mosaic.pairing.settings import PairingSettings
+from gcs_mosaic.pairing.shelves import HeldEvent, HeldFrame, Shelf, State, number_in
+
+
+class Pairing:
+    """Matches by file name, by counters, by times, in that order of trust; see `accounts` for what became of all.
+
+    Each event has an id of the caller's own, each frame its name; both must be new. Every call returns what it
+    brought about, in order.
+    """
+
+    def __init__(self, settings: PairingSettings | None = None) -> None:
+        self._settings = settings or PairingSettings()
+        self._clocks = SourceClocks()
+        self._learnt = Learnt(self._settings.window_s)
+        self._events: Shelf[HeldEvent] = Shelf(self._settings.remembered)
+        self._frames: Shelf[HeldFrame] = Shelf(self._settings.remembered)
+        self._search = Search(self._events, self._frames, self._learnt, self._settings)
+        self._states: Counter[State] = Counter()
+        self._duplicates = self._frames_seen = 0
+
+    def event(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
+        """A new shot (`ShotMerger` says which events are)."""
+        if next(self._events.under(("id", event_id)), None):
+            raise ValueError(f"event {event_id} was told before")
+        held = HeldEvent(event_id, event, self._clocks.moment(event), now)
+        self._states[State.PENDING] += 1
+        self._events.put(held, [("id", event_id)])
+        return [*self._look_at(held, event), *self._give_up_oldest()]
+
+    def improve(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
+        """A better witness of a shot that was told before; the message itself counts as a duplicate."""
+        self._duplicates += 1
+        held = next(self._events.under(("id", event_id)), None)
+        return list(self._look_at(held, event)) if held else []
+
+    def duplicate(self) -> None:
+        """A message that tells nothing new."""
+        self._duplicates += 1
+
+    def frame(self, frame: Frame, now: float, *, fresh: bool = True) -> list[Outcome]:
+        """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: no time tells
+        when it was taken, so only a name can match it."""
+        if next(self._frames.under(("frame", frame.name)), None):
+            raise ValueError(f"frame {frame.name} came before")
+        self._frames_seen += 1
+        held = HeldFrame(frame, number_in(frame.path.name), fresh)
+        name = frame.path.name
+        self._frames.put(held, [("frame", frame.name), name, ("folded", name.casefold()), ("number", held.number)])
+        self._frames.overflow()
+        found = list(self._find_event(held)) or [Orphan(frame)]
+        return [*found, *self._check_counters(held)]
+
+    def tick(self, now: float) -> list[Outcome]:
+        """Time has passed."""
+        due = [
+            held
+            for held in self._events.oldest_first()
+            if held.state is State.PENDING and now - held.since >= self._settings.missing_after_s
+        ]
+        return [self._missing(held) for held in due]
+
+    def close(self) -> list[Outcome]:
+        """Nothing more will come: what is pending is missing."""
+        return [self._missing(held) for held in self._events.oldest_first() if held.state is State.PENDING]
+
+    def accounts(self) -> Accounts:
+        """The sums; they always close."""
+        states = {state.value: self._states[state] for state in State}
+        orphans = self._frames_seen - self._states[State.MATCHED]
+        return Accounts(**states, duplicate=self._duplicates, orphans=orphans)
+
+    def _look_at(self, held: HeldEvent, event: TriggerEvent) -> Iterator[Outcome]:
+        """What one witness says of a shot."""
+        self._note(held, event)
+        if held.state is State.FAILED:  # no picture is no picture, whatever another witness saw
+            return
+        if event.result is CaptureResult.FAILED:
+            yield from self._release(held)
+            self._move(held, State.FAILED)
+            yield Failed(held.id, event)
+            return
+        yield from self._find_frame(held)
+
+    def _note(self, held: HeldEvent, event: TriggerEvent) -> None:
+        held.event = event
+        if event.sequence is not None:
+            stream = StreamKey(event.vehicle, event.component, event.camera, event.source)
+            held.counts.append((stream, event.sequence))
+            self._events.put(held, [(stream, event.sequence)])
+        if event.file_hint:
+            held.hints.append(event.file_hint)
+            self._events.put(held, [event.file_hint, ("folded", event.file_hint.casefold())])
+
+    def _find_frame(self, held: HeldEvent) -> Iterator[Outcome]:
+        if frame := self._search.named(held):
+            yield from self._match(held, frame, How.NAME)
+        elif held.open:
+            if frame := self._search.numbered(held):
+                yield from self._match(held, frame, How.SEQUENCE)
+            elif frame := self._search.frame_by_time(held):
+                yield from self._match(held, frame, How.TIME)
+
+    def _find_event(self, held: HeldFrame) -> Iterator[Outcome]:
+        if event := self._search.naming(held):
+            yield from self._match(event, held, How.NAME)
+        elif event := self._search.counting(held):
+            yield from self._match(event, held, How.SEQUENCE)
+        elif event := self._search.event_by_time(held):
+            yield from self._match(event, held, How.TIME)
+
+    def _check_counters(self, held: HeldFrame) -> Iterator[Outcome]:
+        """Let the times say whether the counters still go together; if they have moved, look again."""
+        if held.event and held.event.how is not How.SEQUENCE:  # the match itself has told
+            return
+        nearest, before = self._search.clearly_nearest(held), dict(self._learnt.offsets())
+        if nearest:
+            self._learnt.vote(nearest, held)
+        if dict(self._learnt.offsets()) != before:
+            for event in [event for event in self._events.oldest_first() if event.open]:
+                yield from self._find_frame(event)
+
+    def _match(self, event: HeldEvent, frame: HeldFrame, how: How) -> Iterator[Outcome]:
+        robbed, freed = frame.event, event.frame
+        if robbed:
+            yield from self._release(robbed)
+        yield from self._release(event)
+        event.frame, event.how, frame.event = frame, how, event
+        self._move(event, State.MATCHED)
+        self._learnt.matched(event, frame, how)
+        yield Matched(event.id, event.event, frame.frame, how)
+        if robbed:
+            yield from self._find_frame(robbed)
+        if freed and not freed.event:
+            yield from self._find_event(freed)
+
+    def _release(self, held: HeldEvent) -> Iterator[Outcome]:
+        if held.frame:
+            frame, held.frame, held.how = held.frame, None, None
+            frame.event = None
+            self._move(held, State.PENDING)
+            yield Unmatched(held.id, frame.frame)
+
+    def _missing(self, held: HeldEvent) -> Missing:
+        self._move(held, State.MISSING)
+        return Missing(held.id, held.event)
+
+    def _move(self, held: HeldEvent, state: State) -> None:
+        self._states[held.state] -= 1
+        self._states[state] += 1
+        held.state = state
+
+    def _give_up_oldest(self) -> list[Outcome]:
+        given_up = self._events.overflow()
+        for held in given_up:
+            held.how = How.NAME  # what is no longer remembered cannot be undone
+        return [self._missing(held) for held in given_up if held.state is State.PENDING]
