@@ -39,7 +39,7 @@ def stand_in(folder: Path, manner: str) -> Program:
 
 @pytest.fixture(autouse=True)
 def _short_waits() -> Iterator[None]:
-    with patch.multiple(sitl.program, START_TIMEOUT=5.0, STALL_TIMEOUT=0.6, STOP_TIMEOUT=1.0):
+    with patch.multiple(sitl.program, START_TIMEOUT=20.0, STALL_TIMEOUT=2.0, STOP_TIMEOUT=1.0):
         yield
     patch.stopall()
 

@@ -93,3 +93,4 @@ def test_noise_has_equal_strength_in_every_octave() -> None:
     assert abs(field.mean()) < 1e-3
     assert abs(field.std() - 1) < 1e-3
     assert max(bands) < 2 * min(bands)
+    assert np.std(field - blurred[1]) > 1.5 * max(bands), "and down to the finest pixel"
