@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import time
 from dataclasses import asdict, dataclass, field
-from typing import Literal
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.documents import FORMAT, Document, finite, iso_utc
+from gcs_mosaic.flight.folder import find_flight
 from gcs_mosaic.flight.records import Accounts, NoticeRecord
+
+HUNG_AFTER_S = 8.0  # a running daemon writes its status each two seconds or more often
 
 # listening: no frame yet; flying: frames come; idle: none for a while; settling: the last frames and the final
 # painting; stopped: everything is written.
@@ -97,3 +105,76 @@ def last_frame_entry(frame: LastFrame) -> Document:
 
 def notice_entry(notice: NoticeRecord) -> Document:
     return {"time": iso_utc(notice.utc), "source": notice.source, "level": notice.level, "text": notice.text}
+
+
+def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = None) -> str:
+    """What a flight's folder says of itself, for people or (the document as it is) as JSON. Raises UsageError."""
+    path = find_flight(flight) / "status.json"
+    try:
+        document = json.loads(path.read_bytes())
+        if as_json:
+            return json.dumps(document, indent=2)
+        return "\n".join(harmless(line) for line in status_lines(document, now_utc or time.time()))
+    except FileNotFoundError as error:
+        raise UsageError(
+            f"{path} does not exist: the flight was written without one, open mosaic.json instead"
+        ) from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{path} is not a status that this gcs-mosaic can read ({error!r}): update gcs-mosaic"
+        ) from error
+
+
+def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
+    """The document of `status_document` for people, a line for each thing."""
+    age = now_utc - datetime.fromisoformat(document["updated"]).timestamp()
+    hangs = age > HUNG_AFTER_S and document["state"] != "stopped"
+    warning = [f"nothing was written for {age:.0f} s: the program was killed or hangs"] if hangs else []
+    last = document["last_frame"]
+    return [
+        f"{document['flight']}: {document['state']}, revision {document['revision']}, {document['updated']}",
+        *warning,
+        f"frames: {counted(document['frames'])}; {document['frames_in_queue']} in the queue",
+        f"triggers: {counted(document['events'])}",
+        *([f"last frame: {last['name']}, {last['outcome']} at {last['time']}"] if last else []),
+        *[f"MAVLink {link['address']}: {link['state']}" for link in document["mavlink"]],
+        *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
+    ]
+
+
+def counted(account: dict[str, int]) -> str:
+    """The states of an account that hold anything."""
+    return ", ".join(f"{count} {state}" for state, count in account.items() if count) or "none yet"
+
+
+def read_status(flight: Path, *, as_json: bool = False) -> str:
+    """What a flight's status.json says, for a terminal. Raises UsageError if there is none that can be read."""
+    try:
+        text = (flight / "status.json").read_text(encoding="utf-8")
+        document = json.loads(text)
+        return text if as_json else _in_words(document)
+    except OSError as error:
+        raise UsageError(
+            f"{flight} has no status.json ({error.strerror}): name the output folder of a live flight"
+        ) from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{flight / 'status.json'} is not a status of gcs-mosaic ({error!r})") from None
+
+
+def _in_words(document: Document) -> str:
+    updated = datetime.fromisoformat(str(document["updated"]))
+    age = (datetime.now(UTC) - updated).total_seconds()
+    stale = f" - but that was {age:.0f} s ago" if document["state"] != "stopped" and age > STALE_S else ""
+    lines = [f"{document['flight']}: {document['state']}{stale}"]
+    for account in ("frames", "events"):
+        counts = cast("dict[str, int]", document[account])
+        told = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+        lines.append(f"{account}: {told or 'none'}")
+    for notice in cast("list[dict[str, str]]", document["notices"])[-5:]:
+        lines.append(f"  {notice['time'][11:19]} {notice['text']}")
+    return "\n".join(lines)
+
+
+def harmless(line: str) -> str:
+    """Without what would steer a terminal; the names of files come from outside."""
+    return "".join(letter if letter.isprintable() else "?" for letter in line)

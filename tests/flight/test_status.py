@@ -1,9 +1,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
+import pytest
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.records import Accounts, EventAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, LinkStatus, Status, WatchStatus, status_document
+from gcs_mosaic.flight.status import LastFrame, LinkStatus, Status, WatchStatus, read_status, status_document
 
 STATUS = Status(
     flight="today",
@@ -31,3 +37,42 @@ def test_daemon_that_has_seen_nothing_has_a_document() -> None:
     document = status_document(Status(flight="f", state="listening", updated_utc=0.0, started_utc=0.0))
     assert document["last_frame"] is None
     assert document["watch"] is None
+
+
+def written(folder: Path, status: Status) -> Path:
+    (folder / "mosaic.json").write_text("{}")
+    write_json(folder / "status.json", status_document(status))
+    return folder
+
+
+def test_status_is_read_for_people(tmp_path: Path) -> None:
+    text = read_status(written(tmp_path, STATUS), now_utc=STATUS.updated_utc + 1)
+    assert text.startswith("today: flying, revision 0")
+    assert "triggers: 1 missing" in text
+    assert "MAVLink udp:14550: heard" in text
+    assert "killed" not in text
+
+
+def test_killed_daemon_is_not_read_as_flying_on(tmp_path: Path) -> None:
+    ended = replace(STATUS, state="stopped")
+    assert "nothing was written for 100 s" in read_status(written(tmp_path, STATUS), now_utc=STATUS.updated_utc + 100)
+    assert "nothing was" not in read_status(written(tmp_path, ended), now_utc=STATUS.updated_utc + 100)
+
+
+def test_file_names_cannot_steer_the_terminal(tmp_path: Path) -> None:
+    hostile = replace(STATUS, flight="a\x1b[2Jb\nfake line")
+    assert "a?[2Jb?fake line" in read_status(written(tmp_path, hostile))
+
+
+def test_status_as_json_is_the_document(tmp_path: Path) -> None:
+    assert json.loads(read_status(written(tmp_path, STATUS), as_json=True)) == status_document(STATUS)
+
+
+def test_status_that_cannot_be_read_is_a_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "mosaic.json").write_text("{}")
+    with pytest.raises(UsageError, match="does not exist"):
+        read_status(tmp_path)
+    for nonsense in ("[", "[]", '{"updated": 5}'):
+        (tmp_path / "status.json").write_text(nonsense)
+        with pytest.raises(UsageError, match="is not a status"):
+            read_status(tmp_path)

@@ -73,6 +73,11 @@ export class MosaicMap {
     this.layer.refresh(revision, ours ? affectedBy(ours) : () => true);
   }
 
+  /** Whatever single exchanges may have missed: done at rest, when the flight's state changes. */
+  refreshAll() {
+    this.layer?.refresh(this.revision, () => true);
+  }
+
   islands() {
     return this.mosaic.islands.filter((island) => island.merged_into === undefined);
   }

@@ -38,7 +38,9 @@ function startAfreshForAnotherFlight(mosaic) {
 
 async function readStatus() {
   await connection.attempt(async () => {
-    known.status = await fetchDocument("/status.json");
+    const status = await fetchDocument("/status.json");
+    if (known.status && known.status.state !== status?.state) map.refreshAll();
+    known.status = status;
   });
   show();
   setTimeout(readStatus, STATUS_EVERY_MS);
