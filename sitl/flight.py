@@ -9,14 +9,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict, Unpack
 
+import numpy as np
+
 from sitl.camera import Camera, Scene
-from sitl.geometry import CameraState
+from sitl.geometry import CameraState, Lens, ground_from_pixels
 from sitl.path import SCENARIOS, Plan, fly
-from sitl.truth import Truth, true_frame, write
+from sitl.truth import Truth, counting, grid_of, true_frame, write
 from sitl.world import make_world
 
 WORKERS = 2
 AHEAD = 4  # pictures rendered before they are wanted: about 2 MB
+GSD = 0.1  # metres per pixel of the ground's picture
+WORLD_SIZES = (2048, 4096, 6144, 8192, 12288, 16384, 24576)  # 6144 is painted in 7 s, 12288 in half a minute and 1.2 GB
 PER_FOLDER = 999  # cameras begin a new folder after so many pictures
 
 
@@ -50,8 +54,7 @@ class Options(TypedDict, total=False):
 
     seed: of the ground, the wind and the noise. cache: a folder in which painted worlds are kept. relief: share of the
     heights that is seen, 0 for a plane. camera: its lens keeps focal and k1, its size gives way. world_size: pixels of
-    0.1 m, a multiple of 1024; the default serves up to about 60 frames at 100 m, 12288 serves 3,000 of 640x480 at 50 m.
-    route: frames, height, overlaps; its seed gives way.
+    0.1 m; without it the smallest of WORLD_SIZES that holds the flight. route: frames, height, overlaps; its seed gives way.
     """
 
     seed: int
@@ -63,16 +66,32 @@ class Options(TypedDict, total=False):
 
 
 def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[Options]) -> Flight:
-    """A flight of a named scenario with pictures of `size` (width, height), not yet rendered. ValueError if there is none."""
+    """A flight of a named scenario with pictures of `size` (width, height), not yet rendered. ValueError if there is none,
+    or none so large as to hold it."""
     if scenario not in SCENARIOS:
         raise ValueError(f"{scenario!r} is no scenario; there are {', '.join(SCENARIOS)}")
     seed = options.get("seed", 1)
     camera = options.get("camera", Camera())
     camera = replace(camera, lens=replace(camera.lens, width=size[0], height=size[1]))
-    world = make_world(seed, options.get("world_size", 6144), cache=options.get("cache"))
-    scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed)
     states = fly(scenario, camera.lens, replace(options.get("route", Plan()), seed=seed))
+    world_size = options.get("world_size") or world_size_for(states, camera.lens)
+    world = make_world(seed, world_size, cache=options.get("cache"))
+    scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed)
     return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states))))
+
+
+def world_size_for(states: list[CameraState], lens: Lens) -> int:
+    """Pixels of GSD along the side of the smallest world that holds all ground that counts."""
+    grid, reach = grid_of(lens), 0.0
+    for state in states:
+        counts = counting(lens, state, grid)
+        reach = max(reach, float(np.abs(ground_from_pixels(lens, state, grid[counts])).max(initial=0.0)))
+    for size in WORLD_SIZES:
+        if reach < size * GSD / 2:
+            return size
+    raise ValueError(
+        f"the flight reaches {reach:.0f} m from its middle, the largest world {size * GSD / 2:.0f} m: fly lower"
+    )
 
 
 def make(scenario: str, folder: Path, size: tuple[int, int] = (1000, 750), **options: Unpack[Options]) -> Flight:

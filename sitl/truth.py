@@ -47,20 +47,24 @@ def true_frame(scene: Scene, state: CameraState, name: str) -> TrueFrame:
     lens = scene.camera.lens
     grid = grid_of(lens)
     ground = scene.ground_from_pixels(state, grid)
-    coarseness = resolution(lens, state, grid)
-    with np.errstate(invalid="ignore"):
-        used = (coarseness <= COARSEST * np.nanmin(coarseness)) & scene.world.contains(ground)
-    middle = resolution(lens, state, np.array([lens.centre]))[0]
+    coarseness = resolution(lens, state, np.concatenate([grid, [lens.centre]]))
     heights = scene.surface(ground[:, 0], ground[:, 1]) if scene.relief else 0 * ground[:, 0]
     return TrueFrame(
         name=name,
-        gsd=float(np.fmin(middle, COARSEST * np.nanmin(coarseness))),
+        gsd=float(np.fmin(coarseness[-1], COARSEST * np.nanmin(coarseness))),
         state=state,
         grid_px=grid,
         grid_ground=np.asarray(ground, np.float64),
         grid_height=np.asarray(heights, np.float64),
-        grid_used=used,
+        grid_used=counting(lens, state, grid) & scene.world.contains(ground),
     )
+
+
+def counting(lens: Lens, state: CameraState, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the pixels (n, 2), a grid over the whole picture, see ground at a resolution that counts."""
+    coarseness = resolution(lens, state, pixels)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(coarseness <= COARSEST * np.nanmin(coarseness), np.bool_)
 
 
 def grid_of(lens: Lens) -> NDArray[np.float64]:

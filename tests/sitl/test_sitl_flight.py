@@ -7,9 +7,9 @@ import cv2
 import pytest
 
 from sitl.camera import Camera
-from sitl.flight import camera_names, make, plan
+from sitl.flight import camera_names, make, plan, world_size_for
 from sitl.geometry import Lens
-from sitl.path import Plan
+from sitl.path import Plan, fly
 from sitl.truth import read
 
 SMALL = Plan(frames=6, height=60)
@@ -47,6 +47,20 @@ def test_the_camera_given_keeps_its_lens_and_takes_the_size() -> None:
 def test_an_unknown_scenario_is_refused_with_those_there_are() -> None:
     with pytest.raises(ValueError, match="'loop' is no scenario; there are survey, climb, lost, oblique"):
         plan("loop")
+
+
+def test_a_world_is_as_large_as_its_flight_needs() -> None:
+    lens = Lens(width=160, height=120)
+    short, long = (fly("survey", lens, Plan(frames=frames)) for frames in (4, 300))
+    assert world_size_for(short, lens) == 2048
+    assert world_size_for(long, lens) > 6144
+    assert plan("survey", (160, 120), route=Plan(frames=4)).truth().frames[0].grid_used.all()
+
+
+def test_a_flight_beyond_every_world_is_refused() -> None:
+    lens = Lens(width=160, height=120)
+    with pytest.raises(ValueError, match="fly lower"):
+        world_size_for(fly("survey", lens, Plan(frames=3000, height=300)), lens)
 
 
 def test_names_go_on_in_a_new_folder_and_never_repeat() -> None:

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
@@ -15,10 +14,32 @@ import pytest
 from test_sitl_score import placements
 from test_sitl_vehicle import Ground
 
+import sitl
 from sitl.__main__ import DONE, FAILED, MISUSED, main
-from sitl.flight import Flight, plan
+from sitl.flight import Flight
 from sitl.program import Program
 from sitl.truth import read, write
+
+STAND_IN = """
+import json, pathlib, signal, socket, sys, time
+words = sys.argv[1:]
+if words[0] == "export":
+    pathlib.Path(words[words.index("--to") + 1]).write_text('{"frames": []}')
+    sys.exit()
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+after = lambda word: words[words.index(word) + 1]
+link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+link.bind(("127.0.0.1", int(after("--mavlink").rsplit(":", 1)[1])))
+out = pathlib.Path(after("--out"))
+out.mkdir(parents=True)
+(out / "status.json").write_text("{}")
+while True:
+    placed = sum(path.read_bytes()[-2:] == b"\\xff\\xd9" for path in pathlib.Path(after("--watch")).rglob("*.JPG"))
+    beside = out / "beside"
+    beside.write_text(json.dumps({"frames": {"placed": placed, "pending": 0}, "events": {"matched": placed}}))
+    beside.rename(out / "mosaic.json")
+    time.sleep(0.05)
+"""
 
 
 @pytest.fixture
@@ -52,11 +73,26 @@ def test_it_flies_photographs_for_a_program_that_runs_already(photos: Path, tmp_
 
 
 def test_it_writes_the_truth_of_a_simulated_flight(tmp_path: Path) -> None:
-    file, small = tmp_path / "t.json", partial(plan, world_size=2048)
+    file = tmp_path / "t.json"
     words = ["--count", "2", "--size", "160x120", "--interval", "0.1", "--no-daemon", "--port", "9"]
-    with patch.dict(os.environ, XDG_CACHE_HOME=str(tmp_path / "cache")), patch("sitl.__main__.plan", small):
+    with patch.dict(os.environ, XDG_CACHE_HOME=str(tmp_path / "cache")):
         assert main([*words, "--watch", str(tmp_path / "w"), "--truth", str(file)]) == DONE
     assert [frame.name for frame in read(file).frames] == ["DCIM/100MEDIA/IMG_0001.JPG", "DCIM/100MEDIA/IMG_0002.JPG"]
+
+
+def test_a_whole_flight_starts_the_program_flies_stops_it_and_judges_it(tmp_path: Path) -> None:
+    """With a stand-in that counts files; the real program is flown in the tests of the whole."""
+    (tmp_path / "gcs_mosaic").mkdir()
+    (tmp_path / "gcs_mosaic/__init__.py").touch()
+    (tmp_path / "gcs_mosaic/__main__.py").write_text(STAND_IN)
+    words = ["--count", "3", "--size", "160x120", "--interval", "0.1", "--http", "127.0.0.1:1"]
+    where = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(Path(sitl.__file__).parents[1])}
+    command = [sys.executable, "-m", "sitl", *words]
+    done = subprocess.run(command, cwd=tmp_path, env=where, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == DONE, done.stdout + done.stderr
+    assert "page: http://127.0.0.1:1/" in done.stdout
+    assert "frames: placed 3; events: matched 3" in done.stdout
+    assert done.stdout.splitlines()[-1].startswith("sitl: against the truth: placed 0/3")
 
 
 def test_a_folder_in_use_is_refused(photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
