@@ -147,34 +147,6 @@ def counted(account: dict[str, int]) -> str:
     return ", ".join(f"{count} {state}" for state, count in account.items() if count) or "none yet"
 
 
-def read_status(flight: Path, *, as_json: bool = False) -> str:
-    """What a flight's status.json says, for a terminal. Raises UsageError if there is none that can be read."""
-    try:
-        text = (flight / "status.json").read_text(encoding="utf-8")
-        document = json.loads(text)
-        return text if as_json else _in_words(document)
-    except OSError as error:
-        raise UsageError(
-            f"{flight} has no status.json ({error.strerror}): name the output folder of a live flight"
-        ) from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{flight / 'status.json'} is not a status of gcs-mosaic ({error!r})") from None
-
-
-def _in_words(document: Document) -> str:
-    updated = datetime.fromisoformat(str(document["updated"]))
-    age = (datetime.now(UTC) - updated).total_seconds()
-    stale = f" - but that was {age:.0f} s ago" if document["state"] != "stopped" and age > STALE_S else ""
-    lines = [f"{document['flight']}: {document['state']}{stale}"]
-    for account in ("frames", "events"):
-        counts = cast("dict[str, int]", document[account])
-        told = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
-        lines.append(f"{account}: {told or 'none'}")
-    for notice in cast("list[dict[str, str]]", document["notices"])[-5:]:
-        lines.append(f"  {notice['time'][11:19]} {notice['text']}")
-    return "\n".join(lines)
-
-
 def harmless(line: str) -> str:
     """Without what would steer a terminal; the names of files come from outside."""
     return "".join(letter if letter.isprintable() else "?" for letter in line)
