@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import cv2
 import numpy as np
@@ -24,7 +24,7 @@ from gcs_mosaic.stitch.lattice import FrameLattice, frame_lattice
 from gcs_mosaic.stitch.layers import LayerKey, LayerStore
 from gcs_mosaic.stitch.painted import Extent, Painted, PaintedFrames, TileKey, Turn
 from gcs_mosaic.stitch.stack import AT_ONCE, LoadTile, TilePicture, TileStack, chunks, top_level
-from gcs_mosaic.stitch.view import FrameView, frame_view, laid_over
+from gcs_mosaic.stitch.view import FrameView, frame_view
 
 Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]
@@ -134,7 +134,14 @@ class Canvas:
         """What the operator should know: the scratch file cannot grow, so memory does."""
         return self._store.problem
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def close(self) -> None:
+        """Give back all memory, threads and the scratch file."""
         self._pool.shutdown()
         self._store.close()
 
@@ -148,7 +155,7 @@ class Canvas:
     def _lay_over(self, view: FrameView, keys: Iterable[TileKey], kind: Literal["own", "fresh"]) -> None:
         for some in chunks(sorted(keys), AT_ONCE):
             shown = [self._stack.own(key) if kind == "own" else self._store.get(LayerKey(*key, kind)) for key in some]
-            steps = self._pool.map(lambda layer, key: laid_over(layer, view, key[1], self._blend), shown, some)
+            steps = self._pool.map(lambda layer, key: view.over(layer, key[1], self._blend), shown, some)
             for key, layer in zip(some, steps, strict=True):
                 self._store.put(LayerKey(*key, kind), layer)
 

@@ -7,7 +7,6 @@ There is one lattice per frame and level, so what a tile gets does not depend on
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -25,6 +24,7 @@ from gcs_mosaic.stitch.geometry import (
     pixels_from_canvas,
 )
 from gcs_mosaic.stitch.grid import (
+    RESOLUTION_LOSS,
     TILE_SIZE,
     Box,
     Tile,
@@ -38,8 +38,8 @@ from gcs_mosaic.stitch.grid import (
 LATTICE_STEP = 16  # tile px
 LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; neighbours share those on their edge
 USEFUL_RATIO = 4.0  # ground sampling distance at most, relative to the frame's best (oblique frames)
-FADE = math.log(2.0)  # the weight falls over the last factor of two, so that ordinary tilt changes nothing
 RIM = 1.5  # lattice steps inside a frame's border where its weight is 0, so that no interpolated weight ends in a step
+OBLIQUE_SHARE = 0.8  # a frame's level resolves this much of its root mean square ground sampling distance, and no finer
 MOST_TILES_PER_PIXEL = 20 / TILE_SIZE**2  # far above what any honest pose needs at its own level
 
 Array = NDArray[np.float64]
@@ -51,8 +51,8 @@ class FrameLattice:
     """A frame seen from the tile grid of one level.
 
     `pixels` (rows * 16 + 1, columns * 16 + 1, 2): frame pixels at the lattice points, NaN where nowhere. `weight` (same, no
-    last axis): 0 at the frame's border and outside, 1 in its middle. `useful`: above 0 where the frame resolves the ground
-    well enough, or None where it does so everywhere.
+    last axis): 0 at the frame's border and outside, 1 in its middle if it resolves the ground as finely as the level does,
+    less by the square if not. `useful`: above 0 where the ground is resolved well enough, or None if it is so everywhere.
     """
 
     first: Tile
@@ -92,21 +92,22 @@ def frame_lattice(pose: Pose, camera: Camera, level: int) -> FrameLattice | None
     first, last = tile_range(box, level)
     _check_cost(camera, level, (last.x - first.x + 1) * (last.y - first.y + 1))
     pixels = _lattice_pixels(pose, camera, first, last)
-    useful = _usefulness(pixels, LATTICE_STEP * pixel_size(level) / best)
+    detail = _frame_pixels_per_step(pixels) / LATTICE_STEP
     weight = _border_weight(pixels, camera, RIM * LATTICE_STEP * pixel_size(level) / best)
-    if useful is not None:
-        weight = np.minimum(weight, np.clip(useful / FADE, 0, 1))
-    return FrameLattice(first, last, camera, pixels, weight, useful)
+    weight *= np.minimum(detail * (1 - RESOLUTION_LOSS), 1) ** 2
+    useful = np.log(np.maximum(detail * USEFUL_RATIO * best / pixel_size(level), 0.1))
+    return FrameLattice(first, last, camera, pixels, weight, useful if useful.min() <= 0 else None)
 
 
 def own_level(pose: Pose, camera: Camera) -> int:
-    """The level a frame is painted at so that all but its finest tenth keep their resolution; 0 if it sees no ground.
-
-    The finest tenth is left out because in a tilted frame it could quadruple the cost of painting all the rest.
-    """
-    gsd = ground_sampling_distance(pose, camera, pixel_grid(camera, 17, 13))
+    """The level a frame is painted at: all but its finest tenth keep their resolution, unless that would take more than
+    about four times the frame's own pixels (oblique frames); 0 if it sees no ground."""
+    gsd = ground_sampling_distance(pose, camera, pixel_grid(camera, 33, 25))
     gsd = gsd[np.isfinite(gsd) & (gsd > 0)]
-    return painting_level(float(np.quantile(gsd, 0.1))) if gsd.size else 0
+    if not gsd.size:
+        return 0
+    useful = gsd[gsd <= USEFUL_RATIO * gsd.min()]
+    return painting_level(max(float(np.quantile(useful, 0.1)), OBLIQUE_SHARE * float(np.sqrt((useful**2).mean()))))
 
 
 def useful_ground(pose: Pose, camera: Camera) -> tuple[Box, float] | None:
@@ -148,12 +149,8 @@ def _border_weight(pixels: Lattice, camera: Camera, rim: float) -> Lattice:
     return np.asarray(np.clip(np.nan_to_num(distance, nan=0.0) / most, 0, 1), dtype=np.float32)
 
 
-def _usefulness(pixels: Lattice, best_step: float) -> Lattice | None:
-    """log(4 * best / gsd) at the lattice points, where `best_step` is the longest lattice step in frame pixels; None if the
-    whole lattice is well above the limit."""
-    along_y, along_x = (np.gradient(pixels.astype(np.float64), axis=axis) for axis in (0, 1))
-    area = abs(along_x[..., 0] * along_y[..., 1] - along_x[..., 1] * along_y[..., 0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        useful = np.log(USEFUL_RATIO * np.sqrt(area) / best_step)
-    useful = np.nan_to_num(useful, nan=-1.0, posinf=-1.0, neginf=-1.0)
-    return useful.astype(np.float32) if float(useful.min()) < FADE else None
+def _frame_pixels_per_step(pixels: Lattice) -> Lattice:
+    """How many frame pixels lie between lattice points, as the square root of an area; 0 where nowhere."""
+    along_y, along_x = (np.gradient(pixels, axis=axis) for axis in (0, 1))
+    area = along_x[..., 0] * along_y[..., 1] - along_x[..., 1] * along_y[..., 0]
+    return np.asarray(np.nan_to_num(np.sqrt(np.abs(area)), nan=0.0), dtype=np.float32)

@@ -108,6 +108,10 @@ class LayerStore:
         if layer is not None:
             self._keep(key, layer)
 
+    @property
+    def bytes_on_disk(self) -> int:
+        return self._end
+
     def close(self) -> None:
         """Give back all memory and disk."""
         self._cached.clear()

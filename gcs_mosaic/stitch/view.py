@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.blending import Blend, edge_density
+from gcs_mosaic.stitch.blending import Blend, NewPart, edge_density
 from gcs_mosaic.stitch.exposure import apply_gain
 from gcs_mosaic.stitch.grid import Tile
 from gcs_mosaic.stitch.lattice import FrameLattice, Lattice
@@ -33,6 +33,13 @@ class FrameView:
         colour, coverage = tile_picture(self.lattice, self.image, tile, self.interpolation)
         return make_layer(colour, coverage, self.lattice.weight[self.lattice.window(tile)])
 
+    def over(self, shown: Layer | None, tile: Tile, blend: Blend) -> Layer | None:
+        """One step of the fold that makes a tile: the frame laid over what is shown."""
+        if shown is None:
+            return self.layer(tile)
+        window = self.lattice.window(tile)
+        return blend(shown, NewPart(self.lattice.weight[window], self.density[window], lambda: self.layer(tile)))
+
 
 def frame_view(image: Image, painted: Painted, lattice: FrameLattice, interpolation: int) -> FrameView:
     """ValueError if the image is not (height, width, 3) uint8 of the camera's size."""
@@ -40,14 +47,6 @@ def frame_view(image: Image, painted: Painted, lattice: FrameLattice, interpolat
     if image.shape != wanted or image.dtype != np.uint8:
         raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8")
     return FrameView(lattice, apply_gain(image, painted.gain), _density_at(image, lattice), interpolation)
-
-
-def laid_over(shown: Layer | None, view: FrameView, tile: Tile, blend: Blend) -> Layer | None:
-    """One step of the fold that makes a tile: the frame laid over what is shown."""
-    new = view.layer(tile)
-    if shown is None or new is None:
-        return new if shown is None else shown
-    return blend(shown, new, view.density[view.lattice.window(tile)])
 
 
 def _density_at(image: Image, lattice: FrameLattice) -> Lattice:
