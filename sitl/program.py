@@ -51,6 +51,9 @@ class Program:
                 )
             time.sleep(POLL)
 
+    def runs(self) -> bool:
+        return self.process is not None and self.process.poll() is None
+
     def must_run(self) -> None:
         code = None if self.process is None else self.process.poll()
         if code is not None:
@@ -62,11 +65,12 @@ class Program:
         found = data.get(kind)
         return {str(key): int(value) for key, value in found.items()} if isinstance(found, dict) else {}
 
-    def wait_for(self, count: int, said: Callable[[dict[str, int]], None]) -> None:
-        """Wait until `count` frames are accounted for and none is pending."""
+    def wait_for(self, count: int, said: Callable[[dict[str, int]], None], meanwhile: Callable[[], None]) -> None:
+        """Wait until `count` frames are accounted for and none is pending; `meanwhile` is called over and over."""
         last, changed = self.account("frames"), time.monotonic()
         while worked_off(last) < count:
             self.must_run()
+            meanwhile()
             time.sleep(POLL)
             account = self.account("frames")
             if account != last:

@@ -15,8 +15,9 @@ from test_sitl_score import placements
 from test_sitl_vehicle import Ground
 
 import sitl
-from sitl.__main__ import DONE, FAILED, MISUSED, main
+from sitl.__main__ import MISUSED, main
 from sitl.flight import Flight
+from sitl.outing import DONE, FAILED
 from sitl.program import Program
 from sitl.truth import read, write
 

@@ -52,9 +52,10 @@ def test_the_command_is_what_an_operator_types() -> None:
 
 
 def test_a_good_program_is_followed_to_the_end(tmp_path: Path) -> None:
-    program, said = stand_in(tmp_path, "good"), []
+    program, said, ticks = stand_in(tmp_path, "good"), [], []
     program.start()
-    program.wait_for(3, lambda account: said.append(account["placed"]))
+    program.wait_for(3, lambda account: said.append(account["placed"]), lambda: ticks.append(1))
+    assert ticks
     assert said[-1] == 3
     assert said == sorted(said)
     assert program.account("events") == {"matched": 3}
@@ -76,7 +77,7 @@ def test_one_that_does_not_finish_is_told(manner: str, sentence: str, tmp_path: 
     program = stand_in(tmp_path, manner)
     program.start()
     with pytest.raises(ProgramError, match=sentence):
-        program.wait_for(3, lambda account: None)
+        program.wait_for(3, lambda account: None, lambda: None)
     program.stop()
 
 

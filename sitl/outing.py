@@ -1,0 +1,105 @@
+"""One outing, told aloud: start the program, fly, let it finish, stop it, judge it."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+from sitl.delivery import Delivery
+from sitl.exposures import Exposure, Film
+from sitl.mission import BREATH, fly
+from sitl.program import Program, worked_off
+from sitl.score import score
+from sitl.truth import Truth
+from sitl.vehicle import Faults, Vehicle
+
+DONE, FAILED = 0, 1  # exit codes
+SAY_EVERY = 5  # pictures
+DELAY, WRITING = 0.4, 0.3  # seconds from a trigger to its file's first byte, and on to the last
+USUAL_PORT = 14550
+
+
+def fly_alone(asked: argparse.Namespace, film: Film) -> int:
+    """Fly for a program that somebody else started."""
+    with closing(vehicle_of(asked, asked.port or USUAL_PORT)) as vehicle:
+        fly_film(asked, film, vehicle, asked.watch or Path("frames"), lambda: "")
+    return DONE
+
+
+def fly_against(program: Program, asked: argparse.Namespace, film: Film, truth: Truth | None) -> int:
+    """Fly for a program of our own; the exit code."""
+    code = FAILED
+    try:
+        program.start()
+        say(f"gcs-mosaic listens on udp:127.0.0.1:{program.port}; page: {page_of(program)}")
+        with closing(vehicle_of(asked, program.port)) as vehicle:
+            fly_film(asked, film, vehicle, program.watch, lambda: f", so far {told(program.account('frames'))}")
+            wait_for_all(program, film.count, vehicle)
+            stay(asked, program, vehicle)
+    finally:
+        code = program.stop()
+    summarise(program, code, truth)
+    return DONE if code == 0 else FAILED
+
+
+def vehicle_of(asked: argparse.Namespace, port: int) -> Vehicle:
+    faults = Faults(drop=asked.drop, duplicate=asked.duplicate, reorder=asked.reorder, seed=asked.seed)
+    return Vehicle("127.0.0.1", port, asked.manner, faults)
+
+
+def fly_film(asked: argparse.Namespace, film: Film, vehicle: Vehicle, watch: Path, so_far: Callable[[], str]) -> None:
+    """Trigger and deliver all pictures."""
+    say(f"flying {film.count} pictures in {film.seconds / asked.speed:.0f} s ({film.note}), files go to {watch}")
+
+    def progress(exposure: Exposure) -> None:
+        if (exposure.index + 1) % SAY_EVERY == 0:
+            say(f"taken {exposure.index + 1}/{film.count}{so_far()}")
+
+    hurry = max(1.0, asked.speed)
+    fly(film, vehicle, Delivery(watch, DELAY / hurry, WRITING / hurry), asked.speed, progress)
+
+
+def wait_for_all(program: Program, count: int, vehicle: Vehicle) -> None:
+    """Until every picture is accounted for. The vehicle has landed, but its radio is still on."""
+
+    def progress(account: dict[str, int]) -> None:
+        say(f"worked off {worked_off(account)}/{count}: {told(account)}")
+
+    program.wait_for(count, progress, meanwhile=lambda: vehicle.tick(None))
+
+
+def stay(asked: argparse.Namespace, program: Program, vehicle: Vehicle) -> None:
+    """Keep the page up until Ctrl-C, which then ends the flight in order."""
+    if not asked.stay:
+        return
+    say(f"the flight is over; the page stays at {page_of(program)} until Ctrl-C")
+    try:
+        while program.runs():
+            vehicle.tick(None)
+            time.sleep(BREATH)
+    except KeyboardInterrupt:
+        say("ending")
+
+
+def summarise(program: Program, code: int, truth: Truth | None) -> None:
+    say(f"gcs-mosaic ended with exit code {code}")
+    say(f"frames: {told(program.account('frames'))}; events: {told(program.account('events'))}")
+    if truth is not None and code == 0:
+        placements = program.placements(program.out.parent / f"{program.out.name}-placements.json")
+        say(f"against the truth: {score(truth, placements)}")
+
+
+def page_of(program: Program) -> str:
+    return f"http://{program.http}/" if program.http else "none"
+
+
+def told(account: dict[str, int]) -> str:
+    """'placed 30, rejected 1': what is not zero."""
+    return ", ".join(f"{key} {value}" for key, value in account.items() if value) or "nothing yet"
+
+
+def say(text: str) -> None:
+    print(f"sitl: {text}", flush=True)
