@@ -63,7 +63,9 @@ def _work_off(
         worked_off = pipeline.work_off(prepared)
         worked_off.seconds["write"] = pipeline.save()
         done.append(worked_off)
-        progress.update(task, completed=pipeline.taken_in - len(preparation), description=f"stitching {worked_off.name}")
+        progress.update(
+            task, completed=pipeline.taken_in - len(preparation), description=f"stitching {worked_off.name}"
+        )
     return done
 
 
@@ -87,7 +89,9 @@ def _progress(console: Console) -> Progress:
 def _summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
     """One screen: what became of the frames, and where the time went."""
     account = pipeline.accounts().frames
-    console.print(f"{account.placed} of {sum(_counts(account).values())} frames placed in {seconds:.1f} s, {pipeline.out}")
+    console.print(
+        f"{account.placed} of {sum(_counts(account).values())} frames placed in {seconds:.1f} s, {pipeline.out}"
+    )
     for state, count in _counts(account).items():
         if count and state != "placed":
             console.print(f"  {count} {state}")

@@ -18,6 +18,7 @@ from gcs_mosaic.flight.originals import OriginalsSettings
 from gcs_mosaic.flight.tiles import TileSettings
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.link.shots import ShotSettings
 from gcs_mosaic.painter import PaintSettings
 from gcs_mosaic.pairing import PairingSettings
 from gcs_mosaic.stitch.mosaic import StitchSettings
@@ -34,6 +35,7 @@ class Config:
     finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
     link: LinkSettings = field(default_factory=LinkSettings)
     frames: FolderSettings = field(default_factory=FolderSettings)
+    shots: ShotSettings = field(default_factory=ShotSettings)
     pairing: PairingSettings = field(default_factory=PairingSettings)
     stitch: StitchSettings = field(default_factory=StitchSettings)
     paint: PaintSettings = field(default_factory=PaintSettings)
@@ -46,7 +48,9 @@ def load_config(path: Path) -> Config:
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise UsageError(f"The configuration {path} cannot be read ({error.strerror}); give an existing YAML file.") from None
+        raise UsageError(
+            f"The configuration {path} cannot be read ({error.strerror}); give an existing YAML file."
+        ) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise UsageError(f"The configuration {path} is not YAML: {' '.join(str(error).split())}") from None
     settings = from_mapping(Config, {} if document is None else document, str(path))
@@ -61,7 +65,11 @@ def from_mapping(kind: type, values: object, where: str) -> Any:
     for key in values:
         if key not in hints:
             raise UsageError(f"{where}: {key!r} is not a setting{_nearest(str(key), hints)}; see config/default.yaml.")
-    return kind(**{key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()})
+    given = {key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()}
+    try:
+        return kind(**given)
+    except ValueError as error:
+        raise UsageError(f"{where}: {error}.") from None
 
 
 def _nearest(key: str, known: dict[str, Any]) -> str:

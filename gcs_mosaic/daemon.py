@@ -7,7 +7,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -20,7 +20,7 @@ from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.status import DaemonState, LastFrame, WatchStatus
-from gcs_mosaic.frames.directory import watch
+from gcs_mosaic.frames.directory import FIRST_LOOK, watch
 from gcs_mosaic.link.address import parse_address
 from gcs_mosaic.link.listener import VehicleChoice
 from gcs_mosaic.link.triggers import triggers
@@ -42,7 +42,9 @@ IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to rep
 STOP_S = 5.0  # for a source to end
 DISK_FULL_RETRY_S = 2.0
 DISK_FULL_SAID_S = 60.0  # a full disk is said again after so long
-INBOX = 10_000  # items; a full one makes the sources wait, and what comes over the network meanwhile waits in the kernel
+INBOX = (
+    10_000  # items; a full one makes the sources wait, and what comes over the network meanwhile waits in the kernel
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,12 +93,13 @@ class _Daemon:
         self._preparation = Preparation(config.stitch.features)
         self._reporter = Reporter(folder.path, self._pipeline.flight, self._pipeline.ledger, console)
         self._reporter.watch = WatchStatus(folder=config.watch, state="watching")
-        self._logbook = Logbook(self._pipeline.ledger, config.pairing)
+        self._logbook = Logbook(self._pipeline.ledger, config.shots, config.pairing)
         self._feed = feed
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._said_full = -math.inf
         self._state: DaemonState = "listening"
+        self._looked = False  # whether all files that were there at the start have come
 
     def run(self, sources: Iterable[Iterator[Item]]) -> None:
         """Work until told to stop, then finish."""
@@ -107,6 +110,7 @@ class _Daemon:
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
             self._logbook.tick(time.monotonic())
+            self._until_it_fits(self._logbook.save)
             self._report()
         for thread in threads:
             thread.join(STOP_S)
@@ -131,10 +135,9 @@ class _Daemon:
 
     def _put(self, item: Item) -> None:
         while not self._ending.stop.is_set():
-            try:
-                return self._inbox.put(item, timeout=WAIT_S)
-            except queue.Full:
-                continue
+            with suppress(queue.Full):
+                self._inbox.put(item, timeout=WAIT_S)
+                return
 
     def _take_in(self, timeout_s: float) -> None:
         """Everything that is in the inbox; waits for a first item if there is none."""
@@ -149,20 +152,21 @@ class _Daemon:
     def _take(self, item: Item) -> None:
         match item:
             case TriggerEvent():
-                self._until_it_fits(lambda: self._logbook.event(item))
+                self._until_it_fits(lambda: self._logbook.event(item, item.received))
             case Frame():
-                self._until_it_fits(lambda: self._take_frame(item))
+                self._take_frame(item)
             case DamagedFile():
                 self._until_it_fits(lambda: self._pipeline.accept_damaged(item))
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
             case Notice():
+                self._looked |= item.source == FIRST_LOOK
                 self.say(item)
             case LinkReport():
                 self._reporter.link(item)
 
     def _take_frame(self, found: Frame) -> None:
-        frame = self._pipeline.accept(found)
-        self._logbook.frame(found, time.monotonic())
+        frame = self._until_it_fits(lambda: self._pipeline.accept(found))
+        self._logbook.frame(found, time.monotonic(), fresh=self._looked)
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
@@ -237,7 +241,8 @@ class _Daemon:
             self._report()
             if not self._may_go_on(until):
                 break
-        self._logbook.close(time.monotonic())
+        self._logbook.close()
+        self._until_it_fits(self._logbook.save)
         self._until_it_fits(self._pipeline.save)
         self._state = "stopped"
         self._report(now=True)

@@ -32,7 +32,9 @@ LoadImage = Callable[[str], Image | None]
 class PaintSettings:
     canvas: CanvasSettings = field(default_factory=CanvasSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
-    repaint_px: float = 1.0  # a frame is repainted when a corner is off by so many of its own pixels: a seam shows from there
+    repaint_px: float = (
+        1.0  # a frame is repainted when a corner is off by so many of its own pixels: a seam shows from there
+    )
     final_px: float = 0.25  # the same at the end of a flight, when there is time
     final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
 
@@ -44,7 +46,11 @@ class Painter:
     """
 
     def __init__(
-        self, load_image: LoadImage, record: Callable[[Painted], None], settings: PaintSettings, scratch: Path | None = None
+        self,
+        load_image: LoadImage,
+        record: Callable[[Painted], None],
+        settings: PaintSettings,
+        scratch: Path | None = None,
     ) -> None:
         self._settings = settings
         self._record = record
@@ -151,7 +157,8 @@ class Painter:
 
         def j_from_i(pixels: Array) -> Array:
             places = canvas_from_pixels(placement.pose, placement.camera, (pixels + 0.5) * scale_i - 0.5)
-            return (pixels_from_canvas(painted.pose, painted.camera, places) + 0.5) / scale_j - 0.5
+            seen = pixels_from_canvas(painted.pose, painted.camera, places)
+            return np.asarray((seen + 0.5) / scale_j - 0.5)
 
         return overlap_means(small_i, small_j, j_from_i)
 

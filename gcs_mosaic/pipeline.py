@@ -30,8 +30,6 @@ from gcs_mosaic.stitch.painted import Extent, Painted, TileKey
 
 Image = NDArray[np.uint8]
 
-SCRATCH_NAME = ".scratch"  # in the output folder: tiles that do not fit into memory
-
 
 @dataclass(frozen=True, slots=True)
 class Done:
@@ -75,7 +73,7 @@ class Pipeline:
         self.mosaic = Mosaic(config.stitch)
         self.taken_in = 0  # files, whatever became of them
         self._originals = Originals(out, config.originals)
-        self._painter = Painter(self._load_original, self._note_painted, config.paint, out / SCRATCH_NAME)
+        self._painter = Painter(self._load_original, self._note_painted, config.paint, scratch=out)
         self._tiles = TileWriter(out, config.tiles)
         self._manifest = Manifest(out)
         self._say, self._published = say, published
@@ -103,33 +101,39 @@ class Pipeline:
     def accept(self, frame: Frame) -> Frame | None:
         """Write down that a frame has come, and keep its original; returns the frame to work off, as it is kept.
 
-        None if the same picture came before.
+        None if the same picture came before. After DiskFull nothing has happened: tell it again.
         """
-        self.taken_in += 1
-        self.ledger.record_frame(frame)
         earlier = self._names.get(frame.content_hash)
         if earlier is not None:
-            self.ledger.settle_frame(frame.name, FrameState.DUPLICATE, f"the same picture as {earlier}")
+            with self.ledger.transaction():
+                self.ledger.record_frame(frame)
+                self.ledger.settle_frame(frame.name, FrameState.DUPLICATE, f"the same picture as {earlier}")
+            self.taken_in += 1
             return None
+        original = self._recorded(frame)
+        self.taken_in += 1
         self._names[frame.content_hash] = frame.name
         self._orders[frame.name] = len(self._orders)
-        self._places[frame.name] = (self._kept_original(frame), frame.content_hash)
-        return replace(frame, path=self._places[frame.name][0])
+        self._places[frame.name] = (original, frame.content_hash)
+        return replace(frame, path=original)
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Write down that a file is not whole."""
         self.taken_in += 1
         self.ledger.record_damaged(damaged)
 
-    def _kept_original(self, frame: Frame) -> Path:
-        """Keep the frame's original; returns where it can be read from."""
+    def _recorded(self, frame: Frame) -> Path:
+        """Keep the frame's original and write both down; returns where the original can be read from."""
         kept = self._originals.keep(frame)
+        with self.ledger.transaction():
+            self.ledger.record_frame(frame)
+            if not isinstance(kept, NotKept):
+                self.ledger.record_original(frame.name, kept.path)
         if kept.notice:
             self._say(kept.notice)
         if isinstance(kept, NotKept):
             self._say(Notice(source="originals", level="warning", text=f"{frame.name} is not kept: {kept.reason}"))
             return frame.path
-        self.ledger.record_original(frame.name, kept.path)
         return self.out / kept.path
 
     # Frames are worked off
@@ -217,7 +221,7 @@ class Pipeline:
         """Write tiles, ledger and documents; returns the seconds it took. After DiskFull call it again."""
         start = time.perf_counter()
         tiles = self._unsaved.tiles
-        self._tiles.write({key: self._painter.canvas.tile(*key) for key in tiles})
+        self._tiles.write(tiles, self._painter.canvas.tile)
         self._save_ledger()
         revision = self._manifest.write(self._contents())
         self._unsaved = _Unsaved()

@@ -54,7 +54,9 @@ class Reporter:
             address=report.address, state=report.state, last_heard_utc=report.last_heard_utc
         )
 
-    def write(self, state: DaemonState, queue: int, revision: int, accounts: Callable[[], Accounts], *, now: bool = False) -> None:
+    def write(
+        self, state: DaemonState, queue: int, revision: int, accounts: Callable[[], Accounts], *, now: bool = False
+    ) -> None:
         """Write status.json, but not more often than is useful."""
         if not now and time.monotonic() - self._written < STATUS_EACH_S:
             return

@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).parent.parent / "gcs_mosaic"
 
 # Which rooms of the package a room may import. What is not listed here is a room of nobody.
 ALLOWED = {
+    "__init__": {"stitch"},
     "errors": set(),
     "events": set(),
     "stitch": {"stitch"},
@@ -18,14 +19,20 @@ ALLOWED = {
     "frames": {"frames", "events", "errors"},
     "pairing": {"pairing", "link", "events", "errors"},
     "flight": {"flight", "stitch", "events", "errors"},
-    "web": {"web", "flight", "stitch", "events", "errors"},
-    "config": {"link", "frames", "pairing", "flight", "web", "stitch", "errors", "events"},
-    "pipeline": {"config", "flight", "frames", "stitch", "events", "errors"},
-    "batch": {"pipeline", "config", "flight", "frames", "stitch", "events", "errors"},
-    "daemon": {"pipeline", "config", "link", "frames", "pairing", "flight", "web", "stitch", "events", "errors"},
-    "cli": {"daemon", "batch", "pipeline", "config", "flight", "frames", "web", "link", "stitch", "events", "errors"},
+    "web": {"web", "flight", "stitch", "errors"},
+    "prepare": {"frames", "stitch", "events"},
+    "painter": {"stitch"},
+    "config": {"link", "frames", "pairing", "flight", "painter", "stitch", "errors"},
+    "pipeline": {"config", "painter", "prepare", "flight", "frames", "stitch", "events"},
+    "logbook": {"link", "pairing", "flight", "events"},
+    "reporting": {"flight", "events"},
+    "batch": {"pipeline", "prepare", "config", "frames", "flight", "events"},
+    "daemon": {
+        *("pipeline", "prepare", "logbook", "reporting", "config"),
+        *("link", "frames", "flight", "web", "stitch", "events"),
+    },
+    "cli": {"daemon", "batch", "config", "frames", "flight", "web", "errors"},
     "__main__": {"cli"},
-    "__init__": {"stitch"},
 }
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy"}
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -14,12 +15,14 @@ from gcs_mosaic.flight.documents import Document, write_json
 from gcs_mosaic.flight.folder import LEDGER_NAME, find_flight
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.manifest import Contents, last_revision, placements_document
-from gcs_mosaic.flight.pyramid import picture
+from gcs_mosaic.flight.pyramid import level_within, picture, pixel_bounds
 from gcs_mosaic.flight.records import Estimate, FrameState
+from gcs_mosaic.flight.tiles import encode
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixel_grid
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points a lens is straight to a hundredth of a pixel
-LARGEST_PICTURE = 100_000_000  # pixels; more than most programs open
+LARGEST_PICTURE = 100_000_000  # pixels, if no level is given; more than most programs open
+MOST_PIXELS = 1_500_000_000  # pixels, whatever is asked for: 6 GB
 
 
 def export_placements(flight: Path, target: Path) -> str:
@@ -41,9 +44,38 @@ def warp(estimate: Estimate) -> Document:
     """Where a grid of a frame's pixels lies on the canvas, lens and all; null above the horizon."""
     grid = pixel_grid(estimate.camera, WARP_COLUMNS, WARP_ROWS)
     places = canvas_from_pixels(estimate.pose, estimate.camera, grid).round(3)
-    rows = np.where(np.isfinite(places), places, None).reshape(WARP_ROWS, WARP_COLUMNS, 2)
+    rows = places.astype(object).reshape(WARP_ROWS, WARP_COLUMNS, 2)
+    rows[np.isnan(places.reshape(rows.shape))] = None  # JSON has no NaN
     return {
         "x": grid[:WARP_COLUMNS, 0].tolist(),
         "y": grid[::WARP_COLUMNS, 1].tolist(),
         "canvas": rows.tolist(),
     }
+
+
+def export_png(flight: Path, target: Path, *, island: int | None = None, level: int | None = None) -> str:
+    """Write an island (the largest if none is named) as one picture with alpha; returns what was done."""
+    chosen = _island(find_flight(flight), island)
+    bounds, finest = chosen["bounds"], chosen["maxzoom"]
+    zoom = level_within(bounds, LARGEST_PICTURE, finest) if level is None else level
+    left, top, right, bottom = pixel_bounds(bounds, zoom)
+    if (right - left) * (bottom - top) > MOST_PIXELS:
+        raise UsageError(
+            f"A picture of level {zoom} would have {right - left} x {bottom - top} pixels; give a lower --zoom."
+        )
+    bgra = picture(flight, chosen["id"], bounds, zoom)
+    write_beside(target, encode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 1]))
+    finer = f"; --zoom {finest} is the finest" if zoom < finest else ""
+    return (
+        f"island {chosen['id']} at level {zoom}, {bgra.shape[1]} x {bgra.shape[0]} pixels, written to {target}{finer}"
+    )
+
+
+def _island(flight: Path, number: int | None) -> dict[str, Any]:
+    """The entry of mosaic.json for an island."""
+    islands = [i for i in json.loads((flight / "mosaic.json").read_bytes())["islands"] if "merged_into" not in i]
+    wanted = [i for i in islands if number is None or i["id"] == number]
+    if not wanted:
+        there = ", ".join(str(i["id"]) for i in islands) or "none"
+        raise UsageError(f"There is no island {number} in {flight}; there are: {there}.")
+    return cast("dict[str, Any]", max(wanted, key=lambda i: i["frames"]))

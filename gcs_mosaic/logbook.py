@@ -1,0 +1,68 @@
+"""What became of every camera event: messages about one shot become one, shots find their frames, the ledger knows all."""
+
+from __future__ import annotations
+
+from gcs_mosaic.events import Frame, TriggerEvent
+from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.records import EventState
+from gcs_mosaic.link.shots import Better, Duplicate, New, ShotMerger, ShotSettings
+from gcs_mosaic.pairing import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
+
+
+class Logbook:
+    """Matches events with frames, and writes what becomes of them into the ledger with `save`."""
+
+    def __init__(self, ledger: Ledger, shots: ShotSettings, pairing: PairingSettings) -> None:
+        self._ledger = ledger
+        self._merger = ShotMerger(shots)
+        self._pairing = Pairing(pairing)
+        self._duplicates: list[tuple[int, int]] = []
+        self._outcomes: list[Outcome] = []
+
+    def event(self, event: TriggerEvent, now: float) -> None:
+        """A camera message has come. After DiskFull nothing has happened: tell it again."""
+        event_id = self._ledger.record_event(event)
+        match self._merger.add(event_id, event):
+            case New():
+                self._outcomes += self._pairing.event(event_id, event, now)
+            case Duplicate(of):
+                self._pairing.duplicate()
+                self._duplicates.append((event_id, of))
+            case Better(of):
+                self._duplicates.append((event_id, of))
+                self._outcomes += self._pairing.improve(of, event, now)
+
+    def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
+        """A frame has come and stands in the ledger; `fresh` if it was not there before the watch began."""
+        self._outcomes += self._pairing.frame(frame, now, fresh=fresh)
+
+    def tick(self, now: float) -> None:
+        """Time has passed: some events are missing their frames."""
+        self._outcomes += self._pairing.tick(now)
+
+    def close(self) -> None:
+        """Nothing more will come."""
+        self._outcomes += self._pairing.close()
+
+    def save(self) -> None:
+        """Write what is new. After DiskFull call it again."""
+        if not self._outcomes and not self._duplicates:
+            return
+        with self._ledger.transaction():
+            for event_id, of in self._duplicates:
+                self._ledger.settle_event(event_id, EventState.DUPLICATE, duplicate_of=of)
+            for outcome in self._outcomes:
+                self._write(outcome)
+        self._duplicates.clear()
+        self._outcomes.clear()
+
+    def _write(self, outcome: Outcome) -> None:
+        match outcome:
+            case Matched():
+                self._ledger.settle_event(outcome.event_id, EventState.MATCHED, frame=outcome.frame.name)
+            case Unmatched():
+                self._ledger.settle_event(outcome.event_id, EventState.PENDING)
+            case Missing():
+                self._ledger.settle_event(outcome.event_id, EventState.MISSING)
+            case Failed():
+                self._ledger.settle_event(outcome.event_id, EventState.FAILED)
