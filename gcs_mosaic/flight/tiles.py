@@ -33,12 +33,12 @@ class TileSettings:
 
 def tile_path(root: Path, island: int, tile: Tile) -> Path:
     """Where a tile's colours are."""
-    return root / "tiles" / str(island) / str(tile.z) / str(tile.x) / f"{tile.y}.jpg"
+    return root / f"tiles/{island}/{tile.z}/{tile.x}/{tile.y}.jpg"
 
 
 def mask_path(root: Path, island: int, tile: Tile) -> Path:
     """Where a tile's coverage is, if it is not full."""
-    return root / "masks" / str(island) / str(tile.z) / str(tile.x) / f"{tile.y}.png"
+    return root / f"masks/{island}/{tile.z}/{tile.x}/{tile.y}.png"
 
 
 class TileWriter:
@@ -83,10 +83,8 @@ def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_q
     full = int(picture.coverage.min()) == 255
     if not full:
         # Before the colours, because a tile without a mask counts as full.
-        mask.parent.mkdir(parents=True, exist_ok=True)
-        write_beside(mask, encode(".png", picture.coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3]))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_beside(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality))
+        _put(mask, encode(".png", picture.coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3]))
+    _put(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality))
     if full:
         mask.unlink(missing_ok=True)
 
@@ -103,11 +101,19 @@ def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
     colour = _read(tile_path(root, island, tile), cv2.IMREAD_COLOR)
     if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
         return None
-    path = mask_path(root, island, tile)
-    coverage = _read(path, cv2.IMREAD_GRAYSCALE) if path.exists() else full_coverage(TILE_SIZE)
-    if coverage is None or coverage.shape != (TILE_SIZE, TILE_SIZE):
-        return None
+    coverage = read_mask(root, island, tile)
+    if coverage is None or coverage is full_coverage(TILE_SIZE):
+        return None if coverage is None else TilePicture(colour, coverage)
     return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)
+
+
+def read_mask(root: Path, island: int, tile: Tile) -> Image | None:
+    """A tile's coverage from the disk, `full_coverage(256)` itself if it is full; None as for `read_tile`."""
+    path = mask_path(root, island, tile)
+    if not path.exists():
+        return full_coverage(TILE_SIZE) if tile_path(root, island, tile).exists() else None
+    coverage = _read(path, cv2.IMREAD_GRAYSCALE)
+    return coverage if coverage is not None and coverage.shape == (TILE_SIZE, TILE_SIZE) else None
 
 
 def encode_jpeg(colour: Image, coverage: Image, quality: int) -> bytes:
@@ -117,14 +123,21 @@ def encode_jpeg(colour: Image, coverage: Image, quality: int) -> bytes:
     return encode(".jpg", filled, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
 
 
+def _put(path: Path, data: bytes) -> None:
+    try:
+        write_beside(path, data)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_beside(path, data)
+
+
 def _border_blocks_filled(colour: Image, coverage: Image) -> Image:
     """Uncovered pixels in blocks that are partly covered get the block's mean colour: black beside colour would ring."""
     size = colour.shape[1] // MCU, colour.shape[0] // MCU
-    seen = (coverage > 0).astype(np.float32)
-    share = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)[..., None]
-    mean = cv2.resize(colour, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1 / MCU**2)
-    blocks = np.minimum(mean, 255).astype(np.uint8).repeat(MCU, axis=0).repeat(MCU, axis=1)
-    return np.where((coverage > 0)[..., None], colour, blocks)
+    share = cv2.resize((coverage > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    mean = cv2.resize(colour, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1 / MCU**2)[..., None]
+    blocks = cv2.resize(mean.clip(0, 255).astype(np.uint8), colour.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.copyTo(colour, coverage, blocks), dtype=np.uint8)
 
 
 def encode(suffix: str, image: Image, parameters: list[int]) -> bytes:

@@ -29,7 +29,7 @@ from gcs_mosaic.stitch.view import FrameView, frame_view
 Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
-BLOCK = 5  # binary digits of tile indices; tiles are repainted 32 x 32 at a time so that they share their frames
+BLOCK = 6  # binary digits of tile indices: tiles are repainted 64 x 64 at a time, so that most frames are decoded once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

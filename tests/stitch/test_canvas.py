@@ -112,6 +112,20 @@ def test_no_half_made_tile_is_shown_while_repainting(canvas) -> None:
     assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before[Tile(16, MIDDLE, MIDDLE)].colour)
 
 
+def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
+    c, rebuilt = canvas(), canvas()
+    paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(4)))
+    c.move([painted(2, 140, 100)])
+    steps = c.repaint()
+    for _ in range(2):
+        next(steps)
+    c.move([painted(0, 90, 90)])
+    paint(c, painted(4, 80, 100))
+    list(steps)
+    paint(rebuilt, painted(0, 90, 90), painted(1, 105, 100), painted(2, 140, 100), painted(3, 115, 100), painted(4, 80, 100))
+    assert_same(all_tiles(c), all_tiles(rebuilt))
+
+
 def test_a_repaint_decodes_each_original_once(canvas) -> None:
     asked = []
     c = canvas(lambda name: asked.append(name) or originals(name))

@@ -1,0 +1,124 @@
+"""What a tile shows when its holes are filled from coarser tiles, the finer picture fading into the coarser one.
+
+A tile on disk holds only what was seen at its level. Tiles may change or vanish while we read; what is not there, not whole
+or not a tile counts as unseen.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.flight.tiles import read_mask, read_tile
+from gcs_mosaic.stitch.grid import TILE_SIZE, Tile, ancestor
+from gcs_mosaic.stitch.layers import full_coverage
+from gcs_mosaic.stitch.stack import TilePicture
+
+Image = NDArray[np.uint8]
+Opacity = NDArray[np.float32]
+DEEPEST = 8  # levels between a tile and the ancestor it is filled from: there one pixel fills it
+FADE = 24  # px from where the finer picture ends to where it stands alone
+
+
+def filled_picture(root: Path, island: int, tile: Tile) -> TilePicture | None:
+    """A tile with its holes filled from the nearest ancestors that have something there; None if there is nothing."""
+    layers = _layers(root, island, tile)
+    shown: TilePicture | None = None
+    for level, picture in reversed(layers):
+        shown = picture if shown is None else _over(picture, shown, _opacity(root, island, tile, level))
+    return shown if shown is not None and shown.coverage.any() else None
+
+
+def fade(root: Path, island: int, tile: Tile) -> Opacity | None:
+    """How a tile becomes transparent towards places that only a coarser level knows, its neighbours' among them: 0 there,
+    1 from `FADE` px on; None if it is 1 everywhere."""
+    around = [Tile(tile.z, tile.x + dx, tile.y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    covered = [read_mask(root, island, near) for near in around]
+    if all(mask is full_coverage(TILE_SIZE) for mask in covered):
+        return None
+    ends = _nine([_known_coarser_only(root, island, near, mask) for near, mask in zip(around, covered, strict=True)])
+    if not ends.any():
+        return None
+    distance = cv2.distanceTransform((~ends).astype(np.uint8), cv2.DIST_L2, 3)[FADE:-FADE, FADE:-FADE]
+    return np.asarray(np.minimum(distance / FADE, 1), dtype=np.float32)
+
+
+def _layers(root: Path, island: int, tile: Tile) -> list[tuple[int, TilePicture]]:
+    """The tile and its ancestors, enlarged to its size, as far as they are needed to fill it; finest first."""
+    layers: list[tuple[int, TilePicture]] = []
+    for level in range(tile.z, max(tile.z - DEEPEST, 0) - 1, -1):
+        source = ancestor(tile, level)
+        picture = read_tile(root, island, source)
+        if picture is not None:
+            layers.append((level, picture if level == tile.z else _enlarged(picture, tile, level)))
+            if picture.coverage is full_coverage(TILE_SIZE) and fade(root, island, source) is None:
+                break
+    return layers
+
+
+def _opacity(root: Path, island: int, tile: Tile, level: int) -> Opacity | None:
+    at_level = fade(root, island, ancestor(tile, level))
+    if at_level is None or level == tile.z:
+        return at_level
+    return _resampled(at_level, coarse_from_tile(tile, level))
+
+
+def _known_coarser_only(root: Path, island: int, tile: Tile, mask: Image | None) -> NDArray[np.bool_]:
+    """Where a tile has a hole, and one of the two levels above it has none."""
+    holes = np.ones((TILE_SIZE, TILE_SIZE), dtype=bool) if mask is None else mask == 0
+    coarser = np.zeros((TILE_SIZE, TILE_SIZE), dtype=bool)
+    for level in range(max(tile.z - 2, 0), tile.z if holes.any() else 0):
+        above = read_mask(root, island, ancestor(tile, level))
+        if above is not None:
+            # Wholly covered only: at the map's outer border coarser pixels always reach a little farther.
+            whole = (above == 255).astype(np.uint8)
+            coarser |= _resampled(whole, coarse_from_tile(tile, level), cv2.INTER_NEAREST) > 0
+    return holes & coarser
+
+
+def _nine(parts: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Nine tiles, column by column, put together and cut to the middle one and `FADE` px around it."""
+    whole = np.hstack([np.vstack(parts[i : i + 3]) for i in (0, 3, 6)])
+    cut = slice(TILE_SIZE - FADE, 2 * TILE_SIZE + FADE)
+    return whole[cut, cut]
+
+
+def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
+    """The part of an ancestor's picture that a tile covers, at the tile's size."""
+    place = coarse_from_tile(tile, level)
+    if coarse.coverage is full_coverage(TILE_SIZE):
+        return TilePicture(_resampled(coarse.colour, place).astype(np.uint8), coarse.coverage)
+    share = coarse.coverage.astype(np.float32)
+    seen = _resampled(share, place)
+    # Weighted with the coverage, or the black of holes would show as a fringe.
+    colour = _resampled(coarse.colour * share[..., None], place) / np.maximum(seen, 0.5)[..., None]
+    coverage = np.rint(seen).astype(np.uint8)
+    return TilePicture(np.where((coverage > 0)[..., None], np.rint(colour), 0).astype(np.uint8), coverage)
+
+
+def coarse_from_tile(tile: Tile, level: int) -> NDArray[np.float64]:
+    """Pixels of the ancestor at a level from pixels of a tile (2x3); OpenCV's pixel centres are whole numbers."""
+    up = 1 << (tile.z - level)
+    x, y = ((i % up) * TILE_SIZE / up + 0.5 / up - 0.5 for i in (tile.x, tile.y))
+    return np.array([[1 / up, 0, x], [0, 1 / up, y]])
+
+
+def _resampled(
+    image: NDArray[Any], source_from_target: NDArray[np.float64], interpolation: int = cv2.INTER_LINEAR
+) -> NDArray[Any]:
+    flags = interpolation | cv2.WARP_INVERSE_MAP
+    size = TILE_SIZE, TILE_SIZE
+    return np.asarray(cv2.warpAffine(image, source_from_target, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _over(picture: TilePicture, below: TilePicture, opacity: Opacity | None) -> TilePicture:
+    """A picture laid over another: opaque where it alone covers, else as opaque as it is covered and as `opacity` says."""
+    share = picture.coverage / np.float32(255)
+    share = share if opacity is None else np.minimum(share, opacity)
+    share = np.where(below.coverage == 0, np.float32(1), share)[..., None]
+    colour = np.rint(picture.colour * share + below.colour * (1 - share)).astype(np.uint8)
+    return TilePicture(colour, np.maximum(picture.coverage, below.coverage))
