@@ -122,7 +122,14 @@ def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
     c.move([painted(0, 90, 90)])
     paint(c, painted(4, 80, 100))
     list(steps)
-    paint(rebuilt, painted(0, 90, 90), painted(1, 105, 100), painted(2, 140, 100), painted(3, 115, 100), painted(4, 80, 100))
+    paint(
+        rebuilt,
+        painted(0, 90, 90),
+        painted(1, 105, 100),
+        painted(2, 140, 100),
+        painted(3, 115, 100),
+        painted(4, 80, 100),
+    )
     assert_same(all_tiles(c), all_tiles(rebuilt))
 
 
