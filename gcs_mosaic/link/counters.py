@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from gcs_mosaic.events import Source
 
-TO_LEARN = 2  # one pair may be chance
-TO_CHANGE = 3  # a late message or two must not move what has proven itself
+_VOTES = 5  # pairs that decide; a late message or two among them must not move what has proven itself
+_MAJORITY = 4
 _RECENT = 8  # messages of one stream that may lie near another's
 
 
 @dataclass(slots=True)
 class OffsetVotes:
-    """`offset` is None until enough pairs in a row agree; later pairs that agree on another one replace it."""
+    """`offset` is what nearly all of the last pairs differ by; None before, and when none of them does any more."""
 
     offset: int | None = None
-    _candidate: int | None = None
-    _in_a_row: int = 0
+    _votes: deque[int] = field(default_factory=lambda: deque(maxlen=_VOTES))
 
     def vote(self, offset: int) -> None:
         """One more pair differs by `offset`."""
-        if offset == self.offset:
-            self._candidate, self._in_a_row = None, 0
-            return
-        self._in_a_row = self._in_a_row + 1 if offset == self._candidate else 1
-        self._candidate = offset
-        if self._in_a_row >= (TO_LEARN if self.offset is None else TO_CHANGE):
-            self.settle(offset)
+        self._votes.append(offset)
+        if self._votes.count(offset) >= _MAJORITY:
+            self.offset = offset
+        elif self.offset not in self._votes:
+            self.offset = None
 
     def settle(self, offset: int) -> None:
         """The offset is known for certain."""
-        self.offset, self._candidate, self._in_a_row = offset, None, 0
+        self._votes.extend([offset] * _MAJORITY)
+        self.offset = offset
 
 
 class StreamKey(NamedTuple):

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 
 from gcs_mosaic.events import CaptureResult, Frame, TriggerEvent
 from gcs_mosaic.link.clock import SourceClocks
 from gcs_mosaic.link.counters import StreamKey
-from gcs_mosaic.pairing.learnt import Learnt
 from gcs_mosaic.pairing.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
 from gcs_mosaic.pairing.search import Search
 from gcs_mosaic.pairing.settings import PairingSettings
 from gcs_mosaic.pairing.shelves import HeldEvent, HeldFrame, Shelf, State, number_in
+
+_MISLED = 5  # frames at most that come before a counter is known to have moved
 
 
 class Pairing:
@@ -25,10 +26,10 @@ class Pairing:
     def __init__(self, settings: PairingSettings | None = None) -> None:
         self._settings = settings or PairingSettings()
         self._clocks = SourceClocks()
-        self._learnt = Learnt(self._settings.window_s)
         self._events: Shelf[HeldEvent] = Shelf(self._settings.remembered)
         self._frames: Shelf[HeldFrame] = Shelf(self._settings.remembered)
-        self._search = Search(self._events, self._frames, self._learnt, self._settings)
+        self._search = Search(self._events, self._frames, self._settings)
+        self._votes: deque[tuple[HeldEvent, HeldFrame]] = deque(maxlen=_MISLED)
         self._states: Counter[State] = Counter()
         self._duplicates = self._frames_seen = 0
 
@@ -37,6 +38,8 @@ class Pairing:
         if next(self._events.under(("id", event_id)), None):
             raise ValueError(f"event {event_id} was told before")
         held = HeldEvent(event_id, event, self._clocks.moment(event), now)
+        if event.result is not CaptureResult.FAILED:
+            self._search.delay.shot(held.moment)
         self._states[State.PENDING] += 1
         self._events.put(held, [("id", event_id)])
         return [*self._look_at(held, event), *self._give_up_oldest()]
@@ -61,8 +64,10 @@ class Pairing:
         name = frame.path.name
         self._frames.put(held, [("frame", frame.name), name, ("folded", name.casefold()), ("number", held.number)])
         self._frames.overflow()
-        found = list(self._find_event(held)) or [Orphan(frame)]
-        return [*found, *self._check_counters(held)]
+        if fresh:
+            self._search.delay.file(frame.received)
+        outcomes = [*self._check_counters(held), *(() if held.event else self._find_event(held))]
+        return outcomes if held.event else [*outcomes, Orphan(frame)]
 
     def tick(self, now: float) -> list[Outcome]:
         """Time has passed."""
@@ -123,15 +128,29 @@ class Pairing:
             yield from self._match(event, held, How.TIME)
 
     def _check_counters(self, held: HeldFrame) -> Iterator[Outcome]:
-        """Let the times say whether the counters still go together; if they have moved, look again."""
-        if held.event and held.event.how is not How.SEQUENCE:  # the match itself has told
+        """Let the times say whether the counters still go together; if they have moved, put right what they misled."""
+        nearest, before = self._search.clearly_nearest(held), dict(self._search.learnt.offsets())
+        if nearest is None:
             return
-        nearest, before = self._search.clearly_nearest(held), dict(self._learnt.offsets())
-        if nearest:
-            self._learnt.vote(nearest, held)
-        if dict(self._learnt.offsets()) != before:
-            for event in [event for event in self._events.oldest_first() if event.open]:
-                yield from self._find_frame(event)
+        self._search.learnt.vote(nearest, held)
+        self._votes.append((nearest, held))
+        if dict(self._search.learnt.offsets()) == before:
+            return
+        misled = [(event, frame) for event, frame in self._votes if self._are_misled(event, frame)]
+        for event, frame in misled:
+            yield from self._release(event)
+            if frame.event:
+                yield from self._release(frame.event)
+        for event, frame in misled:
+            if event.open:
+                yield from self._match(event, frame, How.SEQUENCE)
+        for event in [event for event in self._events.oldest_first() if event.open]:
+            yield from self._find_frame(event)
+
+    def _are_misled(self, event: HeldEvent, frame: HeldFrame) -> bool:
+        """Whether times and counters now agree that the two belong together, and they do not yet."""
+        apart = frame.event is not event and How.NAME not in (event.how, frame.event and frame.event.how)
+        return apart and event.state is not State.FAILED and not self._search.learnt.contradicts(event, frame)
 
     def _match(self, event: HeldEvent, frame: HeldFrame, how: How) -> Iterator[Outcome]:
         robbed, freed = frame.event, event.frame
@@ -140,7 +159,8 @@ class Pairing:
         yield from self._release(event)
         event.frame, event.how, frame.event = frame, how, event
         self._move(event, State.MATCHED)
-        self._learnt.matched(event, frame, how)
+        if how is How.NAME:
+            self._search.learnt.named(event, frame)
         yield Matched(event.id, event.event, frame.frame, how)
         if robbed:
             yield from self._find_frame(robbed)

@@ -96,24 +96,24 @@ def test_two_aircraft_are_never_mixed() -> None:
 
 def test_counters_decide_where_times_would_mislead() -> None:
     learnt = [
-        told(source, seq + at, 2.0 * seq + 0.1 * at) for seq in range(3) for at, source in ((0, FEEDBACK), (5, CAMERA))
+        told(source, seq + at, 2.0 * seq + 0.1 * at) for seq in range(5) for at, source in ((0, FEEDBACK), (5, CAMERA))
     ]
-    late = [told(FEEDBACK, 3, 6.0), told(FEEDBACK, 4, 8.0), told(CAMERA, 8, 8.1), told(CAMERA, 9, 8.2)]
-    assert verdicts(*learnt, *late)[6:] == [New(), New(), Better(6), Better(7)]
+    late = [told(FEEDBACK, 5, 10.0), told(FEEDBACK, 6, 12.0), told(CAMERA, 10, 12.1), told(CAMERA, 11, 12.2)]
+    assert verdicts(*learnt, *late)[10:] == [New(), New(), Better(10), Better(11)]
 
 
 def test_a_shot_that_only_the_camera_tells_is_not_given_to_a_neighbour() -> None:
-    learnt = [told(source, seq, 2.0 * seq + 0.1 * source) for seq in range(3) for source in (FEEDBACK, CAMERA)]
-    assert verdicts(*learnt, told(FEEDBACK, 3, 6.0), told(CAMERA, 4, 6.7))[6:] == [New(), New()]
+    learnt = [told(source, seq, 2.0 * seq + 0.1 * source) for seq in range(5) for source in (FEEDBACK, CAMERA)]
+    assert verdicts(*learnt, told(FEEDBACK, 5, 10.0), told(CAMERA, 6, 10.7))[10:] == [New(), New()]
 
 
-def test_a_camera_that_misses_a_shot_is_followed_again_after_three() -> None:
+def test_a_camera_that_misses_a_shot_is_followed_again_after_four() -> None:
     events = [told(FEEDBACK, seq, 2.0 * seq) for seq in range(12)]
     events += [told(CAMERA, seq if seq < 4 else seq - 1, 2.0 * seq + 0.3) for seq in range(12) if seq != 4]
     events.sort(key=lambda event: event.received)
     merger = ShotMerger()
     outcome = {event.received: merger.add(round(event.received * 10), event) for event in events}
-    assert [outcome[2.0 * seq + 0.3] for seq in range(7, 12)] == [Better(20 * seq) for seq in range(7, 12)]
+    assert [outcome[2.0 * seq + 0.3] for seq in range(8, 12)] == [Better(20 * seq) for seq in range(8, 12)]
 
 
 def test_a_camera_that_takes_a_picture_by_itself_is_followed_again() -> None:
