@@ -43,7 +43,7 @@ def test_one_setting_deep_inside_is_changed(tmp_path):
     ],
 )
 def test_a_mistake_is_named(tmp_path, text, said):
-    with pytest.raises(UsageError, match="settings.yaml") as error:
+    with pytest.raises(UsageError, match=r"settings\.yaml") as error:
         load_config(written(tmp_path, text))
     assert said in str(error.value)
 

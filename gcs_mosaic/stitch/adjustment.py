@@ -60,9 +60,8 @@ class Problem:
 class Solution:
     poses: Array  # (n, 6)
     lenses: Array  # (c, 2)
-    residuals_px: (
-        Array  # (p, k), the larger of both ways, in pixels of the feature picture; NaN where there is no match
-    )
+    residuals_px: Array  # (p, k), the larger of both ways, pixels of the feature picture; NaN where there is no match
+    normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
     steps: int
 
 
@@ -76,7 +75,7 @@ def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
             break
         fall = (state.cost - candidate.cost) / max(state.cost, 1e-12)
         state, steps = candidate, steps + 1
-    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, steps)
+    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, steps)
 
 
 @dataclass(frozen=True, slots=True)

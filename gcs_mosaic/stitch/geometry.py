@@ -175,6 +175,30 @@ def pinhole_homography(pose: Pose, camera: Camera) -> Array:
     return np.asarray(homography / homography[2, 2] if abs(homography[2, 2]) > 1e-12 else homography)
 
 
+def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
+    """The pose whose pinhole homography (frame pixels to canvas) is nearest to this one; None if none is near.
+
+    With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and R's last row, and
+    the others follow; R is made a rotation by its polar decomposition.
+    """
+    pixel_from_ray = np.array([[camera.focal_px, 0, camera.centre[0]], [0, camera.focal_px, camera.centre[1]], [0, 0, 1]])
+    rows = homography @ pixel_from_ray
+    rows /= np.linalg.norm(rows[2]) * (1 if rows[2, 2] > 0 else -1)
+    x, y = rows[:2] @ rows[2]
+    across = rows[:2] - np.outer([x, y], rows[2])
+    height = np.linalg.norm(across, axis=1).mean()
+    u, stretch, vt = np.linalg.svd(np.vstack([across / max(height, 1e-12), rows[2]]))
+    rotation = u @ vt
+    if np.linalg.det(rotation) < 0 or stretch[2] < LEAST_LIKENESS:
+        return None
+    pitch = math.asin(max(-1.0, min(1.0, -rotation[2, 0])))
+    roll, yaw = math.atan2(rotation[2, 1], rotation[2, 2]), math.atan2(rotation[1, 0], rotation[0, 0])
+    return Pose(float(x), float(y), math.log(height / camera.focal_px), yaw, pitch, roll)
+
+
+LEAST_LIKENESS = 0.5  # how much a rotation may be squeezed by noise before it counts as none
+
+
 def similarity_between(source: Array, target: Array) -> tuple[float, float, Array]:
     """Least-squares similarity target_from_source of points (n, 2): scale, angle in radians, shift (2,).
 

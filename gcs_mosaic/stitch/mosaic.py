@@ -33,7 +33,8 @@ from gcs_mosaic.stitch.solving import adjust_island, level_pose_over, resect
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlausibilitySettings:
     least_features: int = 40  # a picture with fewer shows nothing to hold on to
-    most_residual: float = 2.0  # median residual above which a placement is not believed, in registration thresholds
+    most_residual: float = 1.0  # median residual above which a placement is not believed, in registration thresholds
+    most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
     steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
 
 
@@ -170,35 +171,46 @@ class Mosaic:
         """Place a frame from its first link, then from all that it overlaps; False if the result is not believable."""
         island = self._network.island_of(other)
         self._network.link(frame, other, registration)
-        rough = self._rough_pose(frame, other, registration)
-        pose = self._believable_pose(frame, rough) if rough else None
+        pose = self._believable_pose(frame, self._rough_poses(frame, other, registration))
         if pose:
             for neighbour, found in self._search.neighbour_links(frame, pose, island):
                 self._network.link(frame, neighbour, found)
-            pose = self._believable_pose(frame, pose)
+            pose = self._believable_pose(frame, [pose])
         if pose is None:
             self._network.take_back(frame)
             return False
         self._settle(frame, pose, island)
         return True
 
-    def _rough_pose(self, frame: int, other: int, registration: Registration) -> Pose | None:
-        network = self._network
-        places = geometry.canvas_from_pixels(network.pose_of(other), network.camera_of(other), registration.pixels_b)
+    def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
+        """First poses from one link: level, as most frames are, and tilted as the homography says."""
+        pose, camera = self._network.pose_of(other), self._network.camera_of(other)
+        places = geometry.canvas_from_pixels(pose, camera, registration.pixels_b)
         on_ground = np.isfinite(places).all(axis=1)
         if on_ground.sum() < 4:
-            return None
-        return level_pose_over(network.camera_of(frame), registration.pixels_a[on_ground], places[on_ground])
+            return []
+        own = self._network.camera_of(frame)
+        homography = geometry.pinhole_homography(pose, camera) @ registration.b_from_a
+        tilted = geometry.pose_from_homography(homography, own)
+        return [
+            level_pose_over(own, registration.pixels_a[on_ground], places[on_ground]),
+            *([tilted] if tilted else []),
+        ]
 
-    def _believable_pose(self, frame: int, rough: Pose) -> Pose | None:
-        """The frame's best pose against its links, if it fits them and an aircraft can have it."""
-        pose, residual = resect(self._network, frame, rough, self.settings.adjustment)
+    def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | None:
+        """The frame's best pose against its links from any of the rough ones, if it fits them and an aircraft can have it."""
+        if not rough:
+            return None
+        found = [resect(self._network, frame, pose, self.settings.adjustment) for pose in rough]
+        resected = min(found, key=lambda resected: resected.residual_px)
+        pose = resected.pose
         plausibility, registration = self.settings.plausibility, self.settings.registration
         linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
         zoom = max((abs(pose.log_gsd - p.log_gsd) for p in linked if p), default=0.0)
         steep = math.cos(pose.pitch) * math.cos(pose.roll) < math.cos(math.radians(plausibility.steepest_tilt_deg))
-        fits = residual <= plausibility.most_residual * registration.threshold_px
-        return pose if fits and not steep and zoom <= math.log(registration.largest_zoom) else None
+        fits = resected.residual_px <= plausibility.most_residual * registration.threshold_px
+        sure = resected.deviation <= plausibility.most_deviation
+        return pose if fits and sure and not steep and zoom <= math.log(registration.largest_zoom) else None
 
     def _found_with_waiting(self, frame: int) -> bool:
         """Two frames that match nothing but each other found an island."""

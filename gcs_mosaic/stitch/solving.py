@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,38 @@ def level_pose_over(camera: Camera, pixels: Array, places: Array) -> Pose:
     return moved_by_similarity(level, *similarity_between(canvas_from_pixels(level, camera, pixels), places))
 
 
-def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettings) -> tuple[Pose, float]:
-    """Best pose of one frame against its linked frames as they lie, and its median residual in feature pixels."""
+@dataclass(frozen=True, slots=True)
+class Resected:
+    """A frame's best pose, how well it fits its matches, and how well they determine it."""
+
+    pose: Pose
+    residual_px: float  # median, pixels of the feature picture
+    deviation: float  # standard deviation of the frame's worst corner, in half-diagonals; infinite above the horizon
+
+
+def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettings) -> Resected:
+    """Best pose of one frame against its linked frames as they lie."""
     linked = [other for other in network.frames[frame].inliers if network.frames[other].pose is not None]
     keys = [(frame, other) if (frame, other) in network.links else (other, frame) for other in linked]
     poses = [rough, *(network.pose_of(other) for other in linked)]
     free = np.arange(len(poses)) == 0
     problem = _problem(network, [frame, *linked], poses, keys, free, settings.matches_per_pair)
     solution = adjust(replace(problem, lens_free=False), settings)
-    return Pose(*solution.poses[0]), float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
+    residual = float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
+    return Resected(Pose(*solution.poses[0]), residual, _corner_deviation(network.camera_of(frame), solution, residual))
+
+
+def _corner_deviation(camera: Camera, solution: Solution, residual: float) -> float:
+    """From the covariance of a single frame's pose, as the frame itself would see the shift, in half-diagonals."""
+    half_size = np.array([camera.width, camera.height]) / 2 / camera.half_diagonal
+    pixels = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half_size
+    pose, lens = solution.poses[:1].repeat(4, axis=0), np.array([[math.log(camera.focal), camera.k1]]).repeat(4, axis=0)
+    down = projection.canvas_from_pixels(pose, lens, np.full(4, camera.half_diagonal), pixels)
+    by_pose = np.linalg.solve(down.by_point[down.valid], down.by_pose[down.valid])
+    # The normal matrix takes a residual of one feature pixel for granted; noisier matches determine less.
+    covariance = np.linalg.pinv(solution.normal.toarray()) * max(1.0, residual) ** 2
+    variances = np.einsum("mij,jk,mik->m", by_pose, covariance, by_pose)
+    return float(np.sqrt(variances.max())) if len(variances) else math.inf
 
 
 def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:

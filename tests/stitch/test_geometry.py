@@ -83,3 +83,13 @@ def test_ground_sampling_distance_grows_with_height():
     low, high = (geometry.ground_sampling_distance(Pose(0, 0, math.log(h)), camera, middle)[0] for h in (1, 3))
     assert math.isclose(low, 1, rel_tol=1e-6)
     assert math.isclose(high, 3, rel_tol=1e-6)
+
+
+@given(poses)
+def test_a_pose_comes_back_from_its_homography(pose):
+    camera = Camera(4000, 3000, 1.3)
+    found = geometry.pose_from_homography(geometry.pinhole_homography(pose, camera), camera)
+    grid = geometry.pixel_grid(camera, 5, 4)
+    places = geometry.canvas_from_pixels(pose, camera, grid)
+    seen = np.isfinite(places).all(axis=1)
+    assert np.allclose(geometry.pixels_from_canvas(found, camera, places[seen]), grid[seen], atol=1e-3)

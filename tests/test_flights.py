@@ -1,0 +1,96 @@
+"""Simulated flights against the real daemon: real MAVLink over UDP, real files, judged by the known truth."""
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from sitl.score import Score, score
+from sitl.truth import read
+
+TIMEOUT_S = 240
+SIZE = "800x600"
+
+
+@dataclass(frozen=True)
+class Flown:
+    said: str
+    out: Path
+    score: Score
+    mosaic: dict
+    status: dict
+
+    def closes(self, frames: int) -> bool:
+        """Whether both accounts are complete and nothing is left open."""
+        accounts = self.mosaic["frames"], self.mosaic["events"]
+        return sum(accounts[0].values()) == frames and accounts[0]["pending"] == accounts[1]["pending"] == 0
+
+
+def fly(tmp_path: Path, *options: str) -> Flown:
+    """Fly with `python -m sitl` and return what became of it."""
+    out, truth = tmp_path / "mosaic", tmp_path / "truth.json"
+    folders = ("--watch", str(tmp_path / "frames"), "--out", str(out), "--truth", str(truth))
+    command = [sys.executable, "-m", "sitl", "--size", SIZE, "--no-http", "--speed", "10", *folders, *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    placements = json.loads(out.with_name("mosaic-placements.json").read_text())
+    documents = [json.loads((out / name).read_text()) for name in ("mosaic.json", "status.json")]
+    return Flown(done.stdout + done.stderr, out, score(read(truth), placements), *documents)
+
+
+def test_a_level_survey(tmp_path):
+    flown = fly(tmp_path, "--scenario", "survey", "--manner", "px4,camera", "--count", "24")
+    assert flown.score.placed == 24
+    assert flown.score.islands == 1
+    assert flown.score.ortho_rmse < 0.5
+    assert flown.score.pair_p95 < 0.5
+    assert flown.closes(frames=24)
+    assert flown.mosaic["events"]["matched"] == 24  # of the messages of three senders, the others are duplicates
+    assert flown.mosaic["events"]["duplicate"] >= 24
+    assert flown.status["state"] == "stopped"
+
+
+def test_a_climb_to_three_times_the_height(tmp_path):
+    flown = fly(tmp_path, "--scenario", "climb", "--manner", "ardupilot", "--count", "20")
+    assert flown.score.placed == 20
+    assert flown.score.islands == 1
+    assert flown.score.ortho_rmse < 0.5
+    assert 0.995 < flown.score.scale_p5 <= flown.score.scale_p95 < 1.005
+    assert flown.closes(frames=20)
+    levels = {int(path.name) for path in (flown.out / "tiles" / "0").iterdir()}
+    island = flown.mosaic["islands"][0]
+    assert levels == set(range(island["minzoom"], island["maxzoom"] + 1))
+
+
+def test_lost_overlap_that_comes_back(tmp_path):
+    """A part of the flight is an island until the gap is flown; two frames of elsewhere never belong."""
+    flown = fly(tmp_path, "--scenario", "lost", "--manner", "camera", "--count", "30", "--strangers", "2")
+    frames = flown.mosaic["frames"]
+    assert flown.score.placed == flown.score.frames - 2
+    assert frames["rejected"] == 2
+    assert flown.score.islands == 1
+    assert flown.score.ortho_rmse < 0.5
+    assert [island["id"] for island in flown.mosaic["islands"] if "merged_into" in island]
+    assert flown.closes(frames=flown.score.frames)
+
+
+def test_frames_that_see_the_horizon(tmp_path):
+    """Oblique frames may be left out, but they spoil nothing."""
+    flown = fly(tmp_path, "--scenario", "oblique", "--manner", "px4", "--count", "30")
+    assert flown.score.placed >= 28
+    assert flown.score.ortho_worst_frame < 15
+    assert flown.score.pair_p95 < 1
+    assert flown.closes(frames=30)
+    left, top, right, bottom = flown.mosaic["islands"][0]["bounds"]
+    assert max(right - left, bottom - top) < 20 * 800
+
+
+def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path):
+    faults = ("--drop", "0.1", "--duplicate", "0.1", "--reorder", "0.1")
+    flown = fly(tmp_path, "--scenario", "survey", "--relief", "1", "--manner", "px4,camera", "--count", "20", *faults)
+    assert flown.score.placed == 20
+    assert flown.score.ortho_rmse < 15
+    assert flown.closes(frames=20)

@@ -1,0 +1,90 @@
+"""A folder of frames through the whole pipeline: accounts that close, tiles that the ledger alone explains."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from rich.console import Console
+
+import sitl.flight
+from gcs_mosaic.batch import stitch
+from gcs_mosaic.config import Config
+from gcs_mosaic.flight.folder import LEDGER_NAME
+from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.tiles import TileSettings, TileWriter
+from gcs_mosaic.frames.load import load_image
+from gcs_mosaic.stitch.canvas import Canvas
+from sitl.path import Plan
+
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture(scope="module")
+def stitched(tmp_path_factory, world_cache) -> Path:
+    """A small flight that was stitched, with strangers among its frames."""
+    folder = tmp_path_factory.mktemp("frames")
+    sitl.flight.make("survey", folder, (640, 480), cache=world_cache, route=Plan(frames=12))
+    cv2.imwrite(str(folder / "DCIM" / "black.png"), np.zeros((480, 640, 3), np.uint8))
+    (folder / "DCIM" / "cut.jpg").write_bytes(next(folder.rglob("*.JPG")).read_bytes()[:9000])
+    (folder / "DCIM" / "copy.jpg").write_bytes(next(folder.rglob("*1.JPG")).read_bytes())
+    return stitch([folder], tmp_path_factory.mktemp("out") / "flight", Config(), QUIET)
+
+
+def test_every_frame_is_accounted_for(stitched):
+    with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
+        frames = ledger.accounts().frames
+        reasons = {frame.name: frame.reason for frame in ledger.frames() if frame.reason}
+    assert (frames.placed, frames.rejected, frames.duplicate, frames.damaged) == (12, 1, 1, 1)
+    assert (frames.pending, frames.waiting, frames.dropped) == (0, 0, 0)
+    assert "too little to see" in reasons["DCIM/black.png"]
+    assert "the same picture as" in reasons["DCIM/copy.jpg"]
+
+
+def test_the_originals_are_kept_as_they_came(stitched):
+    with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
+        kept = [frame for frame in ledger.frames() if frame.original]
+    assert len(kept) == 13
+    assert all((stitched / frame.original).stat().st_size == frame.size for frame in kept)
+
+
+def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched, tmp_path):
+    """What was painted step by step, adjusted and repainted, is byte for byte what a rebuild writes."""
+    with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
+        painted = ledger.painted(0)
+        originals = {frame.name: stitched / frame.original for frame in ledger.frames() if frame.original}
+    canvas, writer = Canvas(lambda name: load_image(originals[name])), TileWriter(tmp_path, TileSettings())
+    for one in painted:
+        writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile)
+    canvas.close()
+    writer.close()
+    assert len(list((stitched / "tiles").rglob("*.jpg"))) > 20
+    for folder in ("tiles", "masks"):
+        here, there = ({p.relative_to(r): p.read_bytes() for p in (r / folder).rglob("*.*")} for r in (stitched, tmp_path))
+        assert here == there
+
+
+def test_a_second_flight_goes_beside_the_first(stitched):
+    before = {p: p.stat().st_mtime_ns for p in stitched.rglob("*") if p.is_file()}
+    second = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], stitched, Config(), QUIET)
+    assert second == stitched.with_name(f"{stitched.name}-2")
+    assert {p: p.stat().st_mtime_ns for p in stitched.rglob("*") if p.is_file()} == before
+
+
+def test_no_exif_and_no_name_can_move_a_frame(stitched, tmp_path):
+    """The same pixels under other names, other times and with other metadata lie in the same places."""
+    frames = sorted((stitched / "frames").rglob("IMG*.JPG"))[:4]
+    poses = []
+    for variant in (0, 1):
+        folder = tmp_path / f"variant{variant}"
+        folder.mkdir()
+        for k, path in enumerate(frames):
+            data = path.read_bytes()
+            exif = b"\xff\xe1\x00\x16Exif\0\0MM\0*\0\0\0\x08\0\0\0\0\0\0" if variant else b""
+            (folder / f"{'ab'[variant]}{k}.jpg").write_bytes(data[:2] + exif + data[2:])
+        out = stitch([folder], tmp_path / f"out{variant}", replace(Config()), QUIET)
+        with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+            poses.append([estimate.pose for estimate in ledger.estimates()])
+    assert len(poses[0]) == 4
+    assert poses[0] == poses[1]
