@@ -27,9 +27,16 @@ class Arrival:
 
 
 class Channel(Protocol):
-    """A source of messages; `ended` once there can be no more."""
+    """A source of messages."""
 
     ended: bool
+    """There can be no more."""
+    working: bool
+    """False while it cannot be opened."""
+
+    @property
+    def skipped_bytes(self) -> int:
+        """How many bytes have come that were no MAVLink."""
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         """What has come, after at most about `timeout_s`; empty if nothing has."""
@@ -59,9 +66,13 @@ class UdpChannel:
     """Listens on a UDP port that nobody else holds. Senders are kept apart, so that none can damage another's bytes."""
 
     def __init__(self, address: LinkAddress, settings: LinkSettings) -> None:
-        self.ended = False
+        self.ended, self.working = False, True
         self._socket = bind_udp(address.host, address.port, settings.receive_buffer_bytes)
         self._readers: OrderedDict[tuple[str, int], PacketReader] = OrderedDict()
+
+    @property
+    def skipped_bytes(self) -> int:
+        return sum(reader.skipped_bytes for reader in self._readers.values())
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         self._socket.settimeout(timeout_s)

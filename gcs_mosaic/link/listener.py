@@ -6,11 +6,14 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
-from gcs_mosaic.events import Notice, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
 from gcs_mosaic.link.address import LinkAddress, connection_string
 from gcs_mosaic.link.decode import MavMessage, decode
 from gcs_mosaic.link.settings import LinkSettings
 
+LinkState = Literal["listening", "heard", "silent", "failed"]
+
+REPORT_EVERY_S = 1.0
 MAV_TYPE_GCS = 6
 GROUND_STATION_PORT = 14550  # where every ground station listens unless told otherwise
 _AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
@@ -43,10 +46,16 @@ class VehicleChoice:
 class Listener:
     """Turns messages into events and notices. Ask `tick` now and then, so that silence is noticed too."""
 
-    def __init__(self, address: LinkAddress, settings: LinkSettings, choice: VehicleChoice, started: float) -> None:
+    def __init__(
+        self, address: LinkAddress, settings: LinkSettings, choice: VehicleChoice, started: float, utc_of_zero: float
+    ) -> None:
+        """`started` is on the monotonic clock; `utc_of_zero` is what UTC was when that clock stood at zero."""
         self._address, self._settings, self._choice = address, settings, choice
         self._name = connection_string(address)
-        self._last_heard = started
+        self._last_heard, self._ever_heard = started, False
+        self._utc_of_zero = utc_of_zero
+        self._noise, self._noise_at = 0, started  # as it was when the last message came
+        self._reported: tuple[LinkReport, float] | None = None
         self._silent = False
         self._first_vehicle: float | None = None
         self._systems: set[int] = set()
@@ -71,11 +80,22 @@ class Listener:
         elif event and self._choice.others[event.vehicle] == 1:
             yield self._notice("warning", _not_followed(event.vehicle, self._choice))
 
-    def tick(self, now: float) -> Iterator[Notice]:
-        """What the passing of time means."""
+    def tick(self, now: float, *, working: bool = True, noise: int = 0) -> Iterator[Notice | LinkReport]:
+        """What the passing of time means.
+
+        `working` is false while the link cannot be opened; `noise` counts the bytes so far that were no MAVLink.
+        """
+        if self._noise_at != self._last_heard:
+            self._noise, self._noise_at = noise, self._last_heard
+        report = self._report(working)
+        if self._is_news(report, now):
+            self._reported = (report, now)
+            yield report
         if not self._silent and now - self._last_heard > self._settings.silent_after_s:
             self._silent = True
-            yield self._notice("warning", f"{self._name} is silent: nothing for {self._settings.silent_after_s:g} s")
+            but = " but bytes that are not MAVLink (is the speed right?)" if noise > self._noise else ""
+            seconds = f"{self._settings.silent_after_s:g} s"
+            yield self._notice("warning", f"{self._name} is silent: nothing for {seconds}{but}")
         waited = now - self._first_vehicle if self._first_vehicle is not None else 0.0
         if self._ground_station == "unknown" and waited > self._settings.ground_station_after_s:
             self._ground_station = "missing"
@@ -83,9 +103,20 @@ class Listener:
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
 
+    def _report(self, working: bool) -> LinkReport:
+        heard_utc = self._last_heard + self._utc_of_zero if self._ever_heard else None
+        heard: LinkState = "silent" if self._silent else "heard"
+        state: LinkState = "failed" if not working else heard if self._ever_heard else "listening"
+        return LinkReport(address=self._name, state=state, last_heard_utc=heard_utc)
+
+    def _is_news(self, report: LinkReport, now: float) -> bool:
+        if self._reported is None or report.state != self._reported[0].state:
+            return True
+        return report != self._reported[0] and now - self._reported[1] >= REPORT_EVERY_S
+
     def _back_again(self, received: float) -> Iterator[Notice]:
         gap = received - self._last_heard
-        self._last_heard = received
+        self._last_heard, self._ever_heard = received, True
         if self._silent:
             self._silent = False
             yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")

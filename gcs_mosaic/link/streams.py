@@ -25,12 +25,16 @@ class StreamChannel:
     """Reads a stream and opens it again when it is lost; both are said once, not at every try."""
 
     def __init__(self, name: str, opener: Opener, settings: LinkSettings) -> None:
-        self.ended = False
+        self.ended, self.working = False, True
         self._name, self._open, self._settings = name, opener, settings
         self._stream: io.RawIOBase | None = None
         self._reader = PacketReader(datagrams=False)
         self._trouble: str | None = None
         self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
+
+    @property
+    def skipped_bytes(self) -> int:
+        return self._reader.skipped_bytes
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         if self._stream is None:
@@ -65,10 +69,12 @@ class StreamChannel:
         if self._stream is None:
             return []
         self._reader = PacketReader(datagrams=False)
+        self.working = True
         self._trouble, self._wait_s = None, self._settings.reconnect_first_s
         return [Notice(source=self._name, level="info", text=f"{self._name} is connected")]
 
     def _not_yet(self, reason: str) -> list[Arrival | Notice]:
+        self.working = False
         self._next_try = time.monotonic() + self._wait_s
         self._wait_s = min(2 * self._wait_s, self._settings.reconnect_longest_s)
         if reason == self._trouble:
@@ -81,6 +87,7 @@ class StreamChannel:
         if self._stream is not None:
             self._stream.close()
             self._stream = None
+        self.working = False
         self._next_try = time.monotonic() + self._settings.reconnect_first_s
         text = f"{self._name} is lost ({reason}); opening it again"
         return Notice(source=self._name, level="warning", text=text)

@@ -25,7 +25,8 @@ class TlogChannel:
     """Plays a recording as fast as it is read; arrival times keep the recording's distances, from the opening on."""
 
     def __init__(self, address: LinkAddress) -> None:
-        self.ended = False
+        self.ended, self.working = False, True
+        self.skipped_bytes = 0  # a recording is not listened to: damage in it is passed over
         assert address.path is not None
         try:
             self._file = address.path.open("rb")

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from mavlink_peer import heartbeat, received, trigger
 
-from gcs_mosaic.events import Notice, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
 from gcs_mosaic.link.address import parse_address
 from gcs_mosaic.link.listener import Listener, VehicleChoice
 from gcs_mosaic.link.settings import LinkSettings
@@ -11,7 +11,7 @@ SETTINGS = LinkSettings(silent_after_s=10, ground_station_after_s=20)
 
 
 def listener(choice: VehicleChoice | None = None, address: str = "udp:14550") -> Listener:
-    return Listener(parse_address(address), SETTINGS, choice or VehicleChoice(), started=0.0)
+    return Listener(parse_address(address), SETTINGS, choice or VehicleChoice(), started=0.0, utc_of_zero=1.75e9)
 
 
 def texts(items: object) -> list[str]:
@@ -38,7 +38,7 @@ def test_a_missing_ground_station_is_said_with_advice() -> None:
     list(ours.hear(received(heartbeat()), 1.0))
     assert texts(ours.tick(9.0)) == []
     list(ours.hear(received(heartbeat()), 21.0))
-    (notice,) = ours.tick(22.0)
+    (notice,) = [item for item in ours.tick(22.0) if isinstance(item, Notice)]
     assert (notice.level, "14445" in notice.text) == ("warning", True)
     assert "is heard" in texts(ours.hear(received(heartbeat(kind=6), system=255), 23.0))[0]
 
@@ -55,7 +55,7 @@ def test_on_a_forwarded_port_a_missing_ground_station_is_no_warning() -> None:
     ours = listener(address="udp:14445")
     list(ours.hear(received(heartbeat()), 19.0))
     list(ours.hear(received(heartbeat()), 39.0))
-    assert [notice.level for notice in ours.tick(40.0)] == ["info"]
+    assert [item.level for item in ours.tick(40.0) if isinstance(item, Notice)] == ["info"]
 
 
 def test_only_the_first_vehicle_that_triggers_is_followed() -> None:
@@ -71,3 +71,20 @@ def test_the_vehicle_that_was_asked_for_is_followed() -> None:
     ours = listener(VehicleChoice(wanted=4))
     assert "as asked" in texts(ours.hear(received(trigger(1), system=3), 1.0))[0]
     assert [type(item) for item in ours.hear(received(trigger(1), system=4), 2.0)] == [TriggerEvent]
+
+
+def test_how_the_link_is_is_reported_when_it_changes_and_once_a_second() -> None:
+    ours, told = listener(), list[tuple[float, str, float | None]]()
+    for tenth in range(140):
+        now = tenth / 10
+        if tenth in range(10, 31):
+            list(ours.hear(received(heartbeat()), now))
+        told += [
+            (now, item.state, item.last_heard_utc and item.last_heard_utc - 1.75e9)
+            for item in ours.tick(now, working=tenth < 138)
+            if isinstance(item, LinkReport)
+        ]
+    assert told == [
+        (0.0, "listening", None), (1.0, "heard", 1.0), (2.0, "heard", 2.0), (3.0, "heard", 3.0),
+        (13.2, "silent", 3.0), (13.8, "failed", 3.0),
+    ]  # fmt: skip

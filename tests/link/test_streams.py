@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator
 import pytest
 from mavlink_peer import free_udp_port, packet, trigger
 
-from gcs_mosaic.events import Notice, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
 from gcs_mosaic.link.address import parse_address
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.triggers import triggers
 
 QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
 
-Heard = Iterator[TriggerEvent | Notice]
+Heard = Iterator[TriggerEvent | Notice | LinkReport]
 
 
 @pytest.fixture
@@ -92,3 +92,16 @@ def test_a_serial_line_that_another_program_reads_is_not_shared(listen: Callable
 
 def test_a_serial_device_that_is_not_there_is_said(listen: Callable[[str], Heard]) -> None:
     assert "No such file" in said(listen("/dev/ttyNOWHERE9"), "cannot be opened").text
+
+
+def test_a_serial_line_at_a_wrong_speed_is_told_from_a_silent_one() -> None:
+    ours, theirs = pty.openpty()
+    stop, quick = threading.Event(), LinkSettings(poll_s=0.02, silent_after_s=0.1)
+    heard = triggers(parse_address(os.ttyname(theirs)), stop, quick)
+    said(heard, "is connected")
+    os.write(ours, b"\x00\x80\xf8" * 20)
+    assert "speed" in said(heard, "is silent").text
+    stop.set()
+    list(heard)
+    os.close(ours)
+    os.close(theirs)
