@@ -28,8 +28,13 @@ Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]
 
 
+LIVE_BLOCK = 12  # tiles a side that are repainted together during a flight: a new frame waits 0.2 s for their writing
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaintSettings:
+    """When what is painted."""
+
     canvas: CanvasSettings = field(default_factory=CanvasSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
     repaint_px: float = (
@@ -99,7 +104,7 @@ class Painter:
         if self._repainting is None:
             self._move(self._stale.values())
             self._stale.clear()
-            self._repainting = self.canvas.repaint()
+            self._repainting = self.canvas.repaint(LIVE_BLOCK)
         changed = next(self._repainting, None)
         if changed is None:
             self._repainting = None

@@ -29,7 +29,7 @@ from gcs_mosaic.stitch.view import FrameView, frame_view
 Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
-BLOCK = 6  # binary digits of tile indices: tiles are repainted 64 x 64 at a time, so that most frames are decoded once
+BLOCK = 64  # tiles a side that are repainted together: so many that most frames are decoded once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,14 +111,16 @@ class Canvas:
         """How many tiles wait for `repaint`."""
         return len(self._behind)
 
-    def repaint(self) -> Iterator[set[TileKey]]:
+    def repaint(self, block: int = BLOCK) -> Iterator[set[TileKey]]:
         """Bring all tiles that are behind up to date, a frame's work at a time; yields tiles that may look different now.
+
+        `block` by `block` tiles change together: a large block decodes each original less often, a small one shows sooner.
 
         Stop between any two steps, call `paint` or `move` in between, go on or start again: a tile is replaced only when it
         is whole, and nothing is lost but the work since. One such iterator at a time.
         """
         while self._behind:
-            yield from self._recompose(self._next_block())
+            yield from self._recompose(self._next_block(block))
 
     def tile(self, island: int, tile: Tile) -> TilePicture | None:
         """A tile as it is shown; None if there is nothing on it. Its arrays are not to be changed."""
@@ -162,11 +164,11 @@ class Canvas:
     def _refresh(self, keys: set[TileKey], islands: Iterable[int]) -> set[TileKey]:
         return self._stack.refresh(keys, {island: self._frames.extent(island) for island in islands})
 
-    def _next_block(self) -> list[TileKey]:
+    def _next_block(self, side: int) -> list[TileKey]:
         """Tiles that are behind and close together, so that they share frames."""
 
         def block(key: TileKey) -> tuple[int, int, int, int]:
-            return key[0], key[1].z, key[1].y >> BLOCK, key[1].x >> BLOCK
+            return key[0], key[1].z, key[1].y // side, key[1].x // side
 
         chosen = min(map(block, self._behind))
         return [key for key in self._behind if block(key) == chosen]
