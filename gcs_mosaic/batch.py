@@ -19,6 +19,8 @@ from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
 
+STAGES = ("decode", "features", "place", "paint", "write")
+
 
 def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console) -> Path:
     """Stitch frames in the order of their names; returns the folder that holds the flight."""
@@ -39,7 +41,7 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console)
 
 def _stitch_into(pipeline: Pipeline, sources: Sequence[Path], config: Config, console: Console) -> None:
     start = time.monotonic()
-    preparation = Preparation(config.stitch.features)
+    preparation = Preparation(config.stitch.features, config.reduction)
     with _progress(console) as progress:
         count, found = frames_in(sources, config.frames)
         done = _work_off(pipeline, preparation, found, progress.add_task("stitching", total=count), progress)
@@ -107,8 +109,8 @@ def _counts(account: object) -> dict[str, int]:
 
 
 def _times(done: list[Done]) -> Table:
-    table = Table("stage", "median s", "longest s", "total s", title="time per frame (decoding and features run ahead)")
-    for stage in ("decode", "features", "place", "paint", "write"):
+    table = Table("stage", "median s", "longest s", "total s", title="time per frame")
+    for stage in STAGES:
         seconds = sorted(d.seconds[stage] for d in done if stage in d.seconds)
         if seconds:
             table.add_row(stage, f"{seconds[len(seconds) // 2]:.3f}", f"{seconds[-1]:.3f}", f"{sum(seconds):.1f}")

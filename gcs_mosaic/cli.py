@@ -23,7 +23,8 @@ from gcs_mosaic.flight.disk import DiskFull
 USAGE = """\
 gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
        gcs-mosaic stitch DIR --out DIR                                  a folder of frames, without MAVLink
-       gcs-mosaic serve DIR | status DIR | export DIR --format FORMAT   a flight that was written before"""
+       gcs-mosaic serve DIR | status DIR | export DIR --format FORMAT   a flight that was written before
+       gcs-mosaic benchmark DIR                                         what a frame costs on this machine"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,10 +73,26 @@ def stitch(words: Sequence[str]) -> None:
 
     parser = _parser("gcs-mosaic stitch")
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
+    parser.add_argument("--scale", type=float, choices=[1, 0.5, 0.25], help="size at which frames are painted")
     _add_output(parser)
     given = parser.parse_args(words)
     config = _config(given)
+    if given.scale:
+        config = replace(config, scale=given.scale)
     batch.stitch(given.frames, Path(config.out), config, Console())
+
+
+def benchmark(words: Sequence[str]) -> None:
+    """What a frame costs on this machine."""
+    from gcs_mosaic import benchmark as benchmarks
+
+    parser = _parser("gcs-mosaic benchmark")
+    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
+    parser.add_argument("--most", type=int, metavar="N", help="use the first N frames only")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
+    given = parser.parse_args(words)
+    config = load_config(given.config) if given.config else Config()
+    benchmarks.run(given.frames, config, Console(), given.most)
 
 
 def serve(words: Sequence[str]) -> None:
@@ -132,6 +149,7 @@ COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     "serve": serve,
     "status": status,
     "export": export,
+    "benchmark": benchmark,
 }
 
 

@@ -32,6 +32,7 @@ class Config:
     watch: str = "frames"  # folder in which the camera's files appear
     out: str = "mosaic"  # folder for tiles, ledger and originals
     http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
+    scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
     finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
     link: LinkSettings = field(default_factory=LinkSettings)
     frames: FolderSettings = field(default_factory=FolderSettings)
@@ -41,6 +42,15 @@ class Config:
     paint: PaintSettings = field(default_factory=PaintSettings)
     originals: OriginalsSettings = field(default_factory=OriginalsSettings)
     tiles: TileSettings = field(default_factory=TileSettings)
+
+    def __post_init__(self) -> None:
+        if self.scale not in (1, 0.5, 0.25):
+            raise ValueError(f"scale: expected 1, 0.5 or 0.25, got {self.scale:g}")
+
+    @property
+    def reduction(self) -> int:
+        """Whole factor by which frames are reduced."""
+        return round(1 / self.scale)
 
 
 def load_config(path: Path) -> Config:

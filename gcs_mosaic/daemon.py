@@ -90,7 +90,7 @@ class _Daemon:
         self._config, self._ending = config, ending
         self._inbox: queue.Queue[Item] = queue.Queue(INBOX)
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
-        self._preparation = Preparation(config.stitch.features)
+        self._preparation = Preparation(config.stitch.features, config.reduction)
         self._reporter = Reporter(folder.path, self._pipeline.flight, self._pipeline.ledger, console)
         self._reporter.watch = WatchStatus(folder=config.watch, state="watching")
         self._logbook = Logbook(self._pipeline.ledger, config.shots, config.pairing)

@@ -19,7 +19,15 @@ from gcs_mosaic.stitch.exposure import (
     overlap_means,
     solve_gains,
 )
-from gcs_mosaic.stitch.geometry import Array, Camera, Pose, canvas_from_pixels, frame_border, pixels_from_canvas
+from gcs_mosaic.stitch.geometry import (
+    Array,
+    Camera,
+    Pose,
+    canvas_from_pixels,
+    frame_border,
+    pixels_from_canvas,
+    reduced_view,
+)
 from gcs_mosaic.stitch.lattice import own_level
 from gcs_mosaic.stitch.mosaic import Placement
 from gcs_mosaic.stitch.painted import Painted, TileKey
@@ -78,14 +86,15 @@ class Painter:
     def paint_new(self, image: Image, thumbnail: Image, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that look different now."""
         self._thumbnails[placement.name] = thumbnail
+        pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
         painted = Painted(
             name=placement.name,
             order=order,
             island=placement.island,
-            pose=placement.pose,
-            camera=placement.camera,
+            pose=pose,
+            camera=camera,
             gain=self._gain_of(placement),
-            level=own_level(placement.pose, placement.camera),
+            level=own_level(pose, camera),
         )
         self._note(painted)
         return self.canvas.paint(image, painted)
@@ -131,9 +140,10 @@ class Painter:
     def _move(self, placements: Iterable[Placement]) -> None:
         for placement in placements:
             painted = self._painted[placement.name]
-            view = (placement.pose, placement.camera)
-            level = own_level(*view)
-            self._change(replace(painted, island=placement.island, pose=view[0], camera=view[1], level=level))
+            size = painted.camera.width, painted.camera.height
+            pose, camera = reduced_view(placement.pose, placement.camera, *size)
+            level = own_level(pose, camera)
+            self._change(replace(painted, island=placement.island, pose=pose, camera=camera, level=level))
 
     def _change(self, painted: Painted) -> None:
         self._note(painted)
@@ -177,8 +187,6 @@ def _displacement(painted: Painted, placement: Placement) -> float:
     """How far the frame's worst corner is painted from where it should be, in the frame's own pixels."""
     if painted.island != placement.island:
         return np.inf
-    if (painted.pose, painted.camera) == (placement.pose, placement.camera):
-        return 0.0
     there = _corners(painted.pose, painted.camera)
     here = _corners(placement.pose, placement.camera)
     off = np.linalg.norm(there - here, axis=1) / np.exp(placement.pose.log_gsd)

@@ -71,6 +71,7 @@ class Pipeline:
         self.flight = FlightRecord(name=out.resolve().name, started_utc=time.time())
         self.ledger.begin_flight(self.flight)
         self.mosaic = Mosaic(config.stitch)
+        self._reduction = config.reduction
         self.taken_in = 0  # files, whatever became of them
         self._originals = Originals(out, config.originals)
         self._painter = Painter(self._load_original, self._note_painted, config.paint, scratch=out)
@@ -144,8 +145,7 @@ class Pipeline:
         if isinstance(prepared, Unprepared):
             self._settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
-        height, width = prepared.image.shape[:2]
-        self._unsaved.sizes[name] = (width, height)
+        self._unsaved.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
         outcome = self.mosaic.place(prepared.features, name)
         self.mosaic.adjust()
@@ -205,7 +205,7 @@ class Pipeline:
         path, content_hash = self._places[name]
         if not is_intact(path, content_hash):
             return None
-        image = load_image(path)
+        image = load_image(path, reduction=self._reduction)
         return None if isinstance(image, Unreadable) else image
 
     def _note_painted(self, painted: Painted) -> None:

@@ -23,7 +23,7 @@ AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A frame with its pixels (h, w, 3), features and thumbnail; `seconds` it took to decode and to find features."""
+    """A frame with its pixels (h, w, 3), reduced or not, features and thumbnail; `seconds` it took to make them."""
 
     frame: Frame
     image: Image
@@ -40,14 +40,14 @@ class Unprepared:
     reason: str
 
 
-def prepare(frame: Frame, settings: FeatureSettings) -> Prepared | Unprepared:
-    """Decode a frame and find its features."""
+def prepare(frame: Frame, settings: FeatureSettings, reduction: int = 1) -> Prepared | Unprepared:
+    """Decode a frame, at full size or reduced by a whole factor, and find its features."""
     start = time.perf_counter()
-    image = load_frame(frame)
+    image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):
         return Unprepared(frame, image.reason)
     decoded = time.perf_counter()
-    features = extract(image, settings)
+    features = extract(image, settings, reduction)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
     return Prepared(frame, image, features, thumbnail(image), seconds)
 
@@ -63,8 +63,8 @@ def thumbnail(image: Image) -> Image:
 class Preparation:
     """Frames in a row, the first few of them prepared ahead."""
 
-    def __init__(self, settings: FeatureSettings) -> None:
-        self._settings = settings
+    def __init__(self, settings: FeatureSettings, reduction: int = 1) -> None:
+        self._settings, self._reduction = settings, reduction
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._ahead: deque[Future[Prepared | Unprepared]] = deque()
         self._behind: deque[Frame] = deque()
@@ -100,4 +100,4 @@ class Preparation:
 
     def _fill(self) -> None:
         while self._behind and len(self._ahead) < AHEAD:
-            self._ahead.append(self._pool.submit(prepare, self._behind.popleft(), self._settings))
+            self._ahead.append(self._pool.submit(prepare, self._behind.popleft(), self._settings, self._reduction))

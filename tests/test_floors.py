@@ -27,11 +27,12 @@ ALLOWED = {
     "logbook": {"link", "pairing", "flight", "events"},
     "reporting": {"flight", "events"},
     "batch": {"pipeline", "prepare", "config", "frames", "flight", "events"},
+    "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
         *("pipeline", "prepare", "logbook", "reporting", "config"),
         *("link", "frames", "flight", "web", "stitch", "events"),
     },
-    "cli": {"daemon", "batch", "config", "frames", "flight", "web", "errors"},
+    "cli": {"daemon", "batch", "benchmark", "config", "frames", "flight", "web", "errors"},
     "__main__": {"cli"},
 }
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy"}

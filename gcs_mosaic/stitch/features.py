@@ -40,9 +40,9 @@ class Features:
         return len(self.points)
 
 
-def extract(image: NDArray[np.uint8], settings: FeatureSettings) -> Features:
-    """Features of a BGR or grey image (h, w[, 3]) uint8."""
-    height, width = image.shape[:2]
+def extract(image: NDArray[np.uint8], settings: FeatureSettings, reduction: int = 1) -> Features:
+    """Features of a BGR or grey image (h, w[, 3]) uint8, which may be a frame that was reduced by a whole factor."""
+    height, width = image.shape[0] * reduction, image.shape[1] * reduction
     small = reduced_grey(image, settings.megapixels)
     scale = width / small.shape[1]
     # Without precise upscaling OpenCV's SIFT puts every point a quarter of a pixel off, which shows between two headings.

@@ -13,7 +13,7 @@ Conventions, used everywhere in this package:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -98,6 +98,14 @@ def pixels_from_canvas(pose: Pose, camera: Camera, places: Array) -> Array:
         undistorted = rays[:, :2] / rays[:, 2:]
         undistorted[rays[:, 2] <= 0] = np.nan
     return distort(camera, undistorted) * camera.focal_px + camera.centre
+
+
+def reduced_view(pose: Pose, camera: Camera, width: int, height: int) -> tuple[Pose, Camera]:
+    """Pose and camera of the same frame as a picture of another size (same shape): what it shows lies where it lay."""
+    reduced = Camera(width, height, 1.0, camera.k1)
+    factor = camera.width / width
+    focal = camera.focal_px / factor / reduced.half_diagonal
+    return replace(pose, log_gsd=pose.log_gsd + math.log(factor)), replace(reduced, focal=focal)
 
 
 def normalised(camera: Camera, pixels: Array) -> Array:

@@ -27,7 +27,7 @@ from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
 from gcs_mosaic.stitch.search import Search, SearchSettings
-from gcs_mosaic.stitch.solving import adjust_island, level_pose_over, resect
+from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, resect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,19 +198,28 @@ class Mosaic:
         ]
 
     def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | None:
-        """The frame's best pose against its links from any of the rough ones, if it fits them and an aircraft can have it."""
-        if not rough:
-            return None
+        """The frame's best pose against its links from any of the rough ones, if it is to be believed."""
         found = [resect(self._network, frame, pose, self.settings.adjustment) for pose in rough]
-        resected = min(found, key=lambda resected: resected.residual_px)
-        pose = resected.pose
-        plausibility, registration = self.settings.plausibility, self.settings.registration
+        best = min(found, key=lambda resected: resected.residual_px, default=None)
+        return best.pose if best and self._is_believable(frame, best) else None
+
+    def _is_believable(self, frame: int, resected: Resected) -> bool:
+        """Whether a pose fits its links, is determined by them, and is one that an aircraft can have."""
+        settings, pose = self.settings.plausibility, resected.pose
+        fits = resected.residual_px <= self._residual_limit(frame)
+        sure = resected.deviation <= settings.most_deviation
+        tilt = math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll)))
         linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
-        zoom = max((abs(pose.log_gsd - p.log_gsd) for p in linked if p), default=0.0)
-        steep = math.cos(pose.pitch) * math.cos(pose.roll) < math.cos(math.radians(plausibility.steepest_tilt_deg))
-        fits = resected.residual_px <= plausibility.most_residual * registration.threshold_px
-        sure = resected.deviation <= plausibility.most_deviation
-        return pose if fits and sure and not steep and zoom <= math.log(registration.largest_zoom) else None
+        zoom = max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0)
+        zoom_limit = math.log(self.settings.registration.largest_zoom)
+        return bool(fits and sure and tilt <= math.radians(settings.steepest_tilt_deg) and zoom <= zoom_limit)
+
+    def _residual_limit(self, frame: int) -> float:
+        """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
+        camera = self._network.frames[frame].camera
+        shown = sum(state.camera == camera and state.pose is not None for state in self._network.frames)
+        limit = self.settings.plausibility.most_residual * self.settings.registration.threshold_px
+        return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)
 
     def _found_with_waiting(self, frame: int) -> bool:
         """Two frames that match nothing but each other found an island."""
@@ -232,6 +241,8 @@ class Mosaic:
     def _use_what_is_new(self, frame: int) -> None:
         """A newly placed frame may give waiting ones their place, or connect its island with another."""
         for other in self._search.likeliest(frame, self._waiting, WAITING_TRIES):
+            if other not in self._waiting:  # the one before has given it its place
+                continue
             registration = self._search.register(other, frame)
             if registration is not None and self._place_beside(other, frame, registration):
                 self._waiting.remove(other)
@@ -259,5 +270,7 @@ class Mosaic:
         return Placement(state.name, *view, sum(state.inliers.values()), state.residual_px, names)
 
 
+LENS_KNOWN = 5  # frames after which a lens is known well enough to judge residuals
+UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
 WAITING_TRIES = 2
 BRIDGE_TRIES = 3
