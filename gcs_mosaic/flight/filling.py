@@ -92,12 +92,10 @@ def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
     place = coarse_from_tile(tile, level)
     if coarse.coverage is full_coverage(TILE_SIZE):
         return TilePicture(_resampled(coarse.colour, place).astype(np.uint8), coarse.coverage)
-    share = coarse.coverage.astype(np.float32)
-    seen = _resampled(share, place)
-    # Weighted with the coverage, or the black of holes would show as a fringe.
-    colour = _resampled(coarse.colour * share[..., None], place) / np.maximum(seen, 0.5)[..., None]
-    coverage = np.rint(seen).astype(np.uint8)
-    return TilePicture(np.where((coverage > 0)[..., None], np.rint(colour), 0).astype(np.uint8), coverage)
+    # Wholly covered pixels only: at the map's outer border coarser ones reach farther than what was seen.
+    whole = _resampled((coarse.coverage == 255).astype(np.float32), place) > 0.999
+    colour = np.where(whole[..., None], _resampled(coarse.colour, place), 0).astype(np.uint8)
+    return TilePicture(colour, np.where(whole, 255, 0).astype(np.uint8))
 
 
 def coarse_from_tile(tile: Tile, level: int) -> NDArray[np.float64]:

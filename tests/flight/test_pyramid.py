@@ -117,3 +117,18 @@ def test_the_level_of_a_picture_keeps_to_the_limit() -> None:
     assert level_within((0, 0, 1000, 1000), 1_000_000, 16) == 16
     assert level_within((0, 0, 1000, 1000), 999_999, 16) == 15
     assert level_within((0, 0, 1e6, 1e6), 1_000_000, 18) == 6
+
+
+def test_nothing_is_invented_beyond_the_outer_border(tmp_path) -> None:
+    """Coarser tiles made of a tile reach a little farther than it; what lies there was never seen."""
+    covered = 101
+    put(tmp_path, TILE, plain(200, covered))
+    for level in range(TILE.z - 1, TILE.z - 5, -1):
+        up = 2 ** (TILE.z - level)
+        whole, part = divmod(covered, up)
+        shown = plain(200, whole + 1)
+        shown.coverage[:, whole] = 255 * part // up
+        put(tmp_path, ancestor(TILE, level), shown)
+    coverage = filled_picture(tmp_path, 0, TILE).coverage
+    assert (coverage[:, :covered] == 255).all()
+    assert not coverage[:, covered:].any()
