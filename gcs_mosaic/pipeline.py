@@ -50,7 +50,7 @@ class _Unsaved:
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
     estimates: dict[str, Placement] = field(default_factory=dict)
     painted: dict[str, Painted] = field(default_factory=dict)
-    tiles: set[TileKey] = field(default_factory=set)
+    tiles: list[set[TileKey]] = field(default_factory=list)  # one set for each frame that was painted
 
 
 class Pipeline:
@@ -142,6 +142,16 @@ class Pipeline:
     def work_off(self, prepared: Prepared | Unprepared) -> Done:
         """Place a frame, paint it and whatever finds its place because of it. `save` is to follow."""
         name = prepared.frame.name
+        try:
+            return self._work_off(prepared)
+        except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
+            reason = f"it could not be worked off ({error!r})"
+            self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
+            self._settle(name, FrameState.REJECTED, reason)
+            return Done(name, FrameState.REJECTED, reason, None, {})
+
+    def _work_off(self, prepared: Prepared | Unprepared) -> Done:
+        name = prepared.frame.name
         if isinstance(prepared, Unprepared):
             self._settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
@@ -160,7 +170,7 @@ class Pipeline:
     def repaint_some(self) -> bool:
         """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
         changed = self._painter.repaint_some()
-        self._unsaved.tiles |= changed or set()
+        self._unsaved.tiles += [changed] if changed else []
         return changed is not None
 
     def adjust_all(self) -> None:
@@ -176,7 +186,7 @@ class Pipeline:
             self._settle(rejection.name, FrameState.REJECTED, rejection.reason)
         yield
         for changed in self._painter.repaint_all(self.mosaic.placements()):
-            self._unsaved.tiles |= changed
+            self._unsaved.tiles += [changed] if changed else []
             yield
 
     def _paint_moved(self, prepared: Prepared | None) -> None:
@@ -192,14 +202,14 @@ class Pipeline:
     def _paint_new(self, placement: Placement, prepared: Prepared | None) -> None:
         order = self._orders[placement.name]
         if prepared is not None and prepared.frame.name == placement.name:
-            self._unsaved.tiles |= self._painter.paint_new(prepared.image, prepared.thumbnail, placement, order)
+            self._unsaved.tiles.append(self._painter.paint_new(prepared.image, prepared.thumbnail, placement, order))
             return
         image = self._load_original(placement.name)
         if image is None:
             text = f"{placement.name} found its place, but its original is gone: it is not on the map"
             self._say(Notice(source="originals", level="error", text=text))
             return
-        self._unsaved.tiles |= self._painter.paint_new(image, thumbnail(image), placement, order)
+        self._unsaved.tiles.append(self._painter.paint_new(image, thumbnail(image), placement, order))
 
     def _load_original(self, name: str) -> Image | None:
         path, content_hash = self._places[name]
@@ -221,11 +231,12 @@ class Pipeline:
         """Write tiles, ledger and documents; returns the seconds it took. After DiskFull call it again."""
         start = time.perf_counter()
         tiles = self._unsaved.tiles
-        self._tiles.write(tiles, self._painter.canvas.tile)
+        self._tiles.write(set().union(*tiles), self._painter.canvas.tile)
         self._save_ledger()
         revision = self._manifest.write(self._contents())
         self._unsaved = _Unsaved()
-        self._published(revision, tiles)
+        for changed in tiles:
+            self._published(revision, changed)
         return time.perf_counter() - start
 
     def close(self) -> None:

@@ -41,7 +41,14 @@ class Unprepared:
 
 
 def prepare(frame: Frame, settings: FeatureSettings, reduction: int = 1) -> Prepared | Unprepared:
-    """Decode a frame, at full size or reduced by a whole factor, and find its features."""
+    """Decode a frame, at full size or reduced by a whole factor, and find its features; never raises."""
+    try:
+        return _prepared(frame, settings, reduction)
+    except Exception as error:  # one picture that OpenCV or the memory cannot cope with must not end a flight
+        return Unprepared(frame, f"could not be decoded ({error!r})")
+
+
+def _prepared(frame: Frame, settings: FeatureSettings, reduction: int) -> Prepared | Unprepared:
     start = time.perf_counter()
     image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):

@@ -13,9 +13,11 @@ from gcs_mosaic.batch import stitch
 from gcs_mosaic.config import Config
 from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.tiles import TileSettings, TileWriter
 from gcs_mosaic.frames.load import load_image
 from gcs_mosaic.stitch.canvas import Canvas
+from gcs_mosaic.stitch.mosaic import Mosaic
 from sitl.path import Plan
 
 QUIET = Console(quiet=True)
@@ -88,3 +90,21 @@ def test_no_exif_and_no_name_can_move_a_frame(stitched, tmp_path):
             poses.append([estimate.pose for estimate in ledger.estimates()])
     assert len(poses[0]) == 4
     assert poses[0] == poses[1]
+
+
+def test_a_frame_that_breaks_the_program_is_rejected_and_said(tmp_path, stitched, monkeypatch):
+    """A surprise inside one frame's work costs that frame, not the flight."""
+    place = Mosaic.place
+
+    def break_on_the_third(self, features, name):
+        if "0003" in name:
+            raise RuntimeError("surprise")
+        return place(self, features, name)
+
+    monkeypatch.setattr(Mosaic, "place", break_on_the_third)
+    out = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], tmp_path / "out", Config(), QUIET)
+    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+        rejected = ledger.frames(FrameState.REJECTED)
+        assert ledger.accounts().frames.placed == 11
+    assert [frame.name for frame in rejected] == ["IMG_0003.JPG"]
+    assert "surprise" in rejected[0].reason
