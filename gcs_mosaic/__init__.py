@@ -1,1 +1,13 @@
-"""Live mosaics from camera triggers, stitched from the images alone."""
+"""Live mosaics from camera triggers, stitched from the images alone.
+
+The front door for programs and notebooks; nothing else has to run:
+
+    from gcs_mosaic import Mosaic
+
+    mosaic = Mosaic()
+    answer = mosaic.add(image, "IMG_0001.JPG")  # Placement, Waiting or Rejection
+"""
+
+from gcs_mosaic.stitch.mosaic import Mosaic, Placement, Rejection, StitchSettings, Waiting
+
+__all__ = ["Mosaic", "Placement", "Rejection", "StitchSettings", "Waiting"]

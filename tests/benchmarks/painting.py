@@ -1,6 +1,6 @@
 """What painting one frame costs, by stage, beside a plain cv2.warpPerspective of as many pixels.
 
-    python -m benchmarks.painting [FRAME.jpg]
+    python -m tests.benchmarks.painting [FRAME.jpg]
 
 Without a frame, one of 12 MP is made up. CPU time is what counts on a machine that does other things as well.
 """

@@ -1,0 +1,47 @@
+"""The oldest versions that pyproject.toml allows will do.
+
+The environment of these tests holds the newest ones; here one is made that holds the oldest, with the project installed
+as a package and not found by its folder, and the tests of the rooms that use those libraries are run in it.
+"""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import fresh
+import pytest
+
+PROJECT = tomllib.loads((fresh.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+NEEDED_TO_TEST = ("pytest", "hypothesis")
+TESTS = ("stitch", "frames", "link", "pairing", "flight", "web/test_app.py", "web/test_feed.py")
+TESTS += ("test_config.py", "test_pairing.py", "test_pipeline.py")
+pytestmark = pytest.mark.skipif(sys.version_info >= (3, 12), reason="the oldest libraries are for the oldest Python")
+
+
+def oldest() -> list[str]:
+    """Every dependency, and what the tests need themselves, at the lower end of its range."""
+    development = PROJECT["optional-dependencies"]["dev"]
+    wanted = PROJECT["dependencies"] + [one for one in development if re.match(r"[\w-]+", one)[0] in NEEDED_TO_TEST]
+    return [re.sub(r"^([\w-]+)>=([\w.]+),.*$", r"\1==\2", one) for one in wanted]
+
+
+def test_every_range_has_both_ends():
+    assert all(re.fullmatch(r"[\w-]+==[\d.]+", one) for one in oldest())
+
+
+def test_the_oldest_versions_do(tmp_path):
+    fresh.need_packages(tmp_path)
+    clone = fresh.clone(tmp_path / "clone")
+    python = environment_of_the_oldest(tmp_path, clone)
+    apart = ("-p", "no:cacheprovider", "--basetemp", str(tmp_path / "temporary"))
+    fresh.run(python, "-P", "-m", "pytest", *apart, *TESTS, cwd=clone / "tests", minutes=10)
+
+
+def environment_of_the_oldest(folder: Path, clone: Path) -> str:
+    """Its Python."""
+    python = str(folder / "oldest" / "bin" / "python")
+    fresh.run(sys.executable, "-m", "venv", str(folder / "oldest"))
+    fresh.run(python, "-m", "pip", "install", "--quiet", *oldest())
+    fresh.run(python, "-m", "pip", "install", "--quiet", "--no-deps", str(clone))
+    return python

@@ -1,0 +1,133 @@
+"""What README.md shows is true: its commands run, its example runs, its options exist."""
+
+import argparse
+import os
+import re
+import shlex
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import NoReturn
+from urllib.request import urlopen
+
+import fresh
+import pytest
+
+import gcs_mosaic.cli
+import sitl.__main__
+import sitl.flight
+from sitl.path import Plan
+
+README = (fresh.ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+LINES = [
+    line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines() if shlex.split(line, comments=True)
+]
+SET_UP = [line for line in LINES if line.startswith("python3 -m venv .venv && ")]
+USAGE = [line for line in LINES if line not in SET_UP]
+EXAMPLES = [text for kind, text in BLOCKS if kind == "python"]
+PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main, ("python", "-m", "sitl"): sitl.__main__.main}
+FLIGHT_S, ENDING_S = 480, 200
+
+
+def test_every_block_is_of_a_kind_that_is_tested_here():
+    """Commands and examples are; text shows what programs print."""
+    assert {kind for kind, _ in BLOCKS} <= {"sh", "python", "text"}
+
+
+def test_two_commands_set_up_one_flies_and_one_tests():
+    fly, test = SET_UP
+    assert fly.endswith("/python -m sitl --stay")
+    assert test.endswith("/pytest")
+
+
+def test_the_second_command_is_what_judges_changes():
+    """This very test is part of what that command runs."""
+    assert fresh.run(".ci/run", "--show").strip() == SET_UP[1]
+
+
+def test_the_first_command_flies_and_shows_the_map(tmp_path):
+    fresh.need_packages(tmp_path)
+    need_port(8470)
+    with typed(SET_UP[0], fresh.clone(tmp_path / "gcs-mosaic"), tmp_path / "said") as (process, said):
+        page = wait_for(r"the page stays at (http://\S+)", process, said)
+        with urlopen(page, timeout=20) as answer:
+            assert answer.status == 200
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(ENDING_S) == 0, said.read_text()
+    placed, frames = re.search(r"against the truth: placed (\d+)/(\d+) ", said.read_text()).groups()
+    assert placed == frames
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_an_example_runs(example, tmp_path, monkeypatch, world_cache):
+    flight = sitl.flight.make("survey", tmp_path, (480, 360), cache=world_cache, route=Plan(frames=4))
+    (tmp_path / flight.names[0]).parent.rename(tmp_path / "frames")
+    monkeypatch.chdir(tmp_path)
+    with redirect_stdout(StringIO()) as said:
+        exec(compile(example, "README.md", "exec"), {})
+    assert all(said.getvalue().count(Path(name).name) >= 2 for name in flight.names)  # once added, once placed
+
+
+def test_the_options_of_all_commands_exist(monkeypatch):
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", only_take_apart)
+    assert [line for line in USAGE if not understood(line)] == []
+    assert understood(".venv/bin/gcs-mosaic --mavlink udp:14550 --out somewhere  # with a comment")
+    assert not understood("gcs-mosaic --no-such-option")
+
+
+TAKE_APART = argparse.ArgumentParser.parse_args
+
+
+class Understood(Exception):  # noqa: N818 - no error
+    """A program has taken its arguments apart; it is stopped before it does anything."""
+
+
+def only_take_apart(parser: argparse.ArgumentParser, words: list[str]) -> NoReturn:
+    raise Understood(TAKE_APART(parser, words))
+
+
+def understood(line: str) -> bool:
+    words = tuple(shlex.split(line.replace(".venv/bin/", ""), comments=True))
+    start = next((start for start in PROGRAMS if words[: len(start)] == start), None)
+    assert start, f"no test knows this program: {line}"
+    try:
+        PROGRAMS[start](words[len(start) :])
+    except Understood:
+        return True
+    return False
+
+
+@contextmanager
+def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Popen, Path]]:
+    """A line as typed in a terminal: Ctrl-C reaches all that it starts."""
+    shell = ["env", "--default-signal=INT", "bash", "-c", line]
+    with said.open("wb") as file:
+        out = {"stdin": subprocess.DEVNULL, "stdout": file, "stderr": subprocess.STDOUT}
+        process = subprocess.Popen(shell, cwd=folder, env=fresh.environment(), start_new_session=True, **out)
+    try:
+        yield process, said
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGTERM)
+        process.wait(ENDING_S)
+
+
+def wait_for(pattern: str, process: subprocess.Popen, said: Path) -> str:
+    deadline = time.monotonic() + FLIGHT_S
+    while not (found := re.search(pattern, said.read_text())):
+        assert process.poll() is None, said.read_text()
+        assert time.monotonic() < deadline, said.read_text()
+        time.sleep(0.5)
+    return found[1]
+
+
+def need_port(port: int) -> None:
+    with socket.socket() as probe:
+        if probe.connect_ex(("127.0.0.1", port)) == 0:
+            pytest.skip(f"another program has port {port}, where the page of the README's flight is to be")

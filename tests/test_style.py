@@ -1,0 +1,41 @@
+"""The manners of the house, as far as programs can judge them."""
+
+import re
+import sys
+
+import fresh
+import pytest
+
+TOP_LEVEL = {"LICENSE", "README.md", "config", "gcs_mosaic", "pyproject.toml", "sitl", "tests"}
+LONGEST_MODULE = 320  # lines; most have less than half of that
+PLACES_OF_ONE_MACHINE = re.compile(r"(?<![\w.)}])/(?:home|root|work|tmp|mnt|media|Users)/")
+CHECKS = {"faults": ["ruff", "check"], "format": ["ruff", "format", "--check"], "types": ["mypy"]}
+
+
+@pytest.fixture(scope="module")
+def known():
+    """The files that git knows, except those that are gone."""
+    if not (fresh.ROOT / ".git").exists():
+        pytest.skip("this is no clone: nobody knows which files belong to it")
+    names = fresh.run("git", "ls-files", "-z").split("\0")
+    return [path for name in names if name and (path := fresh.ROOT / name).is_file()]
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_style(check):
+    fresh.run(sys.executable, "-m", *CHECKS[check])
+
+
+def test_the_top_level_is_what_it_was_meant_to_be(known):
+    top = {path.relative_to(fresh.ROOT).parts[0] for path in known}
+    assert {name for name in top if not name.startswith(".")} == TOP_LEVEL
+
+
+def test_no_path_of_one_machine(known):
+    texts = {path: path.read_bytes().decode(errors="replace") for path in known}
+    assert not [path for path, text in texts.items() if PLACES_OF_ONE_MACHINE.search(text)]
+
+
+def test_no_module_is_too_long_to_read(known):
+    lengths = {path: len(path.read_bytes().splitlines()) for path in known if path.suffix == ".py"}
+    assert not {path: length for path, length in lengths.items() if length > LONGEST_MODULE}
