@@ -45,9 +45,7 @@ class PaintSettings:
 
     canvas: CanvasSettings = field(default_factory=CanvasSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
-    repaint_px: float = (
-        1.0  # a frame is repainted when a corner is off by so many of its own pixels: a seam shows from there
-    )
+    repaint_px: float = 1.0  # how far a corner may be off, in the frame's own pixels, before the frame is repainted
     final_px: float = 0.25  # the same at the end of a flight, when there is time
     final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
 

@@ -26,13 +26,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdjustmentSettings:
-    matches_per_pair: int = 24  # well spread ones; 40 gave the same map
+    """How poses and lenses are estimated from all matches together."""
+
+    matches_per_pair: int = 24  # matches that are used of a pair, well spread; 40 gave the same map
     loss_px: float = 1.0  # Cauchy loss: where a residual begins to count less, in pixels of the feature picture
-    focal_prior: float = 1.5  # half-diagonals; a common field of view (67 degrees across the diagonal)
-    focal_prior_log_sigma: float = 0.3  # weak: a factor of 1.35
+    focal_prior: float = (
+        1.5  # focal length expected of a camera, in half-diagonals: a common field of view (67 degrees across)
+    )
+    focal_prior_log_sigma: float = 0.3  # how far it may be off, as log: a factor of 1.35
     k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
     tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
-    steps: int = 30  # at most; a warm start needs 2-5
+    steps: int = 30  # most steps of an adjustment; a warm start needs 2-5
     step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
 
 

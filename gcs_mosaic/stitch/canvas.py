@@ -36,10 +36,10 @@ BLOCK = 64  # tiles a side that are repainted together: so many that most frames
 class CanvasSettings:
     """How frames are painted."""
 
-    blend: str = "edge"  # one of blending.BLENDS
+    blend: str = "edge"  # edge (the paper's), newest or first: which frame shows where several do
     interpolation: str = "cubic"  # keeps 97 % of a frame's finest detail; "linear" 70-88 % in two thirds of the time
     memory_mb: int = 512  # tiles kept in memory, about 2,000; the others wait in a scratch file
-    threads: int = 2  # tiles painted at a time
+    threads: int = 2  # how many tiles are painted at a time
 
     def __post_init__(self) -> None:
         for value, known in ((self.blend, list(BLENDS)), (self.interpolation, list(INTERPOLATIONS))):

@@ -33,7 +33,7 @@ class ExposureSettings:
     overlap_sigma: float = 0.02  # log brightness; how well two frames' means over their overlap agree at equal exposure
     full_trust: int = 200  # thumbnail px in common at which an overlap is half as good as an endless one
     least_gain: float = 0.25  # below and above these the picture would only be noise
-    most_gain: float = 4.0
+    most_gain: float = 4.0  # see least_gain
 
 
 @dataclass(frozen=True, slots=True)

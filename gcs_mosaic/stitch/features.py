@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSettings:
+    """What is looked for in a frame."""
+
     megapixels: float = 0.75  # size at which features are sought; 1.8 gave the same map at 2-3 times the time
-    count: int = 2000  # the strongest are kept
+    count: int = 2000  # features kept of a frame, the strongest
     contrast: float = 0.01  # SIFT's contrast threshold; low, for bare fields: `count` bounds the number anyway
 
 
@@ -46,9 +48,7 @@ def extract(image: NDArray[np.uint8], settings: FeatureSettings, reduction: int 
     small = reduced_grey(image, settings.megapixels)
     scale = width / small.shape[1]
     # Without precise upscaling OpenCV's SIFT puts every point a quarter of a pixel off, which shows between two headings.
-    sift = cv2.SIFT.create(
-        nfeatures=settings.count, contrastThreshold=settings.contrast, enable_precise_upscale=True
-    )
+    sift = cv2.SIFT.create(nfeatures=settings.count, contrastThreshold=settings.contrast, enable_precise_upscale=True)
     keypoints, descriptors = sift.detectAndCompute(small, None)
     if descriptors is None:
         return Features(np.empty((0, 2), np.float32), np.empty((0, 128), np.uint8), width, height, scale)

@@ -32,6 +32,8 @@ from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlausibilitySettings:
+    """What is not believed of a placement."""
+
     least_features: int = 40  # a picture with fewer shows nothing to hold on to
     most_residual: float = 1.0  # median residual above which a placement is not believed, in registration thresholds
     most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
@@ -40,12 +42,14 @@ class PlausibilitySettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StitchSettings:
+    """How frames are placed."""
+
     features: FeatureSettings = field(default_factory=FeatureSettings)
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
-    adjustments_per_doubling: int = 16  # an island is adjusted when it has grown by this part of itself
+    adjustments_per_doubling: int = 16  # an island is adjusted whenever it has grown by one part in so many
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegistrationSettings:
+    """When two frames are believed to show the same ground."""
+
     threshold_px: float = 4.0  # how far relief and lens may carry an inlier, in pixels of the feature picture
-    least_inliers: int = (
-        12  # independent ones; false pairs reached this many on repeated texture, so it is never enough
-    )
-    least_share: float = 0.2  # of the matches that lie in the overlap, beyond `share_offset`
-    share_offset: float = 8.0
+    least_inliers: int = 12  # independent ones; false pairs have reached as many, so this alone never decides
+    least_share: float = 0.2  # inliers wanted of the matches that lie in the overlap, on top of `share_offset`
+    share_offset: float = 8.0  # inliers wanted however few matches there are (Brown and Lowe)
     cell_px: float = 16.0  # inliers nearer than this, in pixels of the feature picture, count as one
     largest_zoom: float = 5.0  # change of scale between two frames that is still believed
 

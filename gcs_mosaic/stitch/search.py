@@ -17,6 +17,8 @@ from gcs_mosaic.stitch.retrieval import RetrievalIndex
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSettings:
+    """Which frames a new one is matched with."""
+
     neighbours: int = 12  # frames a new one is matched with; this bound keeps the cost per frame constant
     first_tries: int = 4  # frames near the last one that are tried before the wide search
     wide_tries: int = 6  # best of all frames that the wide search matches in full
