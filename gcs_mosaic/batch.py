@@ -48,6 +48,7 @@ def _stitch_into(pipeline: Pipeline, sources: Sequence[Path], config: Config, co
         final = progress.add_task("final painting", total=None)
         for _ in pipeline.finish():
             progress.advance(final)
+            pipeline.save()
         pipeline.save()
     preparation.close()
     _summarise(pipeline, done, time.monotonic() - start, console)
@@ -92,7 +93,7 @@ def _summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Co
     """One screen: what became of the frames, and where the time went."""
     account = pipeline.accounts().frames
     console.print(
-        f"{account.placed} of {sum(_counts(account).values())} frames placed in {seconds:.1f} s, {pipeline.out}"
+        f"{account.placed} of {sum(_counts(account).values())} frames placed in {seconds:.1f} s, {pipeline.recorder.out}"
     )
     for state, count in _counts(account).items():
         if count and state != "placed":

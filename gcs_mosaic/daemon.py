@@ -15,13 +15,13 @@ from typing import TypeVar
 from rich.console import Console
 
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import DamagedFile, Frame, LinkReport, Notice, TriggerEvent
+from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
 from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.status import DaemonState, LastFrame, WatchStatus
 from gcs_mosaic.frames.directory import FIRST_LOOK, watch
-from gcs_mosaic.link.address import parse_address
+from gcs_mosaic.link.address import connection_string, parse_address
 from gcs_mosaic.link.listener import VehicleChoice
 from gcs_mosaic.link.triggers import triggers
 from gcs_mosaic.logbook import Logbook
@@ -33,7 +33,8 @@ from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
 
-Item = TriggerEvent | Frame | DamagedFile | Notice | LinkReport
+Report = LinkReport | FolderReport
+Item = TriggerEvent | Frame | DamagedFile | Notice | Report
 
 T = TypeVar("T")
 
@@ -59,27 +60,50 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
     """Run until told to stop. Raises UsageError before anything is written if it cannot start."""
     watched, out = Path(config.watch), Path(config.out)
     refuse_watching_ourselves(watched, out)
-    choice = VehicleChoice(config.link.vehicle)
     with ExitStack() as stack:
-        # What can be refused comes first: ports and folders that are taken.
-        links = [triggers(parse_address(text), ending.stop, config.link, choice) for text in config.mavlink]
-        files = watch(watched, ending.stop, config.frames)
+        # What can be refused comes first: addresses, ports and folders that are taken.
+        address = HttpAddress.parse(config.http) if config.http else None
+        sources = _listen(config, ending)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
-        feed, page = _serve(config, folder, stack)
+        refuse_watching_ourselves(watched, folder.path)
+        feed, page = _serve(address, folder, stack)
+        sources.append(_watch(config, ending))
         daemon = _Daemon(config, folder, console, ending, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if page:
             daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
-        daemon.run([*links, files])
+        daemon.run(sources)
 
 
-def _serve(config: Config, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """What a thread of its own brings, and what is to be reported if it fails."""
+
+    items: Iterator[Item]
+    failed: Report
+
+
+def _listen(config: Config, ending: Ending) -> list[_Source]:
+    choice = VehicleChoice(config.link.vehicle)
+    sources = []
+    for address in map(parse_address, config.mavlink):
+        failed = LinkReport(address=connection_string(address), state="failed", last_heard_utc=None)
+        sources.append(_Source(triggers(address, ending.stop, config.link, choice), failed))
+    return sources
+
+
+def _watch(config: Config, ending: Ending) -> _Source:
+    items = watch(Path(config.watch), ending.stop, config.frames)
+    return _Source(items, FolderReport(folder=config.watch, state="ended"))
+
+
+def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
     feed = Feed()
-    if not config.http:
+    if address is None:
         return feed, ""
-    server = WebServer(folder.path, HttpAddress.parse(config.http), feed)
+    server = WebServer(folder.path, address, feed)
     page = server.start()
     stack.callback(server.stop)
     return feed, page
@@ -91,17 +115,19 @@ class _Daemon:
         self._inbox: queue.Queue[Item] = queue.Queue(INBOX)
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
         self._preparation = Preparation(config.stitch.features, config.reduction)
-        self._reporter = Reporter(folder.path, self._pipeline.flight, self._pipeline.ledger, console)
+        self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
         self._reporter.watch = WatchStatus(folder=config.watch, state="watching")
-        self._logbook = Logbook(self._pipeline.ledger, config.shots, config.pairing)
+        self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
         self._feed = feed
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
+        self._until = math.inf  # when to be done at the latest
+        self._full = False
         self._said_full = -math.inf
         self._state: DaemonState = "listening"
         self._looked = False  # whether all files that were there at the start have come
 
-    def run(self, sources: Iterable[Iterator[Item]]) -> None:
+    def run(self, sources: Iterable[_Source]) -> None:
         """Work until told to stop, then finish."""
         threads = [threading.Thread(target=self._pump, args=(source,), daemon=True) for source in sources]
         for thread in threads:
@@ -125,13 +151,14 @@ class _Daemon:
 
     # Taking in
 
-    def _pump(self, source: Iterator[Item]) -> None:
+    def _pump(self, source: _Source) -> None:
         """A source's thread: everything it brings goes to the inbox."""
         try:
-            for item in source:
+            for item in source.items:
                 self._put(item)
         except Exception as error:  # a source that dies must not go unnoticed
-            self._put(Notice(source="daemon", level="error", text=f"a source has failed: {error!r}"))
+            self._put(source.failed)
+            self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
 
     def _put(self, item: Item) -> None:
         while not self._ending.stop.is_set():
@@ -163,10 +190,13 @@ class _Daemon:
                 self.say(item)
             case LinkReport():
                 self._reporter.link(item)
+            case FolderReport():
+                self._reporter.watch = WatchStatus(folder=item.folder, state=item.state)
 
     def _take_frame(self, found: Frame) -> None:
         frame = self._until_it_fits(lambda: self._pipeline.accept(found))
-        self._logbook.frame(found, time.monotonic(), fresh=self._looked)
+        # A copy of an earlier picture may be what an event names, but its time says nothing about when it was taken.
+        self._logbook.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
@@ -216,14 +246,18 @@ class _Daemon:
         self._feed.publish(revision, tiles)
 
     def _until_it_fits(self, write: Callable[[], T]) -> T:
-        """Write; while the disk is full, say so and try again."""
+        """Write; while the disk is full, say so and try again, but at the end not for ever."""
         while True:
             try:
-                return write()
+                written = write()
             except DiskFull as full:
                 self._say_full(full)
-                if self._ending.stop.wait(DISK_FULL_RETRY_S) and self._ending.hurry.is_set():
+                self._ending.hurry.wait(DISK_FULL_RETRY_S)
+                if not self._may_go_on():
                     raise
+            else:
+                self._say_fits_again()
+                return written
 
     # Ending
 
@@ -231,15 +265,14 @@ class _Daemon:
         """Work off what has come, adjust and paint a last time, close the accounts."""
         self._state = "settling"
         self._take_in(0.0)
-        until = time.monotonic() + self._config.finish_s
         self.say(Notice(source="daemon", level="info", text=self._farewell()))
-        while len(self._preparation) and self._may_go_on(until):
+        while len(self._preparation) and self._may_go_on():
             self._preparation.wait(WAIT_S)
             self._work()
             self._report()
         for _ in self._pipeline.finish():
             self._report()
-            if not self._may_go_on(until):
+            if not self._may_go_on():
                 break
         self._logbook.close()
         self._until_it_fits(self._logbook.save)
@@ -247,8 +280,11 @@ class _Daemon:
         self._state = "stopped"
         self._report(now=True)
 
-    def _may_go_on(self, until: float) -> bool:
-        return not self._ending.hurry.is_set() and time.monotonic() < until
+    def _may_go_on(self) -> bool:
+        """Whether there is time: all there is until told to stop, then as much as the settings give."""
+        if self._ending.stop.is_set() and math.isinf(self._until):
+            self._until = time.monotonic() + self._config.finish_s
+        return not self._ending.hurry.is_set() and time.monotonic() < self._until
 
     def _farewell(self) -> str:
         left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
@@ -260,9 +296,20 @@ class _Daemon:
         if time.monotonic() - self._said_full > DISK_FULL_SAID_S:
             self._said_full = time.monotonic()
             self.say(Notice(source="disk", level="error", text=str(full)))
+        self._full = True
         self._report(now=True)
+
+    def _say_fits_again(self) -> None:
+        if self._full:
+            self._full, self._said_full = False, -math.inf
+            self.say(Notice(source="disk", level="info", text="there is room on the disk again: going on"))
 
     def _report(self, *, now: bool = False) -> None:
         self._reporter.write(
-            self._state, len(self._preparation), self._pipeline.revision, self._pipeline.accounts, now=now
+            self._state, len(self._preparation), self._pipeline.recorder.revision, self._pipeline.accounts, now=now
         )
+
+
+def _last_words(failed: Report, error: Exception) -> str:
+    what = f"the link {failed.address}" if isinstance(failed, LinkReport) else f"the watching of {failed.folder}"
+    return f"{what} has failed and brings nothing any more, start gcs-mosaic again ({error!r})"

@@ -1,0 +1,160 @@
+"""What is written about a flight: the originals, the ledger, the tiles and the documents of one output folder.
+
+Changes are collected in memory and written by `save`, all of one moment together; after DiskFull it may be called again.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.flight.folder import LEDGER_NAME
+from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
+from gcs_mosaic.flight.originals import NotKept, Originals
+from gcs_mosaic.flight.records import Estimate, FlightRecord, FrameState
+from gcs_mosaic.flight.tiles import TileWriter
+from gcs_mosaic.stitch.canvas import Canvas
+from gcs_mosaic.stitch.islands import Island
+from gcs_mosaic.stitch.mosaic import Placement
+from gcs_mosaic.stitch.painted import Extent, Painted, TileKey
+
+
+@dataclass(slots=True)
+class Changes:
+    """What is not written yet."""
+
+    states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # and reason, by frame name
+    sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
+    placements: dict[str, Placement] = field(default_factory=dict)
+    painted: dict[str, Painted] = field(default_factory=dict)
+    tiles: list[set[TileKey]] = field(default_factory=list)  # one set for each frame that was painted
+
+    def __bool__(self) -> bool:
+        return any((self.states, self.sizes, self.placements, self.painted, self.tiles))
+
+
+class Recorder:
+    """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk."""
+
+    def __init__(
+        self,
+        out: Path,
+        config: Config,
+        published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
+    ) -> None:
+        self.out = out
+        self.ledger = Ledger(out / LEDGER_NAME)
+        self.flight = FlightRecord(name=out.resolve().name, started_utc=time.time())
+        self.ledger.begin_flight(self.flight)
+        self.changes = Changes()
+        self._originals = Originals(out, config.originals)
+        self._tiles = TileWriter(out, config.tiles)
+        self._manifest = Manifest(out)
+        self._published = published
+        self._islands_known = 0
+        self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
+
+    @property
+    def revision(self) -> int:
+        return self._manifest.revision
+
+    def accept(self, frame: Frame) -> tuple[Path, list[Notice]]:
+        """Keep a frame's original and write both down; returns where it can be read from, and what is to be said."""
+        kept = self._originals.keep(frame)
+        with self.ledger.transaction():
+            self.ledger.record_frame(frame)
+            if not isinstance(kept, NotKept):
+                self.ledger.record_original(frame.name, kept.path)
+        said = [kept.notice] if kept.notice else []
+        if isinstance(kept, NotKept):
+            text = f"{frame.name} is not kept: {kept.reason}"
+            return frame.path, [*said, Notice(source="originals", level="warning", text=text)]
+        return self.out / kept.path, said
+
+    def accept_duplicate(self, frame: Frame, earlier: str) -> None:
+        """Write down that a frame is the same picture as an earlier one."""
+        with self.ledger.transaction():
+            self.ledger.record_frame(frame)
+            self.ledger.settle_frame(frame.name, FrameState.DUPLICATE, f"the same picture as {earlier}")
+
+    def accept_damaged(self, damaged: DamagedFile) -> None:
+        """Write down that a file is not whole."""
+        self.ledger.record_damaged(damaged)
+
+    def save(self, canvas: Canvas, islands: Sequence[Island], frames_on: Mapping[int, int]) -> None:
+        """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there."""
+        if not self.changes:
+            return
+        self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
+        self._save_ledger(islands)
+        revision = self._manifest.write(self._contents(list(self._entries(canvas, islands, frames_on))))
+        tiles, self.changes = self.changes.tiles, Changes()
+        for changed in tiles:
+            self._published(revision, changed)
+
+    def close(self) -> None:
+        """Let go of everything; what is not saved is lost."""
+        self._tiles.close()
+        self.ledger.close()
+
+    def _save_ledger(self, islands: Sequence[Island]) -> None:
+        changes = self.changes
+        with self.ledger.transaction():
+            for island in islands[self._islands_known :]:
+                self.ledger.record_island(island.number)
+            for island in islands:
+                if island.merged_into is not None:
+                    self.ledger.merge_island(island.number, island.merged_into)
+            for name, (width, height) in changes.sizes.items():
+                self.ledger.record_size(name, width, height)
+            for name, (state, reason) in changes.states.items():
+                self.ledger.settle_frame(name, state, reason)
+            self.ledger.record_estimates(_estimate(placement) for placement in changes.placements.values())
+            for painted in changes.painted.values():
+                self.ledger.record_painted(painted)
+        self._islands_known = len(islands)
+
+    def _contents(self, islands: list[IslandEntry]) -> Contents:
+        frames = self.ledger.frames
+        return Contents(
+            flight=self.flight.name,
+            updated_utc=time.time(),
+            islands=islands,
+            accounts=self.ledger.accounts(),
+            estimates=self.ledger.estimates(),
+            unplaced=[*frames(FrameState.REJECTED), *frames(FrameState.WAITING)],
+        )
+
+    def _entries(
+        self, canvas: Canvas, islands: Sequence[Island], frames_on: Mapping[int, int]
+    ) -> Iterator[IslandEntry]:
+        for island in islands:
+            extent = canvas.extent(island.number) or self._extents.get(island.number)
+            if extent is not None:
+                self._extents[island.number] = extent
+                yield IslandEntry(
+                    id=island.number,
+                    bounds=extent.box,
+                    minzoom=extent.coarsest,
+                    maxzoom=extent.finest,
+                    frames=frames_on.get(island.number, 0),
+                    merged_into=island.merged_into,
+                )
+
+
+def _estimate(placement: Placement) -> Estimate:
+    residual = placement.residual_px
+    return Estimate(
+        name=placement.name,
+        island=placement.island,
+        pose=placement.pose,
+        camera=placement.camera,
+        inliers=placement.inliers,
+        residual_px=None if math.isnan(residual) else residual,
+    )
