@@ -191,10 +191,13 @@ def _flight_config(given: argparse.Namespace) -> Config:
 
 
 def _end_on_signals(stop: threading.Event, hurry: threading.Event) -> None:
-    """Ctrl-C and SIGTERM ask for the end; the second one for a quick one."""
+    """Ctrl-C, SIGTERM and a terminal that is closed ask for the end; the second one for a quick one."""
 
     def ask(number: int, frame: FrameType | None) -> None:
         (hurry if stop.is_set() else stop).set()
 
     signal.signal(signal.SIGINT, ask)
     signal.signal(signal.SIGTERM, ask)
+    hang_up = getattr(signal, "SIGHUP", None)  # not on Windows
+    if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:  # nohup ignores it on purpose
+        signal.signal(hang_up, ask)

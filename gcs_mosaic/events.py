@@ -93,6 +93,14 @@ class LinkReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FolderReport:
+    """How the watched folder is; said when it changes. It begins as watched."""
+
+    folder: str
+    state: Literal["watching", "missing", "ended"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Shot:
     """The unit of work: a frame and, where one is known, the event that announced it."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import deque
 from collections.abc import Callable
@@ -13,14 +14,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from gcs_mosaic.events import LinkReport, Notice
-from gcs_mosaic.flight.disk import DiskFull
-from gcs_mosaic.flight.documents import write_json
+from gcs_mosaic.flight.disk import DiskFull, overwrite, write_beside
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import Accounts, FlightRecord, NoticeRecord
 from gcs_mosaic.flight.status import DaemonState, LastFrame, LinkStatus, Status, WatchStatus, status_document
 
 STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
+STATUS_BYTES = 8192  # more than the document needs: it is filled up, so that it fits where it is when the disk is full
 STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
@@ -45,14 +46,18 @@ class Reporter:
             self._ledger.record_notice(notice, now)
 
     def line(self, text: str, style: str = "") -> None:
-        """One line in the terminal, with the time of day."""
-        self._console.print(f"{datetime.now():%H:%M:%S} {escape(text)}", style=style, highlight=False, soft_wrap=True)
+        """One line in the terminal, with the time of day. A terminal that has gone must not end the flight."""
+        line = f"{datetime.now():%H:%M:%S} {escape(text)}"
+        try:
+            self._console.print(line, style=style, highlight=False, soft_wrap=True)
+        except (OSError, SystemExit):  # the second is what rich makes of a broken pipe
+            self._console = Console(quiet=True)
 
     def link(self, report: LinkReport) -> None:
-        """How a link is."""
-        self._links[report.address] = LinkStatus(
-            address=report.address, state=report.state, last_heard_utc=report.last_heard_utc
-        )
+        """How a link is; when it was heard last stays known."""
+        before = self._links.get(report.address)
+        heard = report.last_heard_utc or (before.last_heard_utc if before else None)
+        self._links[report.address] = LinkStatus(address=report.address, state=report.state, last_heard_utc=heard)
 
     def write(
         self, state: DaemonState, queue: int, revision: int, accounts: Callable[[], Accounts], *, now: bool = False
@@ -73,6 +78,12 @@ class Reporter:
             accounts=accounts(),
             notices=tuple(self._notices),
         )
-        with suppress(DiskFull):
-            write_json(self._path, status_document(status))
+        self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
         self._written = time.monotonic()
+
+    def _put(self, data: bytes) -> None:
+        try:
+            write_beside(self._path, data)
+        except DiskFull:
+            with suppress(DiskFull, FileNotFoundError):
+                overwrite(self._path, data)

@@ -35,6 +35,12 @@ def telling_disk_full(path: Path) -> Iterator[None]:
         raise DiskFull(f"the disk is full, {path} could not be written: free some space, then it goes on") from error
 
 
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it. Raises DiskFull."""
+    with telling_disk_full(path):
+        path.mkdir(parents=True, exist_ok=True)
+
+
 def write_beside(path: Path, data: bytes) -> None:
     """Write `data` to `path` so that a reader finds the old file or the new one, never half of one.
 
@@ -50,3 +56,13 @@ def write_beside(path: Path, data: bytes) -> None:
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+
+
+def overwrite(path: Path, data: bytes) -> None:
+    """Write `data` into the space that the file at `path` has already, which most full disks still allow.
+
+    A reader may find half of it for a moment. Raises DiskFull if it is longer than the file, and OSError without a file.
+    """
+    with telling_disk_full(path), path.open("r+b", buffering=0) as file:
+        file.write(data)
+        file.truncate(len(data))

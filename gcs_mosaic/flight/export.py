@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -36,7 +38,8 @@ def export_placements(flight: Path, target: Path) -> str:
     document = placements_document(contents, last_revision(flight))
     for entry, estimate in zip(cast("list[Document]", document["frames"]), estimates, strict=True):
         entry["warp"] = warp(estimate)
-    write_json(target, document)
+    with _telling_where(target):
+        write_json(target, document)
     return f"{len(estimates)} placements written to {target}"
 
 
@@ -64,7 +67,8 @@ def export_png(flight: Path, target: Path, *, island: int | None = None, level: 
             f"A picture of level {zoom} would have {right - left} x {bottom - top} pixels; give a lower --zoom."
         )
     bgra = picture(flight, chosen["id"], bounds, zoom)
-    write_beside(target, encode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 1]))
+    with _telling_where(target):
+        write_beside(target, encode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 1]))
     finer = f"; --zoom {finest} is the finest" if zoom < finest else ""
     return (
         f"island {chosen['id']} at level {zoom}, {bgra.shape[1]} x {bgra.shape[0]} pixels, written to {target}{finer}"
@@ -73,9 +77,30 @@ def export_png(flight: Path, target: Path, *, island: int | None = None, level: 
 
 def _island(flight: Path, number: int | None) -> dict[str, Any]:
     """The entry of mosaic.json for an island."""
-    islands = [i for i in json.loads((flight / "mosaic.json").read_bytes())["islands"] if "merged_into" not in i]
+    islands = [i for i in _islands(flight) if "merged_into" not in i]
+    if not islands:
+        raise UsageError(f"{flight} holds no picture: no frame was placed in this flight.")
     wanted = [i for i in islands if number is None or i["id"] == number]
     if not wanted:
         there = ", ".join(str(i["id"]) for i in islands) or "none"
         raise UsageError(f"There is no island {number} in {flight}; there are: {there}.")
-    return cast("dict[str, Any]", max(wanted, key=lambda i: i["frames"]))
+    return max(wanted, key=lambda i: i["frames"])
+
+
+def _islands(flight: Path) -> list[dict[str, Any]]:
+    """What mosaic.json lists; nothing if the flight was ended before its first frame."""
+    try:
+        return list(json.loads((flight / "mosaic.json").read_bytes())["islands"])
+    except FileNotFoundError:
+        return []
+    except (ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{flight / 'mosaic.json'} is not a map that this gcs-mosaic can read: update it.") from error
+
+
+@contextmanager
+def _telling_where(target: Path) -> Iterator[None]:
+    """A place that cannot be written is the operator's to change."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"{target} cannot be written ({error.strerror}); give another file with --to.") from error

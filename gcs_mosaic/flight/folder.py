@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.flight.lock import FolderLock, try_lock
+from gcs_mosaic.flight.lock import LOCK_NAME, FolderLock, try_lock
 
 LEDGER_NAME = "flight.sqlite"
 OUR_NAMES = (LEDGER_NAME, "mosaic.json", "placements.json", "status.json", "tiles", "masks", "frames")
@@ -22,8 +23,14 @@ class FlightFolder:
     resumed: bool
     said: str
     lock: FolderLock
+    existed: bool = True
 
     def close(self) -> None:
+        """Let others write; a folder that was made for a flight that never began is removed."""
+        if not self.existed and [path.name for path in self.path.iterdir()] == [LOCK_NAME]:
+            with suppress(OSError):
+                (self.path / LOCK_NAME).unlink()
+                self.path.rmdir()
         self.lock.release()
 
 
@@ -43,7 +50,7 @@ def open_flight_folder(out: Path, *, resume: bool = False) -> FlightFolder:
         lock, obstacle = take(path)
         if lock is not None:
             said = f"{taken}; this flight is written to {path}" if taken else spoken(path, existed)
-            return FlightFolder(path=path, resumed=False, said=said, lock=lock)
+            return FlightFolder(path=path, resumed=False, said=said, lock=lock, existed=existed)
         taken = taken or obstacle
     raise UsageError(f"{out} and {MOST_FLIGHTS} folders beside it hold flights already: choose another --out")
 
@@ -58,6 +65,10 @@ def find_flight(path: Path) -> Path:
 
 def refuse_watching_ourselves(watched: Path, out: Path) -> None:
     """Raises UsageError if pictures that we write would appear in the watched folder and become frames."""
+    if (watched / LEDGER_NAME).exists():
+        raise UsageError(
+            f"{watched} holds a flight that gcs-mosaic has written: watch the folder that the camera fills"
+        )
     inner, outer = watched.resolve(), out.resolve()
     ours = any(inner.is_relative_to(outer / name) for name in OUR_NAMES)
     if inner == outer or ours or outer.is_relative_to(inner):

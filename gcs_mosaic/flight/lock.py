@@ -43,4 +43,15 @@ def try_lock(folder: Path) -> FolderLock | None:
     except OSError:
         # Some network folders know no locks. Flying without one is better than not flying.
         return FolderLock(descriptor)
+    if not is_still_there(descriptor, folder / LOCK_NAME):
+        os.close(descriptor)
+        return None
     return FolderLock(descriptor)
+
+
+def is_still_there(descriptor: int, path: Path) -> bool:
+    """Whether the open file still is the one at `path`: another program may have removed it while we took its lock."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except OSError:
+        return False

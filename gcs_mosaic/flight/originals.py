@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from gcs_mosaic.events import Frame, Notice
-from gcs_mosaic.flight.disk import write_beside
+from gcs_mosaic.flight.disk import make_folder, write_beside
 
 GB = 10**9
 LONGEST_PART = 200  # bytes of UTF-8; most file systems take 255, and a temporary name is a little longer
@@ -82,8 +82,11 @@ class Originals:
             return f"the file could not be read again to keep it ({error.strerror})"
         if content_hash(data) != frame.content_hash:
             return "the file was written again before it could be kept"
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_beside(target, data)
+        try:
+            make_folder(target.parent)
+            write_beside(target, data)
+        except OSError as error:  # such as a folder where there was a file of that name
+            return f"{target} could not be written ({error.strerror})"
         self.used += len(data)
         return None
 
@@ -110,7 +113,7 @@ def is_intact(path: Path, expected_hash: str) -> bool:
     """Whether an original still is what came: a linked one may have been written again."""
     try:
         return content_hash(path.read_bytes()) == expected_hash
-    except FileNotFoundError:
+    except OSError:
         return False
 
 
@@ -143,11 +146,11 @@ def free_place(target: Path, expected_hash: str) -> Path:
 
 def link(source: Path, target: Path) -> bool:
     """Hard link `target` to `source`; False where that cannot be done (another disk, a file system without links)."""
+    if target.exists():
+        return True
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.hardlink_to(source.resolve())
-    except FileExistsError:
-        return True
     except OSError:
         return False
     return True

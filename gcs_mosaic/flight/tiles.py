@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.flight.disk import write_beside
+from gcs_mosaic.flight.disk import make_folder, write_beside
 from gcs_mosaic.stitch.grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.layers import full_coverage
 from gcs_mosaic.stitch.painted import TileKey
@@ -127,7 +127,7 @@ def _put(path: Path, data: bytes) -> None:
     try:
         write_beside(path, data)
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         write_beside(path, data)
 
 

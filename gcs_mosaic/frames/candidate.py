@@ -48,7 +48,7 @@ class Candidate:
             self._signature = None
             return None
         if isinstance(data, NotWhole):
-            return self._broken(look.name, data.reason, now)
+            return self._broken(versioned(look.name, version), data.reason, now)
         self._settled, self._reported = True, False
         taken_before, self.content = self.content, content_hash(data)
         if self.content == taken_before:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.events import DamagedFile, FolderReport, Frame, Notice
 from gcs_mosaic.frames.candidate import Candidate
 from gcs_mosaic.frames.given import frames_in as frames_in
 from gcs_mosaic.frames.scan import Look, Scan, scan
@@ -18,7 +18,7 @@ from gcs_mosaic.frames.settings import FolderSettings
 FIRST_LOOK = "first look"
 """`Notice.source` of the notice that says that every file that was there at the start has been looked at."""
 
-Item: TypeAlias = Frame | DamagedFile | Notice
+Item: TypeAlias = Frame | DamagedFile | Notice | FolderReport
 
 
 def watch(folder: Path, stop: threading.Event, settings: FolderSettings | None = None) -> Iterator[Item]:
@@ -64,6 +64,7 @@ class FolderWatch:
         self._versions: dict[str, int] = {}
         self._polls = self._left = self._taken = 0
         self._said: set[str] = set()
+        self._missing = False
 
     def poll(self, now: float) -> Iterator[Item]:
         """What has become ready, or must be said, at the monotonic time `now`."""
@@ -71,6 +72,7 @@ class FolderWatch:
         self._polls += 1
         ready = [look for look in found.images if self._is_ready(look, now)]
         self._forget_vanished(found)
+        yield from self._presence(found)
         yield from self._remarks(found)
         for look in sorted(ready, key=lambda look: (look.modified_ns, look.name)):
             yield from self._take(look, now)
@@ -106,13 +108,19 @@ class FolderWatch:
             yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
         for name in sorted(found.links)[:1]:
             yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
-        if self._folder.is_dir():
-            self._said.discard(self._gone())
-        else:
-            yield from self._once("error", self._gone())
 
-    def _gone(self) -> str:
-        return f"the folder {self._folder} is gone; waiting for it to come back"
+    def _presence(self, found: Scan) -> Iterator[Notice | FolderReport]:
+        """Said when the folder goes (a card pulled out, a mount lost) and when it comes back."""
+        if bool(found.missing) == self._missing:
+            return
+        self._missing = bool(found.missing)
+        folder = str(self._folder)
+        yield FolderReport(folder=folder, state="missing" if self._missing else "watching")
+        if self._missing:
+            text = f"the folder {folder} is gone ({found.missing}); waiting for it to come back"
+            yield Notice(source=folder, level="error", text=text)
+        else:
+            yield Notice(source=folder, level="info", text=f"the folder {folder} is back")
 
     def _once(self, level: Literal["info", "warning", "error"], text: str) -> Iterator[Notice]:
         if text not in self._said:

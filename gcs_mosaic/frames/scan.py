@@ -35,11 +35,17 @@ class Scan:
     images: list[Look] = field(default_factory=list)
     strangers: set[str] = field(default_factory=set)  # suffixes of files that are no images
     links: set[str] = field(default_factory=set)  # names of symbolic links, which may lead anywhere
+    missing: str = ""  # why the folder itself cannot be looked into
 
 
 def scan(folder: Path) -> Scan:
     """Looks once. Hidden and unfinished files are passed over, and what vanishes meanwhile; links are not followed."""
     found = Scan()
+    try:
+        os.scandir(folder).close()
+    except OSError as error:
+        found.missing = error.strerror or str(error)
+        return found
     for entry in _entries(folder):
         name = shown_name(Path(entry.path).relative_to(folder))
         suffix = Path(entry.name).suffix.lower()
@@ -60,20 +66,31 @@ def shown_name(relative: Path) -> str:
 
 def _entries(folder: Path) -> Iterator[os.DirEntry[str]]:
     """Everything below `folder` that may be a file, folders of our own flights left out."""
+    folders = [os.fspath(folder)]
+    while folders:
+        for entry in _listing(folders.pop()):
+            if entry.name.startswith(".") or Path(entry.name).suffix.lower() in _UNFINISHED:
+                continue
+            if _is_folder(entry):
+                folders.append(entry.path)
+            else:
+                yield entry
+
+
+def _listing(folder: str) -> list[os.DirEntry[str]]:
     try:
         with os.scandir(folder) as listing:
             entries = list(listing)
     except OSError:  # gone, or not ours to read
-        return
-    if any(entry.name == _LEDGER for entry in entries):
-        return
-    for entry in entries:
-        if entry.name.startswith(".") or Path(entry.name).suffix.lower() in _UNFINISHED:
-            continue
-        if entry.is_dir(follow_symlinks=False):
-            yield from _entries(Path(entry.path))
-        else:
-            yield entry
+        return []
+    return [] if any(entry.name == _LEDGER for entry in entries) else entries
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir(follow_symlinks=False)
+    except OSError:  # a network mount that has been lost
+        return False
 
 
 def _look(entry: os.DirEntry[str], name: str) -> Look | None:
