@@ -6,7 +6,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,7 +63,7 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
-        sources = _listen(config, ending)
+        sources = _listen(config, ending, stack)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
         refuse_watching_ourselves(watched, folder.path)
@@ -85,13 +85,20 @@ class _Source:
     failed: Report
 
 
-def _listen(config: Config, ending: Ending) -> list[_Source]:
+def _listen(config: Config, ending: Ending, stack: ExitStack) -> list[_Source]:
     choice = VehicleChoice(config.link.vehicle)
     sources = []
     for address in map(parse_address, config.mavlink):
         failed = LinkReport(address=connection_string(address), state="failed", last_heard_utc=None)
-        sources.append(_Source(triggers(address, ending.stop, config.link, choice), failed))
+        items = triggers(address, ending.stop, config.link, choice)
+        stack.callback(_close, items)
+        sources.append(_Source(items, failed))
     return sources
+
+
+def _close(items: Generator[Item, None, None]) -> None:
+    with suppress(ValueError):  # its thread still waits for the other side
+        items.close()
 
 
 def _watch(config: Config, ending: Ending) -> _Source:
@@ -221,8 +228,14 @@ class _Daemon:
         elif self._repainting() and self._pipeline.repaint_some():
             self._until_it_fits(self._pipeline.save)
         elif self._is_idle() and self._state == "flying":
-            self._pipeline.adjust_all()
             self._state = "idle"
+            self._adjust_all()
+
+    def _adjust_all(self) -> None:
+        try:
+            self._pipeline.adjust_all()
+        except Exception as error:  # a map that cannot be bettered is still a map
+            self.say(Notice(source="daemon", level="error", text=f"the map could not be adjusted ({error!r})"))
 
     def _is_idle(self) -> bool:
         return not len(self._preparation) and time.monotonic() - self._last_frame > IDLE_AFTER_S
@@ -270,15 +283,22 @@ class _Daemon:
             self._preparation.wait(WAIT_S)
             self._work()
             self._report()
-        for _ in self._pipeline.finish():
-            self._report()
-            if not self._may_go_on():
-                break
+        self._paint_final()
         self._logbook.close()
         self._until_it_fits(self._logbook.save)
         self._until_it_fits(self._pipeline.save)
         self._state = "stopped"
         self._report(now=True)
+
+    def _paint_final(self) -> None:
+        try:
+            for _ in self._pipeline.finish():
+                self._report()
+                if not self._may_go_on():
+                    break
+        except Exception as error:  # the accounts close all the same
+            text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
+            self.say(Notice(source="daemon", level="error", text=text))
 
     def _may_go_on(self) -> bool:
         """Whether there is time: all there is until told to stop, then as much as the settings give."""

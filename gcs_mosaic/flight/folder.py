@@ -26,11 +26,12 @@ class FlightFolder:
     existed: bool = True
 
     def close(self) -> None:
-        """Let others write; a folder that was made for a flight that never began is removed."""
-        if not self.existed and [path.name for path in self.path.iterdir()] == [LOCK_NAME]:
+        """Let others write; of a flight that never began nothing stays behind."""
+        if not (self.path / LEDGER_NAME).exists():
             with suppress(OSError):
                 (self.path / LOCK_NAME).unlink()
-                self.path.rmdir()
+                if not self.existed:
+                    self.path.rmdir()
         self.lock.release()
 
 

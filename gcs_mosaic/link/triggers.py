@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import closing
 
 from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
@@ -19,24 +19,28 @@ def triggers(
     stop: threading.Event,
     settings: LinkSettings | None = None,
     choice: VehicleChoice | None = None,
-) -> Iterator[TriggerEvent | Notice | LinkReport]:
+) -> Generator[TriggerEvent | Notice | LinkReport, None, None]:
     """Camera events, how the link is, and what must be said about it, until `stop` is set (or a recording ends).
 
     The link is opened by this call, not by the first `next`: UsageError (a port that is taken, a file that is not
-    there) comes at once. Several links to one aircraft share a `choice`.
+    there) comes at once. `close` gives the link back. Several links to one aircraft share a `choice`.
     """
     settings = settings or LinkSettings()
     choice = choice or VehicleChoice(settings.vehicle)
     channel = open_channel(address, settings)
     now = time.monotonic()
-    return _listen(channel, Listener(address, settings, choice, now, time.time() - now), stop, settings)
+    listening = _listen(channel, Listener(address, settings, choice, now, time.time() - now), stop, settings)
+    next(listening)  # because only a generator that has begun gives its port back when it is closed
+    return listening
 
 
 def _listen(
     channel: Channel, listener: Listener, stop: threading.Event, settings: LinkSettings
-) -> Iterator[TriggerEvent | Notice | LinkReport]:
+) -> Generator[TriggerEvent | Notice | LinkReport, None, None]:
     with closing(channel):
-        yield listener.greeting()
+        greeting = listener.greeting()
+        yield greeting  # to `triggers`, to begin
+        yield greeting
         while not stop.is_set() and not channel.ended:
             for arrival in channel.read(settings.poll_s):
                 if isinstance(arrival, Notice):
