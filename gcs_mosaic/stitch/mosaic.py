@@ -12,7 +12,6 @@ In use:
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -25,19 +24,10 @@ from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import Array, Camera, Pose
 from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
 from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
 from gcs_mosaic.stitch.search import Search, SearchSettings
-from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, resect
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlausibilitySettings:
-    """What is not believed of a placement."""
-
-    least_features: int = 40  # a picture with fewer shows nothing to hold on to
-    most_residual: float = 1.0  # median residual above which a placement is not believed, in registration thresholds
-    most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
-    steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
+from gcs_mosaic.stitch.solving import adjust_island
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +84,7 @@ class Mosaic:
         adjustment = self.settings.adjustment
         self._network = Network(adjustment.focal_prior, adjustment.matches_per_pair)
         self._search = Search(self._network, self.settings.search, self.settings.registration)
+        self._placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
         self._bridges = Bridges(self._network)
         self._waiting: list[int] = []
         self._numbers: dict[str, int] = {}
@@ -172,58 +163,11 @@ class Mosaic:
         return any(self._place_beside(frame, other, registration) for other, registration in links)
 
     def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
-        """Place a frame from its first link, then from all that it overlaps; False if the result is not believable."""
-        island = self._network.island_of(other)
-        self._network.link(frame, other, registration)
-        pose = self._believable_pose(frame, self._rough_poses(frame, other, registration))
-        if pose:
-            for neighbour, found in self._search.neighbour_links(frame, pose, island):
-                self._network.link(frame, neighbour, found)
-            pose = self._believable_pose(frame, [pose])
-        if pose is None:
-            self._network.take_back(frame)
-            return False
-        self._settle(frame, pose, island)
-        return True
-
-    def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
-        """First poses from one link: level, as most frames are, and tilted as the homography says."""
-        pose, camera = self._network.pose_of(other), self._network.camera_of(other)
-        places = geometry.canvas_from_pixels(pose, camera, registration.pixels_b)
-        on_ground = np.isfinite(places).all(axis=1)
-        if on_ground.sum() < 4:
-            return []
-        own = self._network.camera_of(frame)
-        homography = geometry.pinhole_homography(pose, camera) @ registration.b_from_a
-        tilted = geometry.pose_from_homography(homography, own)
-        return [
-            level_pose_over(own, registration.pixels_a[on_ground], places[on_ground]),
-            *([tilted] if tilted else []),
-        ]
-
-    def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | None:
-        """The frame's best pose against its links from any of the rough ones, if it is to be believed."""
-        found = [resect(self._network, frame, pose, self.settings.adjustment) for pose in rough]
-        best = min(found, key=lambda resected: resected.residual_px, default=None)
-        return best.pose if best and self._is_believable(frame, best) else None
-
-    def _is_believable(self, frame: int, resected: Resected) -> bool:
-        """Whether a pose fits its links, is determined by them, and is one that an aircraft can have."""
-        settings, pose = self.settings.plausibility, resected.pose
-        fits = resected.residual_px <= self._residual_limit(frame)
-        sure = resected.deviation <= settings.most_deviation
-        tilt = math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll)))
-        linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
-        zoom = max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0)
-        zoom_limit = math.log(self.settings.registration.largest_zoom)
-        return bool(fits and sure and tilt <= math.radians(settings.steepest_tilt_deg) and zoom <= zoom_limit)
-
-    def _residual_limit(self, frame: int) -> float:
-        """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
-        camera = self._network.frames[frame].camera
-        shown = sum(state.camera == camera and state.pose is not None for state in self._network.frames)
-        limit = self.settings.plausibility.most_residual * self.settings.registration.threshold_px
-        return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)
+        """Place a frame from its first link; False (and nothing kept) if the result is not to be believed."""
+        pose = self._placing.pose_beside(frame, other, registration)
+        if pose is not None:
+            self._settle(frame, pose, self._network.island_of(other))
+        return pose is not None
 
     def _found_with_waiting(self, frame: int) -> bool:
         """Two frames that match nothing but each other found an island."""
@@ -256,6 +200,8 @@ class Mosaic:
     def _connect_islands(self, frame: int) -> None:
         """Look for this frame's ground on other islands; join two when the evidence suffices."""
         here = self._network.island_of(frame)
+        if len(self._network.members(here)) > 1:
+            self._bring_home_lone_founders(frame, here)
         elsewhere = [f for f in self._network.placed() if self._network.island_of(f) != here]
         for other in self._search.likeliest(frame, elsewhere, BRIDGE_TRIES):
             registration = self._search.register(frame, other)
@@ -267,6 +213,19 @@ class Mosaic:
                 self._grown[stays] = self._grown.get(stays, 0) + gained
                 return
 
+    def _bring_home_lone_founders(self, frame: int, here: int) -> None:
+        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame."""
+        for lone in [island.number for island in self.islands if island.merged_into is None and island.number != here]:
+            members = self._network.members(lone)
+            if len(members) == 1 and (registration := self._search.register(members[0], frame)):
+                founder, pose = members[0], self._network.pose_of(members[0])
+                self._network.take_back(founder)
+                if self._place_beside(founder, frame, registration):
+                    self.islands[lone].merged_into = here
+                    self._grown.pop(lone, None)
+                else:
+                    self._network.put(founder, pose, lone)
+
     def _placement(self, frame: int) -> Placement:
         state, network = self._network.frames[frame], self._network
         names = tuple(network.frames[other].name for other in sorted(state.inliers))
@@ -274,7 +233,5 @@ class Mosaic:
         return Placement(state.name, *view, sum(state.inliers.values()), state.residual_px, names)
 
 
-LENS_KNOWN = 5  # frames after which a lens is known well enough to judge residuals
-UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
 WAITING_TRIES = 2
 BRIDGE_TRIES = 3

@@ -74,7 +74,7 @@ class Network:
         state = self.frames[frame]
         for other in list(state.inliers):
             self.unlink(frame, other)
-        state.pose = state.island = None
+        state.pose = state.island = state.held = None
         self.boxes[frame] = np.nan
         self.moved.discard(frame)
 

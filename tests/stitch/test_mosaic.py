@@ -108,3 +108,22 @@ def test_nothing_that_is_not_in_the_pixels_matters(ground):
         fly(mosaic, ground, truth)
         runs.append([p.pose for p in mosaic.placements()])
     assert runs[0] == runs[1]
+
+
+def test_two_tilted_frames_find_each_other(ground):
+    """The first frame counts as level until the second shows otherwise."""
+    truth = [Pose(600, 600, 0, 0, 0.2, 0.1), Pose(720, 600, 0, 0, -0.15, -0.2)]
+    mosaic = Mosaic()
+    assert all(isinstance(outcome, Placement) for outcome in fly(mosaic, ground, truth))
+    assert mosaic.placements()[1].residual_px < 2
+
+
+def test_a_founder_that_nothing_joined_comes_home(ground):
+    """A single frame apart is too little to prove a join of islands, and needs none."""
+    truth = [Pose(300, 600), *line(1300, 600, 2), *line(1170, 600, 6, step=-140)]
+    mosaic = Mosaic()
+    fly(mosaic, ground, truth)
+    mosaic.adjust(everything=True)
+    assert {p.island for p in mosaic.placements()} == {1}
+    assert len(mosaic.placements()) == len(truth)
+    assert map_error(mosaic.placements(), truth) < 2

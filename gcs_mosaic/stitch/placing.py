@@ -1,0 +1,120 @@
+"""Where a frame lies, once it is known to overlap another: from the first link, through its neighbours, to its pose."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.stitch import geometry
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.registration import Registration
+from gcs_mosaic.stitch.search import Search
+from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, resect
+
+LENS_KNOWN = 5  # frames after which a lens is known well enough to judge residuals
+UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlausibilitySettings:
+    """What is not believed of a placement."""
+
+    least_features: int = 40  # a picture with fewer shows nothing to hold on to
+    most_residual_px: float = (
+        4.0  # median residual above which a placement is not believed, pixels of the feature picture
+    )
+    most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
+    steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
+    largest_zoom: float = 5.0  # change of height against a linked frame that is still believed
+
+
+class Placing:
+    """Finds poses for the frames of a network."""
+
+    def __init__(
+        self, network: Network, search: Search, plausibility: PlausibilitySettings, adjustment: AdjustmentSettings
+    ) -> None:
+        self._network = network
+        self._search = search
+        self._plausibility = plausibility
+        self._adjustment = adjustment
+
+    def pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | None:
+        """The pose of a frame that was registered with a placed one, and its links with all that it overlaps.
+
+        None, and no links, if the result is not to be believed.
+        """
+        island = self._network.island_of(other)
+        self._network.link(frame, other, registration)
+        pose = self._believable_pose(frame, self._rough_poses(frame, other, registration))
+        if pose:
+            for neighbour, found in self._search.neighbour_links(frame, pose, island):
+                self._network.link(frame, neighbour, found)
+            pose = self._believable_pose(frame, [pose])
+        if pose is None:
+            self._network.take_back(frame)
+        return pose
+
+    def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
+        """First poses from one link: level, as most frames are, and tilted as the homography says."""
+        pose, camera = self._network.pose_of(other), self._network.camera_of(other)
+        places = geometry.canvas_from_pixels(pose, camera, registration.pixels_b)
+        on_ground = np.isfinite(places).all(axis=1)
+        if on_ground.sum() < 4:
+            return []
+        own = self._network.camera_of(frame)
+        homography = geometry.pinhole_homography(pose, camera) @ registration.b_from_a
+        tilted = geometry.pose_from_homography(homography, own)
+        return [
+            level_pose_over(own, registration.pixels_a[on_ground], places[on_ground]),
+            *([tilted] if tilted else []),
+        ]
+
+    def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | None:
+        """The frame's best pose against its links from any of the rough ones, if it is to be believed."""
+        found = [resect(self._network, frame, pose, self._adjustment) for pose in rough]
+        best = min(found, key=lambda resected: resected.residual_px, default=None)
+        if best is None or self._is_believable(frame, best):
+            return best.pose if best else None
+        return self._pose_with_all_free(frame, best.pose)
+
+    def _pose_with_all_free(self, frame: int, rough: Pose) -> Pose | None:
+        """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
+        network = self._network
+        island = network.island_of(next(iter(network.frames[frame].inliers)))
+        before = {member: network.pose_of(member) for member in network.members(island) if member != frame}
+        if len(before) >= LENS_KNOWN:
+            return None
+        cameras = list(network.cameras)
+        network.put(frame, rough, island)
+        adjust_island(network, island, self._adjustment)
+        state = network.frames[frame]
+        limit = self._plausibility.most_residual_px
+        if state.residual_px <= limit * state.features.scale:
+            return state.pose
+        network.cameras[:] = cameras
+        for member, pose in before.items():
+            network.put(member, pose, island)
+        return None
+
+    def _is_believable(self, frame: int, resected: Resected) -> bool:
+        """Whether a pose fits its links, is determined by them, and is one that an aircraft can have."""
+        settings, pose = self._plausibility, resected.pose
+        fits = resected.residual_px <= self._residual_limit(frame)
+        sure = resected.deviation <= settings.most_deviation
+        tilt = math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll)))
+        linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
+        zoom = max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0)
+        zoom_limit = math.log(settings.largest_zoom)
+        return bool(fits and sure and tilt <= math.radians(settings.steepest_tilt_deg) and zoom <= zoom_limit)
+
+    def _residual_limit(self, frame: int) -> float:
+        """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
+        camera = self._network.frames[frame].camera
+        shown = sum(state.camera == camera and state.pose is not None for state in self._network.frames)
+        limit = self._plausibility.most_residual_px
+        return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)
