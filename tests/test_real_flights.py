@@ -1,0 +1,74 @@
+"""Two real flights against structure-from-motion and surveyed ground control, at a quarter of the size to save time.
+
+Features are sought at 0.75 megapixels whatever the scale, so the geometry is that of the full size within a few percent.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from gcs_mosaic.batch import stitch
+from gcs_mosaic.config import Config
+from gcs_mosaic.flight.export import export_placements
+
+SHARED = Path(__file__).parents[2] / "shared"
+
+pytestmark = pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the recorded flights are not beside the project")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What must hold; pixels of the median frame at full size."""
+
+    placed: int
+    in_reference: int
+    ortho_px: float
+    tracks_median_px: float
+    tracks_p95_px: float
+
+
+# A tenth to a fifth above what the full size reaches: room for other versions of the libraries, not for mistakes.
+FLIGHTS = {
+    "caliterra": Bounds(placed=75, in_reference=75, ortho_px=16, tracks_median_px=4.8, tracks_p95_px=19),
+    "copr": Bounds(placed=41, in_reference=38, ortho_px=20, tracks_median_px=3.2, tracks_p95_px=18),
+}
+
+
+@pytest.fixture(scope="module", params=FLIGHTS)
+def flown(request, tmp_path_factory) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp(request.param)
+    out = stitch([SHARED / "data" / request.param], folder / "out", Config(scale=0.25), Console(quiet=True))
+    export_placements(out, folder / "placements.json")
+    return request.param, folder / "placements.json"
+
+
+def test_the_map_is_as_good_as_structure_from_motion(flown, tmp_path):
+    flight, placements = flown
+    bounds, reference = FLIGHTS[flight], SHARED / "data" / "truth" / f"{flight}.json"
+    command = [SHARED / "tools" / "score.py", reference, placements, "--out", tmp_path / "score.json"]
+    subprocess.run([sys.executable, *map(str, command)], check=True, capture_output=True, timeout=300)
+    score = json.loads((tmp_path / "score.json").read_text())
+    frames = json.loads(placements.read_text())["frames"]
+    assert len(frames) == bounds.placed
+    assert {frame["island"] for frame in frames} == {0}
+    assert score["placed"] == bounds.in_reference
+    assert score["ortho_px"]["rms"] < bounds.ortho_px
+    assert score["pairs_tracks"]["px"]["median"] < bounds.tracks_median_px
+    assert score["pairs_tracks"]["px"]["p95"] < bounds.tracks_p95_px
+    assert 0.985 < score["scale_ratio"]["p5"] <= score["scale_ratio"]["p95"] < 1.015
+
+
+def test_ground_control_lies_where_it_was_surveyed(flown):
+    flight, placements = flown
+    control = SHARED / "data" / "truth" / f"{flight}_gcp.json"
+    if not control.exists():
+        pytest.skip(f"no ground control was surveyed for {flight}")
+    command = [sys.executable, str(SHARED / "tools" / "score_gcp.py"), str(control), str(placements)]
+    said = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+    assert float(re.search(r"rms ([\d.]+) m", said)[1]) < 1.15
