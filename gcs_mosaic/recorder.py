@@ -17,7 +17,7 @@ from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.originals import NotKept, Originals
-from gcs_mosaic.flight.records import Estimate, FlightRecord, FrameState
+from gcs_mosaic.flight.records import Accounts, Estimate, FlightRecord, FrameState
 from gcs_mosaic.flight.tiles import TileWriter
 from gcs_mosaic.stitch.canvas import Canvas
 from gcs_mosaic.stitch.islands import Island
@@ -57,6 +57,7 @@ class Recorder:
         self._tiles = TileWriter(out, config.tiles)
         self._manifest = Manifest(out)
         self._published = published
+        self._told: Accounts | None = None  # as the documents have them: events change them without any frame
         self._islands_known = 0
         self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
 
@@ -89,11 +90,13 @@ class Recorder:
 
     def save(self, canvas: Canvas, islands: Sequence[Island], frames_on: Mapping[int, int]) -> None:
         """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there."""
-        if not self.changes:
+        if not self.changes and self.ledger.accounts() == self._told:
             return
         self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
         self._save_ledger(islands)
-        revision = self._manifest.write(self._contents(list(self._entries(canvas, islands, frames_on))))
+        contents = self._contents(list(self._entries(canvas, islands, frames_on)))
+        revision = self._manifest.write(contents)
+        self._told = contents.accounts
         tiles, self.changes = self.changes.tiles, Changes()
         for changed in tiles:
             self._published(revision, changed)

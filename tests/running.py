@@ -18,7 +18,9 @@ from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import FrameRecord
 from sitl.__main__ import free_port
+from sitl.flight import plan
 from sitl.messages import Capture
+from sitl.path import Plan
 from sitl.vehicle import Vehicle
 
 PATIENCE_S = 40.0  # for anything at all on a busy machine
@@ -53,6 +55,7 @@ class Running:
     home: Path
     out: Path
     vehicle: Vehicle
+    silent: bool = False  # its terminal is elsewhere
     taken: int = 0
 
     @property
@@ -107,20 +110,28 @@ class Running:
         return self.process.wait(PATIENCE_S)
 
 
+def six_pictures(cache: Path, *, seed: int = 3, size: tuple[int, int] = (640, 480)) -> list[bytes]:
+    """JPEG files of six pictures that overlap; another seed is another ground."""
+    route = Plan(frames=6, height=60)
+    return list(plan("survey", size, cache=cache, seed=seed, world_size=2048, route=route).pictures())[:6]
+
+
 @contextmanager
-def flying(home: Path, *options: str, out: Path | None = None, config: str = QUICK) -> Iterator[Running]:
-    """The live program, started and listening; killed in the end if it still runs."""
+def flying(
+    home: Path, *options: str, out: Path | None = None, config: str | None = QUICK, terminal: int | None = None
+) -> Iterator[Running]:
+    """The live program, started and listening; killed in the end if it still runs. `terminal` takes what it says."""
     port = free_port()
     home.mkdir(parents=True, exist_ok=True)
-    (home / "config.yaml").write_text(config)
-    page = [] if "--http" in options else ["--no-http"]
-    words = ["--mavlink", f"udp:127.0.0.1:{port}", "--config", "config.yaml", *page, *options]
-    if out is not None:
-        words += ["--out", str(out)]
+    words = ["--mavlink", f"udp:127.0.0.1:{port}", "--no-http", *options]
+    words += [] if out is None else ["--out", str(out)]
+    if config is not None:
+        (home / "config.yaml").write_text(config)
+        words += ["--config", "config.yaml"]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
-    with (home / "said.txt").open("wb") as terminal, closing(Vehicle("127.0.0.1", port, ["camera"])) as vehicle:
-        process = subprocess.Popen([*PROGRAM, *words], cwd=home, env=environment, stderr=terminal)
-        flight = Running(process, home, out or home / "mosaic", vehicle)
+    with (home / "said.txt").open("wb") as said, closing(Vehicle("127.0.0.1", port, ["camera"])) as vehicle:
+        process = subprocess.Popen([*PROGRAM, *words], cwd=home, env=environment, stderr=terminal or said)
+        flight = Running(process, home, out or home / "mosaic", vehicle, silent=terminal is not None)
         try:
             until(lambda: has_started(flight), "started")
             yield flight
@@ -131,6 +142,8 @@ def flying(home: Path, *options: str, out: Path | None = None, config: str = QUI
 
 def has_started(flight: Running) -> bool:
     assert flight.process.poll() is None, flight.said
+    if flight.silent:
+        return (flight.out / "status.json").exists()
     return "frames were there" in flight.said
 
 
