@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from dataclasses import dataclass
 from typing import Protocol
 
 from gcs_mosaic.events import Notice
+from gcs_mosaic.link import streams, tlog
 from gcs_mosaic.link.address import LinkAddress, connection_string
-from gcs_mosaic.link.decode import MavMessage
+from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.ports import bind_udp
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.wire import PacketReader
 
 _LARGEST_DATAGRAM = 65535
 _MOST_PEERS = 32  # senders whose unfinished packets are kept; the one that was silent longest is forgotten
-
-
-@dataclass(frozen=True, slots=True)
-class Arrival:
-    """A message and when it came, in seconds of the host's monotonic clock."""
-
-    message: MavMessage
-    received: float
 
 
 class Channel(Protocol):
@@ -47,8 +39,6 @@ class Channel(Protocol):
 
 def open_channel(address: LinkAddress, settings: LinkSettings) -> Channel:
     """The channel at `address`. Raises UsageError for a port that is taken or a file that is not there."""
-    from gcs_mosaic.link import streams, tlog  # they build on this module
-
     match address.kind:
         case "udp":
             return UdpChannel(address, settings)

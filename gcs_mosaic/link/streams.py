@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from gcs_mosaic.events import Notice
 from gcs_mosaic.link.address import LinkAddress
-from gcs_mosaic.link.channels import Arrival
+from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.ports import listen_tcp
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.wire import PacketReader

@@ -11,7 +11,7 @@ from itertools import islice
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import Notice
 from gcs_mosaic.link.address import LinkAddress
-from gcs_mosaic.link.channels import Arrival
+from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.decode import MavMessage
 from gcs_mosaic.link.wire import MARKERS, decode_packet, packet_length
 

@@ -1,0 +1,15 @@
+"""A message as it came in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gcs_mosaic.link.decode import MavMessage
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A message and when it came, in seconds of the host's monotonic clock."""
+
+    message: MavMessage
+    received: float
