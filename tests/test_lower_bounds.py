@@ -34,7 +34,7 @@ def test_the_oldest_versions_do(tmp_path):
     fresh.need_packages(tmp_path)
     clone = fresh.clone(tmp_path / "clone")
     python = environment_of_the_oldest(tmp_path, clone)
-    apart = ("-p", "no:cacheprovider", "--basetemp", str(tmp_path / "temporary"))
+    apart = ("-o", "pythonpath=", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "temporary"))
     fresh.run(python, "-P", "-m", "pytest", *apart, *TESTS, cwd=clone / "tests", minutes=10)
 
 
