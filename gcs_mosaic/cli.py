@@ -18,7 +18,7 @@ from rich.console import Console
 
 from gcs_mosaic.config import Config, load_config
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.flight.disk import DiskFull
+from gcs_mosaic.flight.disk import CannotWrite
 
 USAGE = """\
 gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UsageError as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 2
-    except DiskFull as error:
+    except CannotWrite as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

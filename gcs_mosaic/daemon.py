@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import queue
+import sqlite3
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -16,7 +17,7 @@ from rich.console import Console
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
-from gcs_mosaic.flight.disk import DiskFull
+from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.status import DaemonState, LastFrame, WatchStatus
@@ -41,8 +42,8 @@ T = TypeVar("T")
 WAIT_S = 0.2  # longest wait for anything before looking whether to stop
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
 STOP_S = 5.0  # for a source to end
-DISK_FULL_RETRY_S = 2.0
-DISK_FULL_SAID_S = 60.0  # a full disk is said again after so long
+RETRY_S = 2.0  # between attempts to write on a full disk
+SAID_AGAIN_S = 60.0  # a disk that still is full is said again after so long
 INBOX = (
     10_000  # items; a full one makes the sources wait, and what comes over the network meanwhile waits in the kernel
 )
@@ -118,7 +119,7 @@ def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) 
 
 class _Daemon:
     def __init__(self, config: Config, folder: FlightFolder, console: Console, ending: Ending, feed: Feed) -> None:
-        self._config, self._ending = config, ending
+        self._config, self._out, self._ending = config, folder.path, ending
         self._inbox: queue.Queue[Item] = queue.Queue(INBOX)
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
         self._preparation = Preparation(config.stitch.features, config.reduction)
@@ -129,8 +130,8 @@ class _Daemon:
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
-        self._full = False
-        self._said_full = -math.inf
+        self._in_trouble = False  # nothing can be written
+        self._said_trouble = -math.inf
         self._state: DaemonState = "listening"
         self._looked = False  # whether all files that were there at the start have come
 
@@ -259,18 +260,25 @@ class _Daemon:
         self._feed.publish(revision, tiles)
 
     def _until_it_fits(self, write: Callable[[], T]) -> T:
-        """Write; while the disk is full, say so and try again, but at the end not for ever."""
+        """Write; while that is not possible, say so and try again, but at the end not for ever."""
         while True:
             try:
-                written = write()
-            except DiskFull as full:
-                self._say_full(full)
-                self._ending.hurry.wait(DISK_FULL_RETRY_S)
+                written = self._writing(write)
+            except CannotWrite as trouble:
+                self._say_trouble(trouble)
+                self._ending.hurry.wait(RETRY_S)
                 if not self._may_go_on():
                     raise
             else:
                 self._say_fits_again()
                 return written
+
+    def _writing(self, write: Callable[[], T]) -> T:
+        try:
+            return write()
+        except (OSError, sqlite3.OperationalError) as error:
+            text = f"{self._out} cannot be written ({error}): bring it back, then it goes on"
+            raise CannotWrite(text) from error
 
     # Ending
 
@@ -312,17 +320,17 @@ class _Daemon:
 
     # Saying
 
-    def _say_full(self, full: DiskFull) -> None:
-        if time.monotonic() - self._said_full > DISK_FULL_SAID_S:
-            self._said_full = time.monotonic()
-            self.say(Notice(source="disk", level="error", text=str(full)))
-        self._full = True
+    def _say_trouble(self, trouble: CannotWrite) -> None:
+        self._in_trouble = True
+        if time.monotonic() - self._said_trouble > SAID_AGAIN_S:
+            self._said_trouble = time.monotonic()
+            self.say(Notice(source="disk", level="error", text=str(trouble)))
         self._report(now=True)
 
     def _say_fits_again(self) -> None:
-        if self._full:
-            self._full, self._said_full = False, -math.inf
-            self.say(Notice(source="disk", level="info", text="there is room on the disk again: going on"))
+        if self._in_trouble:
+            self._in_trouble, self._said_trouble = False, -math.inf
+            self.say(Notice(source="disk", level="info", text="the disk can be written again: going on"))
 
     def _report(self, *, now: bool = False) -> None:
         self._reporter.write(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import time
 from collections import deque
 from collections.abc import Callable
@@ -42,7 +43,7 @@ class Reporter:
         now = time.time()
         self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
         self.line(notice.text, STYLES[notice.level])
-        with suppress(DiskFull):
+        with suppress(DiskFull, sqlite3.OperationalError):
             self._ledger.record_notice(notice, now)
 
     def line(self, text: str, style: str = "") -> None:
@@ -84,6 +85,6 @@ class Reporter:
     def _put(self, data: bytes) -> None:
         try:
             write_beside(self._path, data)
-        except DiskFull:
-            with suppress(DiskFull, FileNotFoundError):
+        except (DiskFull, OSError):  # whoever writes the map tells of it
+            with suppress(DiskFull, OSError):
                 overwrite(self._path, data)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from running import Running, events_of, flying, frames_of, run, six_pictures
+from running import Running, events_of, flying, frames_of, run, six_pictures, until
 
 from gcs_mosaic.flight.records import FrameRecord
 from sitl.delivery import write_slowly
@@ -196,6 +196,19 @@ def test_a_watched_folder_that_goes_and_comes_back(tmp_path, pictures):
         flight.wait_for_frames(placed=2)
         assert flight.status()["watch"]["state"] == "watching"
         assert flight.said.count("is gone") == flight.said.count("is back") == 1
+
+
+def test_an_output_folder_that_goes_and_comes_back(tmp_path, pictures):
+    with flying(tmp_path) as flight:
+        flight.take("IMG_0.JPG", pictures[0])
+        flight.wait_for_frames(placed=1)
+        flight.out.rename(tmp_path / "unplugged")
+        flight.take("IMG_1.JPG", pictures[1])
+        until(lambda: "cannot be written" in flight.said, "said")
+        (tmp_path / "unplugged").rename(flight.out)
+        flight.wait_for_frames(placed=2)
+        assert flight.said.count("cannot be written") == flight.said.count("can be written again") == 1
+        assert flight.end() == 0
 
 
 def test_a_second_program_goes_beside_the_first(tmp_path, pictures):

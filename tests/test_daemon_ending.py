@@ -16,7 +16,7 @@ import cv2
 import pytest
 from running import PATIENCE_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
 
-from gcs_mosaic.daemon import DISK_FULL_RETRY_S
+from gcs_mosaic.daemon import RETRY_S
 from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
 
@@ -139,12 +139,12 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path, pictures, small_
         for k in range(1, 5):
             flight.take(f"IMG_{k}.JPG", pictures[k])
         flight.wait_for(lambda status: "disk is full" in status["notices"][-1]["text"], "the page knows of it")
-        time.sleep(2 * DISK_FULL_RETRY_S + 0.5)
+        time.sleep(2 * RETRY_S + 0.5)
         assert flight.process.poll() is None
         assert flight.said.count("the disk is full") == 1
         filler.unlink()
         flight.wait_for_frames(placed=5)
-        assert flight.said.count("there is room on the disk again") == 1
+        assert flight.said.count("the disk can be written again") == 1
         assert flight.end() == 0
         assert_accounts_close(flight, frames=5)
         assert events_of(flight.out) == ["matched"] * 5

@@ -13,7 +13,11 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 SQLITE_FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
 
 
-class DiskFull(Exception):  # noqa: N818 - it says what is, not that somebody erred
+class CannotWrite(Exception):  # noqa: N818 - it says what is, not that somebody erred
+    """The output folder takes nothing now (a card pulled out, a mount lost); the same call may be tried again later."""
+
+
+class DiskFull(CannotWrite):
     """Nothing more fits on the disk. What was written before is whole, and the same call may be tried again later."""
 
 
