@@ -140,6 +140,7 @@ class _Daemon:
         threads = [threading.Thread(target=self._pump, args=(source,), daemon=True) for source in sources]
         for thread in threads:
             thread.start()
+        self._until_it_fits(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
         while not self._ending.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,9 +11,14 @@ import cv2
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from rich.console import Console
 from running import Running, events_of, flying, frames_of, run, six_pictures, until
 
+from gcs_mosaic import daemon
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import Notice
 from gcs_mosaic.flight.records import FrameRecord
+from sitl.__main__ import free_port
 from sitl.delivery import write_slowly
 
 GOOD = 4
@@ -209,6 +215,24 @@ def test_an_output_folder_that_goes_and_comes_back(tmp_path, pictures):
         flight.wait_for_frames(placed=2)
         assert flight.said.count("cannot be written") == flight.said.count("can be written again") == 1
         assert flight.end() == 0
+
+
+@pytest.mark.parametrize(("part", "told"), [("watch", "the watching of "), ("triggers", "the link udpin:127.0.0.1:")])
+def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, part, told):
+    def dying(*_: object) -> Iterator[Notice]:
+        yield Notice(source="", level="info", text="still well")
+        raise RuntimeError("a fault")
+
+    monkeypatch.setattr(daemon, part, dying)
+    paths = {"watch": str(tmp_path / "frames"), "out": str(tmp_path / "mosaic")}
+    config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, **paths)
+    stop = threading.Event()
+    threading.Timer(1.5, stop.set).start()
+    daemon.fly(config, Console(quiet=True), daemon.Ending(stop=stop, hurry=threading.Event()))
+    status = json.loads((tmp_path / "mosaic" / "status.json").read_bytes())
+    assert [notice for notice in status["notices"] if notice["text"].startswith(told) and notice["level"] == "error"]
+    assert (status["watch"]["state"] == "ended") == (part == "watch")
+    assert (status["mavlink"][0]["state"] == "failed") == (part == "triggers")
 
 
 def test_a_second_program_goes_beside_the_first(tmp_path, pictures):

@@ -82,6 +82,7 @@ def test_asked_to_end_it_finishes_in_order(tmp_path, pictures, sign):
 
 def test_it_ends_before_the_first_frame(tmp_path):
     with flying(tmp_path) as flight:
+        assert flight.document("mosaic.json")["islands"] == []
         flight.trigger("IMG_0.JPG")
         assert flight.end() == 0
         assert flight.status()["state"] == "stopped"
