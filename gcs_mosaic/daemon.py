@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-import queue
-import sqlite3
 import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from rich.console import Console
 
@@ -21,32 +18,22 @@ from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.status import DaemonState, LastFrame, WatchStatus
-from gcs_mosaic.frames.directory import FIRST_LOOK, watch
-from gcs_mosaic.link.address import connection_string, parse_address
-from gcs_mosaic.link.listener import VehicleChoice
-from gcs_mosaic.link.triggers import triggers
+from gcs_mosaic.frames.directory import FIRST_LOOK
 from gcs_mosaic.logbook import Logbook
+from gcs_mosaic.patience import Patience
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
+from gcs_mosaic.sources import Inbox, Item, Source, listen, watching
 from gcs_mosaic.stitch.painted import TileKey
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
 
-Report = LinkReport | FolderReport
-Item = TriggerEvent | Frame | DamagedFile | Notice | Report
-
-T = TypeVar("T")
-
 WAIT_S = 0.2  # longest wait for anything before looking whether to stop
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
-STOP_S = 5.0  # for a source to end
+TAKE_IN_S = 0.5  # then frames that have come are worked off before more are taken in
 RETRY_S = 2.0  # between attempts to write on a full disk
-SAID_AGAIN_S = 60.0  # a disk that still is full is said again after so long
-INBOX = (
-    10_000  # items; a full one makes the sources wait, and what comes over the network meanwhile waits in the kernel
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,47 +51,18 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
-        sources = _listen(config, ending, stack)
+        sources = listen(config, ending.stop, stack)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
         refuse_watching_ourselves(watched, folder.path)
         feed, page = _serve(address, folder, stack)
-        sources.append(_watch(config, ending))
+        sources.append(watching(config, ending.stop))
         daemon = _Daemon(config, folder, console, ending, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if page:
             daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
         daemon.run(sources)
-
-
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """What a thread of its own brings, and what is to be reported if it fails."""
-
-    items: Iterator[Item]
-    failed: Report
-
-
-def _listen(config: Config, ending: Ending, stack: ExitStack) -> list[_Source]:
-    choice = VehicleChoice(config.link.vehicle)
-    sources = []
-    for address in map(parse_address, config.mavlink):
-        failed = LinkReport(address=connection_string(address), state="failed", last_heard_utc=None)
-        items = triggers(address, ending.stop, config.link, choice)
-        stack.callback(_close, items)
-        sources.append(_Source(items, failed))
-    return sources
-
-
-def _close(items: Generator[Item, None, None]) -> None:
-    with suppress(ValueError):  # its thread still waits for the other side
-        items.close()
-
-
-def _watch(config: Config, ending: Ending) -> _Source:
-    items = watch(Path(config.watch), ending.stop, config.frames)
-    return _Source(items, FolderReport(folder=config.watch, state="ended"))
 
 
 def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
@@ -119,8 +77,9 @@ def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) 
 
 class _Daemon:
     def __init__(self, config: Config, folder: FlightFolder, console: Console, ending: Ending, feed: Feed) -> None:
-        self._config, self._out, self._ending = config, folder.path, ending
-        self._inbox: queue.Queue[Item] = queue.Queue(INBOX)
+        self._config, self._ending = config, ending
+        self._inbox = Inbox(ending.stop)
+        self._patience = Patience(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
         self._preparation = Preparation(config.stitch.features, config.reduction)
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
@@ -130,25 +89,20 @@ class _Daemon:
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
-        self._in_trouble = False  # nothing can be written
-        self._said_trouble = -math.inf
         self._state: DaemonState = "listening"
         self._looked = False  # whether all files that were there at the start have come
 
-    def run(self, sources: Iterable[_Source]) -> None:
+    def run(self, sources: Iterable[Source]) -> None:
         """Work until told to stop, then finish."""
-        threads = [threading.Thread(target=self._pump, args=(source,), daemon=True) for source in sources]
-        for thread in threads:
-            thread.start()
-        self._until_it_fits(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
+        self._inbox.fill(sources)
+        self._patience.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
         while not self._ending.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
             self._logbook.tick(time.monotonic())
-            self._until_it_fits(self._logbook.save)
+            self._patience.write(self._logbook.save)
             self._report()
-        for thread in threads:
-            thread.join(STOP_S)
+        self._inbox.join()
         self._finish()
 
     def say(self, notice: Notice) -> None:
@@ -160,39 +114,22 @@ class _Daemon:
 
     # Taking in
 
-    def _pump(self, source: _Source) -> None:
-        """A source's thread: everything it brings goes to the inbox."""
-        try:
-            for item in source.items:
-                self._put(item)
-        except Exception as error:  # a source that dies must not go unnoticed
-            self._put(source.failed)
-            self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
-
-    def _put(self, item: Item) -> None:
-        while not self._ending.stop.is_set():
-            with suppress(queue.Full):
-                self._inbox.put(item, timeout=WAIT_S)
-                return
-
     def _take_in(self, timeout_s: float) -> None:
-        """Everything that is in the inbox; waits for a first item if there is none."""
-        try:
-            item = self._inbox.get(timeout=timeout_s) if timeout_s else self._inbox.get_nowait()
-            while True:
-                self._take(item)
-                item = self._inbox.get_nowait()
-        except queue.Empty:
-            return
+        """What is in the inbox, as far as there is time; waits for a first item if there is none."""
+        until = time.monotonic() + TAKE_IN_S
+        item = self._inbox.next(timeout_s)
+        while item is not None:
+            self._take(item)
+            item = self._inbox.next(0.0) if time.monotonic() < until else None
 
     def _take(self, item: Item) -> None:
         match item:
             case TriggerEvent():
-                self._until_it_fits(lambda: self._logbook.event(item, item.received))
+                self._patience.write(lambda: self._logbook.event(item, item.received))
             case Frame():
                 self._take_frame(item)
             case DamagedFile():
-                self._until_it_fits(lambda: self._pipeline.accept_damaged(item))
+                self._patience.write(lambda: self._pipeline.accept_damaged(item))
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
             case Notice():
                 self._looked |= item.source == FIRST_LOOK
@@ -203,7 +140,7 @@ class _Daemon:
                 self._reporter.watch = WatchStatus(folder=item.folder, state=item.state)
 
     def _take_frame(self, found: Frame) -> None:
-        frame = self._until_it_fits(lambda: self._pipeline.accept(found))
+        frame = self._patience.write(lambda: self._pipeline.accept(found))
         # A copy of an earlier picture may be what an event names, but its time says nothing about when it was taken.
         self._logbook.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
         self._last_frame = time.monotonic()
@@ -225,13 +162,14 @@ class _Daemon:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
             done = self._pipeline.work_off(prepared)
-            done.seconds["write"] = self._until_it_fits(self._pipeline.save)
+            done.seconds["write"] = self._patience.write(self._pipeline.save)
             self._note_done(done)
         elif self._repainting() and self._pipeline.repaint_some():
-            self._until_it_fits(self._pipeline.save)
+            self._patience.write(self._pipeline.save)
         elif self._is_idle() and self._state == "flying":
             self._state = "idle"
             self._adjust_all()
+            self._patience.write(self._pipeline.save)
 
     def _adjust_all(self) -> None:
         try:
@@ -260,33 +198,12 @@ class _Daemon:
     def _published(self, revision: int, tiles: Iterable[TileKey]) -> None:
         self._feed.publish(revision, tiles)
 
-    def _until_it_fits(self, write: Callable[[], T]) -> T:
-        """Write; while that is not possible, say so and try again, but at the end not for ever."""
-        while True:
-            try:
-                written = self._writing(write)
-            except CannotWrite as trouble:
-                self._say_trouble(trouble)
-                self._ending.hurry.wait(RETRY_S)
-                if not self._may_go_on():
-                    raise
-            else:
-                self._say_fits_again()
-                return written
-
-    def _writing(self, write: Callable[[], T]) -> T:
-        try:
-            return write()
-        except (OSError, sqlite3.OperationalError) as error:
-            text = f"{self._out} cannot be written ({error}): bring it back, then it goes on"
-            raise CannotWrite(text) from error
-
     # Ending
 
     def _finish(self) -> None:
         """Work off what has come, adjust and paint a last time, close the accounts."""
         self._state = "settling"
-        self._take_in(0.0)
+        self._take_in_the_rest()
         self.say(Notice(source="daemon", level="info", text=self._farewell()))
         while len(self._preparation) and self._may_go_on():
             self._preparation.wait(WAIT_S)
@@ -294,10 +211,18 @@ class _Daemon:
             self._report()
         self._paint_final()
         self._logbook.close()
-        self._until_it_fits(self._logbook.save)
-        self._until_it_fits(self._pipeline.save)
+        self._patience.write(self._logbook.save)
+        self._patience.write(self._pipeline.save)
         self._state = "stopped"
         self._report(now=True)
+
+    def _take_in_the_rest(self) -> None:
+        while len(self._inbox) and self._may_go_on():
+            self._take_in(0.0)
+            self._report()
+        if len(self._inbox):
+            text = f"{len(self._inbox)} files and messages that came last were left out, there was no time for them"
+            self.say(Notice(source="daemon", level="warning", text=text))
 
     def _paint_final(self) -> None:
         try:
@@ -315,30 +240,20 @@ class _Daemon:
             self._until = time.monotonic() + self._config.finish_s
         return not self._ending.hurry.is_set() and time.monotonic() < self._until
 
+    def _wait_for_disk(self, trouble: CannotWrite) -> None:
+        """Between two attempts to write; at the end not for ever."""
+        self._report(now=True)
+        self._ending.hurry.wait(RETRY_S)
+        if not self._may_go_on():
+            raise trouble
+
     def _farewell(self) -> str:
         left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
         return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
 
     # Saying
 
-    def _say_trouble(self, trouble: CannotWrite) -> None:
-        self._in_trouble = True
-        if time.monotonic() - self._said_trouble > SAID_AGAIN_S:
-            self._said_trouble = time.monotonic()
-            self.say(Notice(source="disk", level="error", text=str(trouble)))
-        self._report(now=True)
-
-    def _say_fits_again(self) -> None:
-        if self._in_trouble:
-            self._in_trouble, self._said_trouble = False, -math.inf
-            self.say(Notice(source="disk", level="info", text="the disk can be written again: going on"))
-
     def _report(self, *, now: bool = False) -> None:
         self._reporter.write(
             self._state, len(self._preparation), self._pipeline.recorder.revision, self._pipeline.accounts, now=now
         )
-
-
-def _last_words(failed: Report, error: Exception) -> str:
-    what = f"the link {failed.address}" if isinstance(failed, LinkReport) else f"the watching of {failed.folder}"
-    return f"{what} has failed and brings nothing any more, start gcs-mosaic again ({error!r})"

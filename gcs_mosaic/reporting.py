@@ -66,6 +66,10 @@ class Reporter:
         """Write status.json, but not more often than is useful."""
         if not now and time.monotonic() - self._written < STATUS_EACH_S:
             return
+        try:
+            counted = accounts()
+        except sqlite3.OperationalError:  # the disk is gone, as whoever writes the ledger tells
+            return
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -76,7 +80,7 @@ class Reporter:
             watch=self.watch,
             frames_in_queue=queue,
             last_frame=self.last_frame,
-            accounts=accounts(),
+            accounts=counted,
             notices=tuple(self._notices),
         )
         self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))

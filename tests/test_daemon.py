@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console
 from running import Running, events_of, flying, frames_of, run, six_pictures, until
 
-from gcs_mosaic import daemon
+from gcs_mosaic import daemon, sources
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import Notice
 from gcs_mosaic.flight.records import FrameRecord
@@ -223,7 +223,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, 
         yield Notice(source="", level="info", text="still well")
         raise RuntimeError("a fault")
 
-    monkeypatch.setattr(daemon, part, dying)
+    monkeypatch.setattr(sources, part, dying)
     paths = {"watch": str(tmp_path / "frames"), "out": str(tmp_path / "mosaic")}
     config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, **paths)
     stop = threading.Event()

@@ -1,0 +1,102 @@
+"""What flows into a live flight: links and the watched folder, each on a thread of its own, into one inbox."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
+from gcs_mosaic.frames.directory import watch
+from gcs_mosaic.link.address import connection_string, parse_address
+from gcs_mosaic.link.listener import VehicleChoice
+from gcs_mosaic.link.triggers import triggers
+
+Report = LinkReport | FolderReport
+Item = TriggerEvent | Frame | DamagedFile | Notice | Report
+
+ROOM = 10_000  # items; a full inbox makes the sources wait, and what comes over the network waits in the kernel
+PUT_S = 0.2  # longest wait for room before looking whether to stop
+STOP_S = 5.0  # for a source to end
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What one thread brings, and what is to be reported if it fails."""
+
+    items: Iterator[Item]
+    failed: Report
+
+
+def listen(config: Config, stop: threading.Event, stack: ExitStack) -> list[Source]:
+    """The links, opened; `stack` gives them back. Raises UsageError."""
+    choice = VehicleChoice(config.link.vehicle)
+    sources = []
+    for address in map(parse_address, config.mavlink):
+        failed = LinkReport(address=connection_string(address), state="failed", last_heard_utc=None)
+        items = triggers(address, stop, config.link, choice)
+        stack.callback(_close, items)
+        sources.append(Source(items, failed))
+    return sources
+
+
+def watching(config: Config, stop: threading.Event) -> Source:
+    """The watched folder, made if it is not there. Raises UsageError."""
+    return Source(watch(Path(config.watch), stop, config.frames), FolderReport(folder=config.watch, state="ended"))
+
+
+class Inbox:
+    """Collects what sources bring until `stop` is set."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        self._stop = stop
+        self._items: queue.Queue[Item] = queue.Queue(ROOM)
+        self._threads: list[threading.Thread] = []
+
+    def __len__(self) -> int:
+        return self._items.qsize()
+
+    def fill(self, sources: Iterable[Source]) -> None:
+        """Start a thread for each source."""
+        for source in sources:
+            self._threads.append(threading.Thread(target=self._pump, args=(source,), daemon=True))
+            self._threads[-1].start()
+
+    def next(self, timeout_s: float) -> Item | None:
+        """The oldest item; None if there is none for so long."""
+        with suppress(queue.Empty):
+            return self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
+        return None
+
+    def join(self) -> None:
+        """Wait until the sources have ended, which they do when `stop` is set; one that hangs is left to itself."""
+        for thread in self._threads:
+            thread.join(STOP_S)
+
+    def _pump(self, source: Source) -> None:
+        try:
+            for item in source.items:
+                self._put(item)
+        except Exception as error:  # a source that dies must not go unnoticed
+            self._put(source.failed)
+            self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
+
+    def _put(self, item: Item) -> None:
+        while not self._stop.is_set():
+            with suppress(queue.Full):
+                self._items.put(item, timeout=PUT_S)
+                return
+
+
+def _close(items: Generator[Item, None, None]) -> None:
+    with suppress(ValueError):  # its thread still waits for the other side
+        items.close()
+
+
+def _last_words(failed: Report, error: Exception) -> str:
+    what = f"the link {failed.address}" if isinstance(failed, LinkReport) else f"the watching of {failed.folder}"
+    return f"{what} has failed and brings nothing any more, start gcs-mosaic again ({error!r})"
