@@ -209,6 +209,7 @@ class _Daemon:
             self._preparation.wait(WAIT_S)
             self._work()
             self._report()
+        self._say_what_is_left()
         self._paint_final()
         self._logbook.close()
         self._patience.write(self._logbook.save)
@@ -222,6 +223,12 @@ class _Daemon:
             self._report()
         if len(self._inbox):
             text = f"{len(self._inbox)} files and messages that came last were left out, there was no time for them"
+            self.say(Notice(source="daemon", level="warning", text=text))
+
+    def _say_what_is_left(self) -> None:
+        if left := len(self._preparation):
+            kept = self._pipeline.recorder.out / "frames"
+            text = f"{left} frames are not on the map, there was no time: gcs-mosaic stitch {kept} makes one of all"
             self.say(Notice(source="daemon", level="warning", text=text))
 
     def _paint_final(self) -> None:
