@@ -24,6 +24,7 @@ STAGES = ("decode", "features", "place", "paint", "write")
 
 def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console) -> Path:
     """Stitch frames in the order of their names; returns the folder that holds the flight."""
+    count, found = frames_in(sources, config.frames)  # refused before anything is written
     folder = open_flight_folder(out)
     console.print(folder.said)
     try:
@@ -31,7 +32,7 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console)
         linking = replace(config, originals=replace(config.originals, keep="link"))
         pipeline = Pipeline(folder.path, linking, lambda notice: _say(console, notice))
         try:
-            _stitch_into(pipeline, sources, config, console)
+            _stitch_into(pipeline, count, found, config, console)
         finally:
             pipeline.close()
     finally:
@@ -39,11 +40,12 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console)
     return folder.path
 
 
-def _stitch_into(pipeline: Pipeline, sources: Sequence[Path], config: Config, console: Console) -> None:
+def _stitch_into(
+    pipeline: Pipeline, count: int, found: Iterator[Frame | DamagedFile], config: Config, console: Console
+) -> None:
     start = time.monotonic()
     preparation = Preparation(config.stitch.features, config.reduction)
     with _progress(console) as progress:
-        count, found = frames_in(sources, config.frames)
         done = _work_off(pipeline, preparation, found, progress.add_task("stitching", total=count), progress)
         final = progress.add_task("final painting", total=None)
         for _ in pipeline.finish():

@@ -52,6 +52,7 @@ class Pipeline:
         self.mosaic = Mosaic(config.stitch)
         self.taken_in = 0  # files, whatever became of them
         self._painter = Painter(self._load_original, self._note_painted, config.paint, scratch=out)
+        self._said_problem: str | None = None
         self._reduction = config.reduction
         self._say = say
         self._orders: dict[str, int] = {}
@@ -102,12 +103,14 @@ class Pipeline:
         except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
             reason = f"it could not be worked off ({error!r})"
             self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
+            self.mosaic.forget(name)
             self._settle(name, FrameState.REJECTED, reason)
             return Done(name, FrameState.REJECTED, reason, None, {})
 
     def _work_off(self, prepared: Prepared | Unprepared) -> Done:
         name = prepared.frame.name
         if isinstance(prepared, Unprepared):
+            self._names.pop(prepared.frame.content_hash, None)  # it may come again, and be readable then
             self._settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
         self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
@@ -125,6 +128,7 @@ class Pipeline:
     def repaint_some(self) -> bool:
         """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
         changed = self._painter.repaint_some()
+        self._say_problem()
         self.recorder.changes.tiles += [changed] if changed else []
         return changed is not None
 
@@ -170,6 +174,12 @@ class Pipeline:
             self._say(Notice(source="originals", level="error", text=text))
             return
         self.recorder.changes.tiles.append(self._painter.paint_new(image, thumbnail(image), placement, order))
+
+    def _say_problem(self) -> None:
+        problem = self._painter.canvas.problem
+        if problem and problem != self._said_problem:
+            self._say(Notice(source="canvas", level="warning", text=problem))
+        self._said_problem = problem
 
     def _load_original(self, name: str) -> Image | None:
         path, content_hash = self._places[name]

@@ -92,6 +92,8 @@ def empty(tmp_path) -> Path:
         (["--resume"], "leave it out"),
         (["status", "nowhere"], "nowhere does not exist: name a folder that gcs-mosaic has written a flight into"),
         (["serve", "."], ". holds no flight"),
+        (["stitch", ".", "--out", "mosaic"], "holds no images"),
+        (["stitch", "nowhere", "--out", "mosaic"], "cannot be read"),
         (["export", ".", "--format", "png"], ". holds no flight"),
         (["export", ".", "--format", "jpeg"], "invalid choice: 'jpeg'"),
     ],

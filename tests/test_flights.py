@@ -6,8 +6,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytest
-
 from sitl.score import Score, score
 from sitl.truth import read
 

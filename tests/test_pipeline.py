@@ -63,7 +63,9 @@ def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched, tmp_path
     writer.close()
     assert len(list((stitched / "tiles").rglob("*.jpg"))) > 20
     for folder in ("tiles", "masks"):
-        here, there = ({p.relative_to(r): p.read_bytes() for p in (r / folder).rglob("*.*")} for r in (stitched, tmp_path))
+        here, there = (
+            {p.relative_to(r): p.read_bytes() for p in (r / folder).rglob("*.*")} for r in (stitched, tmp_path)
+        )
         assert here == there
 
 

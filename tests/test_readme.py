@@ -29,7 +29,9 @@ LINES = [
     line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines() if shlex.split(line, comments=True)
 ]
 SET_UP = [line for line in LINES if line.startswith("python3 -m venv .venv && ")]
-USAGE = [line for line in LINES if line not in SET_UP]
+INLINE = re.findall(r"`((?:gcs-mosaic|python -m sitl) [^`]+)`", README)
+USAGE = [line for line in LINES if line not in SET_UP] + INLINE
+LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
 EXAMPLES = [text for kind, text in BLOCKS if kind == "python"]
 PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main, ("python", "-m", "sitl"): sitl.__main__.main}
 FLIGHT_S, ENDING_S = 480, 200
@@ -38,6 +40,10 @@ FLIGHT_S, ENDING_S = 480, 200
 def test_every_block_is_of_a_kind_that_is_tested_here():
     """Commands and examples are; text shows what programs print."""
     assert {kind for kind, _ in BLOCKS} <= {"sh", "python", "text"}
+
+
+def test_what_it_links_to_exists():
+    assert [link for link in LINKS if not (fresh.ROOT / link).exists()] == []
 
 
 def test_two_commands_set_up_one_flies_and_one_tests():
@@ -93,7 +99,7 @@ def only_take_apart(parser: argparse.ArgumentParser, words: list[str]) -> NoRetu
 
 
 def understood(line: str) -> bool:
-    words = tuple(shlex.split(line.replace(".venv/bin/", ""), comments=True))
+    words = tuple(shlex.split(line.replace(".venv/bin/", "").replace("NAME", "survey"), comments=True))
     start = next((start for start in PROGRAMS if words[: len(start)] == start), None)
     assert start, f"no test knows this program: {line}"
     try:
@@ -106,7 +112,7 @@ def understood(line: str) -> bool:
 @contextmanager
 def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Popen, Path]]:
     """A line as typed in a terminal: Ctrl-C reaches all that it starts."""
-    shell = ["env", "--default-signal=INT", "bash", "-c", line]
+    shell = ["env", "--default-signal", "bash", "-c", line]
     with said.open("wb") as file:
         out = {"stdin": subprocess.DEVNULL, "stdout": file, "stderr": subprocess.STDOUT}
         process = subprocess.Popen(shell, cwd=folder, env=fresh.environment(), start_new_session=True, **out)

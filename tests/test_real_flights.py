@@ -19,7 +19,9 @@ from gcs_mosaic.flight.export import export_placements
 
 SHARED = Path(__file__).parents[2] / "shared"
 
-pytestmark = pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the recorded flights are not beside the project")
+pytestmark = pytest.mark.skipif(
+    not (SHARED / "data").is_dir(), reason="the recorded flights are not beside the project"
+)
 
 
 @dataclass(frozen=True)

@@ -60,9 +60,7 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
         return Unreadable("cannot be decoded")
     size = (-(-whole.height // reduction), -(-whole.width // reduction))
     if image.shape != (*size, 3) or image.dtype != np.uint8:
-        return Unreadable(
-            f"decodes to {image.shape} {image.dtype}, not to {size[1]} x {size[0]} pixels in colour"
-        )
+        return Unreadable(f"decodes to {image.shape} {image.dtype}, not to {size[1]} x {size[0]} pixels in colour")
     return np.asarray(image, np.uint8)
 
 

@@ -189,7 +189,9 @@ def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
     With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and R's last row, and
     the others follow; R is made a rotation by its polar decomposition.
     """
-    pixel_from_ray = np.array([[camera.focal_px, 0, camera.centre[0]], [0, camera.focal_px, camera.centre[1]], [0, 0, 1]])
+    pixel_from_ray = np.array(
+        [[camera.focal_px, 0, camera.centre[0]], [0, camera.focal_px, camera.centre[1]], [0, 0, 1]]
+    )
     rows = homography @ pixel_from_ray
     rows /= np.linalg.norm(rows[2]) * (1 if rows[2, 2] > 0 else -1)
     x, y = rows[:2] @ rows[2]

@@ -131,6 +131,13 @@ class Mosaic:
         """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
         self._network.frames[self._numbers[name]].held = (pose, camera)
 
+    def forget(self, name: str) -> None:
+        """Take a frame out again that was interrupted while it was placed; one that was never taken in is none."""
+        frame = self._numbers.get(name)
+        if frame is not None:
+            self._network.take_back(frame)
+            self._waiting = [other for other in self._waiting if other != frame]
+
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
         return [self._placement(frame) for frame in self._network.placed()]

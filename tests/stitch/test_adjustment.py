@@ -18,9 +18,7 @@ def flight(lines: int, per_line: int) -> np.ndarray:
     """True poses (n, 6) of a survey with tilt, heading and height that change."""
     x, y = np.meshgrid(np.arange(per_line) * 1200.0, np.arange(lines) * 1500.0)
     n = x.size
-    return np.c_[
-        x.ravel(), y.ravel(), RNG.normal(0, 0.1, n), RNG.normal(0, 0.3, n), RNG.normal(0, 0.05, (n, 2))
-    ]
+    return np.c_[x.ravel(), y.ravel(), RNG.normal(0, 0.1, n), RNG.normal(0, 0.3, n), RNG.normal(0, 0.05, (n, 2))]
 
 
 def matches(poses, noise_px, wrong=0.0, per_pair=24):
@@ -75,7 +73,10 @@ def map_error(solution, truth) -> float:
             poses.repeat(4, 0), np.tile(lens, (4 * n, 1)), half, np.tile(corners, (n, 1))
         ).points
 
-    found, true = places(solution.poses, solution.lenses[0]), places(truth, np.log([CAMERA.focal, np.e]) * [1, CAMERA.k1])
+    found, true = (
+        places(solution.poses, solution.lenses[0]),
+        places(truth, np.log([CAMERA.focal, np.e]) * [1, CAMERA.k1]),
+    )
     scale, angle, shift = similarity_between(found, true)
     c, s = np.cos(angle), np.sin(angle)
     return float(np.sqrt((((scale * found @ np.array([[c, s], [-s, c]]) + shift) - true) ** 2).sum(1).mean()))

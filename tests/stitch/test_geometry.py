@@ -55,7 +55,9 @@ def test_without_a_lens_the_homography_is_the_whole_truth():
 @pytest.mark.parametrize("tilt_deg", [70, 85])
 def test_pixels_above_the_horizon_lie_nowhere(tilt_deg):
     camera = Camera(400, 300, focal=1.2)
-    places = geometry.canvas_from_pixels(Pose(0, 0, roll=math.radians(tilt_deg)), camera, geometry.pixel_grid(camera, 3, 9))
+    places = geometry.canvas_from_pixels(
+        Pose(0, 0, roll=math.radians(tilt_deg)), camera, geometry.pixel_grid(camera, 3, 9)
+    )
     assert np.isnan(places).any()
     assert np.isfinite(places).any()
 

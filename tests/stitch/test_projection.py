@@ -12,9 +12,7 @@ M = 40
 @pytest.fixture
 def views():
     rng = np.random.default_rng(1)
-    poses = np.c_[
-        rng.normal(0, 100, (M, 2)), rng.normal(0, 0.3, M), rng.uniform(-3, 3, M), rng.normal(0, 0.2, (M, 2))
-    ]
+    poses = np.c_[rng.normal(0, 100, (M, 2)), rng.normal(0, 0.3, M), rng.uniform(-3, 3, M), rng.normal(0, 0.2, (M, 2))]
     lenses = np.c_[np.log(rng.uniform(1, 2, M)), rng.uniform(-0.1, 0.1, M)]
     return poses, lenses, np.full(M, 2500.0), rng.uniform(-0.6, 0.6, (M, 2))
 
