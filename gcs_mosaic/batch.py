@@ -100,7 +100,8 @@ def _summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Co
     for state, count in _counts(account).items():
         if count and state != "placed":
             console.print(f"  {count} {state}")
-    for reason, count in Counter(d.reason for d in done if d.reason).most_common(8):
+    reasons = Counter(frame.reason for frame in pipeline.recorder.ledger.frames() if frame.reason)
+    for reason, count in reasons.most_common(8):
         console.print(f"    {count} x {reason}")
     islands = sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1])
     console.print("islands: " + ", ".join(f"{number} ({count} frames)" for number, count in islands[:12]))
