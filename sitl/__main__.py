@@ -60,7 +60,7 @@ def judge(words: list[str]) -> int:
 
 def flown(asked: argparse.Namespace) -> int:
     """Make the pictures, start the program, fly, let it finish, judge it."""
-    with workplace(asked) as work:
+    with workspace(asked) as work:
         flight = None if asked.frames else simulated_flight(asked)
         film = recorded(asked.frames, asked.interval) if flight is None else simulated(flight, asked.interval)
         truth = known_truth(flight, asked.truth)
@@ -96,7 +96,7 @@ def world_cache() -> Path | None:
 
 
 @contextmanager
-def workplace(asked: argparse.Namespace) -> Iterator[Path]:
+def workspace(asked: argparse.Namespace) -> Iterator[Path]:
     """A folder for what was given no place, removed in the end unless it is to be kept."""
     work = Path(tempfile.mkdtemp(prefix="gcs-mosaic-sitl-"))
     try:
