@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import threading
@@ -42,7 +43,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("gcs-mosaic: interrupted", file=sys.stderr)
         return 130
+    finally:
+        _flush_or_let_go()
     return 0
+
+
+def _flush_or_let_go() -> None:
+    """A reader that is gone must not decide the exit code, as it would if Python's own last flush failed."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
 
 
 def fly(words: Sequence[str]) -> None:
