@@ -34,7 +34,7 @@ USAGE = [line for line in LINES if line not in SET_UP] + INLINE
 LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
 EXAMPLES = [text for kind, text in BLOCKS if kind == "python"]
 PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main, ("python", "-m", "sitl"): sitl.__main__.main}
-FLIGHT_S, ENDING_S = 480, 200
+FLIGHT_S, ENDING_S, OTHERS_S = 480, 200, 120
 
 
 def test_every_block_is_of_a_kind_that_is_tested_here():
@@ -134,6 +134,14 @@ def wait_for(pattern: str, process: subprocess.Popen, said: Path) -> str:
 
 
 def need_port(port: int) -> None:
-    with socket.socket() as probe:
-        if probe.connect_ex(("127.0.0.1", port)) == 0:
+    """Wait for another flight on this machine to end; skip the test if it does not."""
+    deadline = time.monotonic() + OTHERS_S
+    while is_taken(port):
+        if time.monotonic() > deadline:
             pytest.skip(f"another program has port {port}, where the page of the README's flight is to be")
+        time.sleep(1)
+
+
+def is_taken(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
