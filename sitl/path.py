@@ -33,6 +33,7 @@ class Plan:
     speed: float = 12.0  # metres per second over ground
     wind: float = 3.0  # metres per second, across the first line: makes the crab angle
     tilt: float = 0.05  # radians that pitch and roll never leave
+    climbs: int = 0  # times that a survey rises to CLIMB_RATIO times its height and comes down again
     strangers: int = 0  # frames over a place that nothing else sees (scenario `lost`)
     seed: int = 1
 
@@ -63,7 +64,10 @@ def steps(lens: Lens, plan: Plan) -> tuple[float, float]:
 
 
 def survey(lens: Lens, plan: Plan) -> list[Station]:
-    """Level lines to and fro, as square an area as the number of frames allows."""
+    """Lines to and fro, level or with climbs, over as square an area as the number of frames allows.
+
+    The lines lie as close as the plan's height wants, so that a climb only adds overlap.
+    """
     step, spacing = steps(lens, plan)
     lines = max(1, round(np.sqrt(plan.frames * step / spacing)))
     per_line = -(-plan.frames // lines)
@@ -74,8 +78,14 @@ def survey(lens: Lens, plan: Plan) -> list[Station]:
         north = line % 2 == 0
         y = (middle_y - place * step) if north else (place * step - middle_y)
         course = 0.0 if north else np.pi
-        stations.append(Station(x=line * spacing - middle_x, y=y, height=plan.height, course=course))
+        height = plan.height * climbed(k / plan.frames, plan.climbs)
+        stations.append(Station(x=line * spacing - middle_x, y=y, height=height, course=course))
     return stations
+
+
+def climbed(share: float, climbs: int) -> float:
+    """Factor of the height after this share of a flight: smoothly from 1 to CLIMB_RATIO and back, so many times."""
+    return float(CLIMB_RATIO ** (0.5 - 0.5 * np.cos(2 * np.pi * climbs * share)))
 
 
 def climb(lens: Lens, plan: Plan) -> list[Station]:

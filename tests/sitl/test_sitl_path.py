@@ -103,3 +103,13 @@ def test_wind_from_the_west_turns_the_nose_into_it() -> None:
     north = np.abs(np.cos([state.yaw for state in calm]) - 1) < 0.5
     assert (turned[north] < -0.2).all()
     assert (turned[~north] > 0.2).all()
+
+
+def test_a_survey_can_climb_to_three_times_its_height_and_come_down_again() -> None:
+    states = fly("survey", LENS, Plan(frames=120, height=50, climbs=2))
+    heights = np.array([state.height for state in states])
+    assert heights.min() > 47
+    assert 140 < heights.max() < 160
+    low = heights < 55
+    assert np.count_nonzero(np.diff(low.astype(int)) == 1) == 2  # it comes down twice
+    assert len(linked(footprints(states))) == 1
