@@ -61,7 +61,7 @@ class Bridges:
         sides = [network.island_of(bridges[0].frame_a), network.island_of(bridges[0].frame_b)]
         stays, goes = sorted(sides, key=lambda island: (-len(network.members(island)), island))
         stays_from_goes = self._similarity([self._from_side(bridge, stays) for bridge in bridges])
-        for frame in network.members(goes):
+        for frame in network.members(goes).tolist():
             network.put(frame, moved_by_similarity(network.pose_of(frame), *stays_from_goes), stays)
             network.frames[frame].held = None
         for bridge in bridges:

@@ -13,15 +13,14 @@ def match(descriptors_a: NDArray[np.uint8], descriptors_b: NDArray[np.uint8], ra
     if len(descriptors_a) < 2 or len(descriptors_b) < 2:
         return np.empty((0, 2), np.intp)
     a, b = descriptors_a.astype(np.float32), descriptors_b.astype(np.float32)
+    half_a, half_b = (a * a).sum(axis=1) / 2, (b * b).sum(axis=1) / 2
     # |a - b|^2 / 2 without |a|^2 / 2, which is the same along a row: its order is the order of the distances.
-    likeness = a @ b.T
-    likeness -= (b * b).sum(axis=1) / 2
+    likeness = a @ b.T - half_b
     rows = np.arange(len(a))
     best = likeness.argmax(axis=1)
-    likeness_of_best = likeness[rows, best]
-    mutual = (likeness - (a * a).sum(axis=1, keepdims=True) / 2).argmax(axis=0)[best] == rows
+    distance = half_a - likeness[rows, best]
     likeness[rows, best] = -np.inf
-    half_norm = (a * a).sum(axis=1) / 2
-    distance, second = half_norm - likeness_of_best, half_norm - likeness.max(axis=1)
-    good = mutual & (distance < ratio**2 * second)
-    return np.column_stack([rows[good], best[good]])
+    good = np.flatnonzero(distance < ratio**2 * (half_a - likeness.max(axis=1)))
+    # Looking back is asked only of what has passed the ratio test, which most have not.
+    mutual = good[(b[best[good]] @ a.T - half_a).argmax(axis=1) == good]
+    return np.column_stack([mutual, best[mutual]])

@@ -12,7 +12,6 @@ In use:
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -140,11 +139,11 @@ class Mosaic:
 
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
-        return [self._placement(frame) for frame in self._network.placed()]
+        return [self._placement(frame) for frame in self._network.placed().tolist()]
 
     def frame_counts(self) -> dict[int, int]:
         """Placed frames by island."""
-        return dict(Counter(self._network.island_of(frame) for frame in self._network.placed()))
+        return self._network.frame_counts()
 
     def waiting(self) -> list[Waiting]:
         """Frames that match nothing so far."""
@@ -209,8 +208,7 @@ class Mosaic:
         here = self._network.island_of(frame)
         if len(self._network.members(here)) > 1:
             self._bring_home_lone_founders(frame, here)
-        elsewhere = [f for f in self._network.placed() if self._network.island_of(f) != here]
-        for other in self._search.likeliest(frame, elsewhere, BRIDGE_TRIES):
+        for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
             registration = self._search.register(frame, other)
             proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
             if proof:
@@ -222,16 +220,21 @@ class Mosaic:
 
     def _bring_home_lone_founders(self, frame: int, here: int) -> None:
         """A founder that nothing has joined is as good as waiting: it may find its place beside this frame."""
-        for lone in [island.number for island in self.islands if island.merged_into is None and island.number != here]:
-            members = self._network.members(lone)
-            if len(members) == 1 and (registration := self._search.register(members[0], frame)):
-                founder, pose = members[0], self._network.pose_of(members[0])
-                self._network.take_back(founder)
-                if self._place_beside(founder, frame, registration):
-                    self.islands[lone].merged_into = here
-                    self._grown.pop(lone, None)
-                else:
-                    self._network.put(founder, pose, lone)
+        counts = self._network.frame_counts()
+        founders = [
+            f for island, n in counts.items() if n == 1 and island != here for f in self._network.members(island)
+        ]
+        for founder in self._search.likeliest(frame, founders, WAITING_TRIES):
+            registration = self._search.register(founder, frame)
+            if registration is None:
+                continue
+            pose, lone = self._network.pose_of(founder), self._network.island_of(founder)
+            self._network.take_back(founder)
+            if self._place_beside(founder, frame, registration):
+                self.islands[lone].merged_into = here
+                self._grown.pop(lone, None)
+            else:
+                self._network.put(founder, pose, lone)
 
     def _placement(self, frame: int) -> Placement:
         state, network = self._network.frames[frame], self._network

@@ -30,6 +30,12 @@ def boxes_meet(box: Array, boxes: Array) -> NDArray[np.bool_]:
     return np.asarray((boxes[:, :2] < box[2:]).all(axis=1) & (boxes[:, 2:] > box[:2]).all(axis=1))
 
 
+def boxes_shared(box: Array, boxes: Array) -> Array:
+    """Share (n,) of the box (4,) that each of the boxes (n, 4) covers, 0 to 1; they must meet it."""
+    sides = np.minimum(boxes[:, 2:], box[2:]) - np.maximum(boxes[:, :2], box[:2])
+    return np.asarray(sides.prod(axis=1) / max((box[2:] - box[:2]).prod(), 1e-12))
+
+
 def overlap(pose: Pose, camera: Camera, other_pose: Pose, other_camera: Camera) -> float:
     """Share of the frame's pixels that the other frame sees too, 0 to 1."""
     places = canvas_from_pixels(pose, camera, pixel_grid(camera, 9, 7))
@@ -39,15 +45,15 @@ def overlap(pose: Pose, camera: Camera, other_pose: Pose, other_camera: Camera) 
     return float(inside.mean())
 
 
-def spread_choice(overlaps: Array, bearings: Array, count: int) -> list[int]:
-    """At most `count` indices of frames with overlap (n,), taken in turn from each direction, best overlap first."""
+def spread_choice(overlaps: Array, bearings: Array, count: int) -> NDArray[np.intp]:
+    """At most `count` indices (k,) of frames with overlap (n,), taken in turn from each direction, best overlap first."""
     sector = np.floor((bearings + np.pi) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
     rank = np.zeros(len(overlaps), int)
     for s in range(SECTORS):
         inside = np.flatnonzero(sector == s)
         rank[inside[np.argsort(-overlaps[inside], kind="stable")]] = np.arange(len(inside))
     order = np.lexsort((-overlaps, rank))
-    return [int(i) for i in order[:count]]
+    return order[:count]
 
 
 def seen_by(pixels: Array, pose: Pose, camera: Camera, other_pose: Pose, other_camera: Camera) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +18,17 @@ from gcs_mosaic.stitch.registration import Registration, well_spread
 
 Array = NDArray[np.float64]
 
+NOWHERE = -1  # the island of a frame that is not placed
+
 
 @dataclass(slots=True)
 class FrameState:
-    """All that is kept of a frame. `pose` and `island` are None until it is placed; `held` is the pose it is drawn at."""
+    """All that is kept of a frame. `pose` is None until it is placed; `held` is the pose it is drawn at."""
 
     name: str
     features: Features
     camera: int
     pose: Pose | None = None
-    island: int | None = None
     held: tuple[Pose, Camera] | None = None
     inliers: dict[int, int] = field(default_factory=dict)  # independent inliers by linked frame
     residual_px: float = math.nan  # median over its matches, full-resolution pixels
@@ -41,12 +43,17 @@ class Link:
 
 
 class Network:
-    """Frames, cameras and links. `boxes` (n, 4): bounding box of each placed frame's footprint, NaN for the others."""
+    """Frames, cameras and links.
+
+    `islands` (n,): each frame's island, NOWHERE for those that are not placed. `boxes` (n, 4): bounding box of each placed
+    frame's footprint, NaN for the others. Both are arrays so that a question about all frames costs next to nothing.
+    """
 
     def __init__(self, first_focal: float, matches_per_link: int) -> None:
         self.frames: list[FrameState] = []
         self.cameras: list[Camera] = []
         self.links: dict[tuple[int, int], Link] = {}
+        self.islands: NDArray[np.intp] = np.empty(0, np.intp)
         self.boxes: Array = np.empty((0, 4))
         self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
         self._first_focal = first_focal
@@ -60,12 +67,13 @@ class Network:
             self.cameras.append(Camera(*size, focal=self._first_focal))
             sizes.append(size)
         self.frames.append(FrameState(name, features, sizes.index(size)))
+        self.islands = np.append(self.islands, NOWHERE)
         self.boxes = np.concatenate([self.boxes, np.full((1, 4), np.nan)])
         return len(self.frames) - 1
 
     def put(self, frame: int, pose: Pose, island: int) -> None:
         """Place a frame, or move it."""
-        self.frames[frame].pose, self.frames[frame].island = pose, island
+        self.frames[frame].pose, self.islands[frame] = pose, island
         self.boxes[frame] = box_of(pose, self.camera_of(frame))
         self.moved.add(frame)
 
@@ -74,7 +82,8 @@ class Network:
         state = self.frames[frame]
         for other in list(state.inliers):
             self.unlink(frame, other)
-        state.pose = state.island = state.held = None
+        state.pose = state.held = None
+        self.islands[frame] = NOWHERE
         self.boxes[frame] = np.nan
         self.moved.discard(frame)
 
@@ -99,15 +108,30 @@ class Network:
         return pose
 
     def island_of(self, frame: int) -> int:
-        island = self.frames[frame].island
-        assert island is not None, "only placed frames lie on an island"
-        return island
+        assert self.islands[frame] != NOWHERE, "only placed frames lie on an island"
+        return int(self.islands[frame])
 
-    def placed(self) -> list[int]:
-        return [i for i, frame in enumerate(self.frames) if frame.pose is not None]
+    def placed(self) -> NDArray[np.intp]:
+        """Frames that lie on any island, in the order in which they came."""
+        return np.flatnonzero(self.islands != NOWHERE)
 
-    def members(self, island: int) -> list[int]:
-        return [i for i, frame in enumerate(self.frames) if frame.island == island]
+    def members(self, island: int) -> NDArray[np.intp]:
+        """Frames of an island, in the order in which they came."""
+        return np.flatnonzero(self.islands == island)
+
+    def elsewhere(self, island: int) -> NDArray[np.intp]:
+        """Placed frames of the other islands."""
+        return np.flatnonzero((self.islands != NOWHERE) & (self.islands != island))
+
+    def count_placed(self, camera: int, most: int) -> int:
+        """How many frames of a camera are placed; counting ends at `most`."""
+        of_camera = (frame for frame in self.frames if frame.camera == camera and frame.pose is not None)
+        return sum(1 for _ in islice(of_camera, most))
+
+    def frame_counts(self) -> dict[int, int]:
+        """Placed frames by island."""
+        numbers, counts = np.unique(self.islands[self.placed()], return_counts=True)
+        return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
 
 
 def box_of(pose: Pose, camera: Camera) -> Array:

@@ -86,7 +86,7 @@ class Placing:
         """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
         network = self._network
         island = network.island_of(next(iter(network.frames[frame].inliers)))
-        before = {member: network.pose_of(member) for member in network.members(island) if member != frame}
+        before = {member: network.pose_of(member) for member in network.members(island).tolist() if member != frame}
         if len(before) >= LENS_KNOWN:
             return None
         cameras = list(network.cameras)
@@ -114,7 +114,6 @@ class Placing:
 
     def _residual_limit(self, frame: int) -> float:
         """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
-        camera = self._network.frames[frame].camera
-        shown = sum(state.camera == camera and state.pose is not None for state in self._network.frames)
+        shown = self._network.count_placed(self._network.frames[frame].camera, LENS_KNOWN)
         limit = self._plausibility.most_residual_px
         return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gcs_mosaic.stitch import neighbours
 from gcs_mosaic.stitch.features import Features
@@ -52,9 +53,10 @@ class Search:
         yield from self._nearby(last)
         yield from self.likeliest(frame, self._network.placed())
 
-    def likeliest(self, frame: int, among: Sequence[int], count: int | None = None) -> list[int]:
+    def likeliest(self, frame: int, among: ArrayLike, count: int | None = None) -> list[int]:
         """Frames that look most like this one, best first."""
-        others = np.array([f for f in among if f != frame], dtype=np.intp)
+        others = np.asarray(among, dtype=np.intp)
+        others = others[others != frame]
         features = self._network.frames[frame].features
         return self._retrieval.likeliest(features, others, count or self._settings.wide_tries)
 
@@ -76,23 +78,30 @@ class Search:
         """The last placed frame, then those that meet its region of interest, nearest first."""
         network = self._network
         region = neighbours.region_of_interest(network.boxes[last])
-        here = np.array(network.members(network.island_of(last)))
+        here = network.members(network.island_of(last))
         here = here[neighbours.boxes_meet(region, network.boxes[here])]
         far = np.linalg.norm(centres(network.boxes[here]) - centres(network.boxes[[last]]), axis=1)
         order = [int(here[i]) for i in np.argsort(far, kind="stable") if here[i] != last]
         return [last, *order][: self._settings.first_tries]
 
     def _overlapping(self, frame: int, pose: Pose, island: int) -> list[int]:
-        network, camera = self._network, self._network.camera_of(frame)
+        """Frames of the island that share ground with this pose, spread over all directions, the best of each first.
+
+        A climb puts hundreds of frames inside the box of one: the boxes choose those whose overlap is worked out.
+        """
+        network, camera, count = self._network, self._network.camera_of(frame), self._settings.neighbours
         box = box_of(pose, camera)
-        members = np.array([f for f in network.members(island) if f != frame], dtype=np.intp)
-        members = members[neighbours.boxes_meet(box, network.boxes[members])]
-        shared = np.array([neighbours.overlap(pose, camera, network.pose_of(o), network.camera_of(o)) for o in members])
-        keep = shared >= self._settings.least_overlap
-        members, shared = members[keep], shared[keep]
+        members = network.members(island)
+        members = members[(members != frame) & neighbours.boxes_meet(box, network.boxes[members])]
         away = centres(network.boxes[members]) - centres(box[None])
         bearings = np.arctan2(away[:, 1], away[:, 0])
-        return [int(members[i]) for i in neighbours.spread_choice(shared, bearings, self._settings.neighbours)]
+        roughly = neighbours.boxes_shared(box, network.boxes[members])
+        likely = neighbours.spread_choice(roughly, bearings, PER_NEIGHBOUR * count)
+        members, bearings = members[likely], bearings[likely]
+        shared = np.array([neighbours.overlap(pose, camera, network.pose_of(o), network.camera_of(o)) for o in members])
+        keep = shared >= self._settings.least_overlap
+        chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
+        return [int(f) for f in members[keep][chosen]]
 
     def _register_in_place(self, frame: int, pose: Pose, other: int) -> Registration | None:
         """Register two frames by the features that both should see, as far as their poses are known."""
@@ -103,3 +112,8 @@ class Search:
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
         found = register(a, b, self._registration, seen_a, seen_b)
         return found if isinstance(found, Registration) else None
+
+
+PER_NEIGHBOUR = (
+    4  # frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ
+)

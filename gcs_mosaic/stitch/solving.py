@@ -60,7 +60,7 @@ def _corner_deviation(camera: Camera, solution: Solution, residual: float) -> fl
 
 def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:
     """Adjust all frames of an island and their lenses, then lay the result over the held poses as well as it goes."""
-    members = network.members(island)
+    members = network.members(island).tolist()
     inside = set(members)
     keys = [(a, b) for a, b in network.links if a in inside and b in inside]
     if not keys:
