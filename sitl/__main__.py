@@ -75,7 +75,8 @@ def flown(asked: argparse.Namespace) -> int:
 def simulated_flight(asked: argparse.Namespace) -> Flight:
     say("painting the ground (some seconds the first time)")
     route = Plan(frames=asked.count, strangers=asked.strangers)
-    return plan(asked.scenario, asked.size, seed=asked.seed, relief=asked.relief, cache=world_cache(), route=route)
+    looks = {"relief": asked.relief, "ground": asked.ground}
+    return plan(asked.scenario, asked.size, seed=asked.seed, cache=world_cache(), route=route, **looks)
 
 
 def known_truth(flight: Flight | None, file: Path | None) -> Truth | None:

@@ -15,7 +15,7 @@ from sitl.camera import Camera, Scene
 from sitl.geometry import CameraState, Lens, ground_from_pixels
 from sitl.path import SCENARIOS, Plan, fly
 from sitl.truth import Truth, counting, grid_of, true_frame, write
-from sitl.world import make_world
+from sitl.world import COUNTRY, make_world
 
 WORKERS = 2
 AHEAD = 4  # pictures rendered before they are wanted: about 2 MB
@@ -52,14 +52,16 @@ class Flight:
 class Options(TypedDict, total=False):
     """What else a flight may be given.
 
-    seed: of the ground, the wind and the noise. cache: a folder in which painted worlds are kept. relief: share of the
-    heights that is seen, 0 for a plane. camera: its lens keeps focal and k1, its size gives way. world_size: pixels of
-    0.1 m; without it the smallest of WORLD_SIZES that holds the flight. route: frames, height, overlaps; its seed gives way.
+    seed: of the ground, the wind and the noise. cache: a folder in which painted worlds are kept. ground: one of GROUNDS.
+    relief: share of the heights that is seen, 0 for a plane. camera: its lens keeps focal and k1, its size gives way.
+    world_size: pixels of 0.1 m; without it the smallest of WORLD_SIZES that holds the flight. route: frames, height,
+    overlaps; its seed gives way.
     """
 
     seed: int
     cache: Path | None
     relief: float
+    ground: str
     camera: Camera
     world_size: int
     route: Plan
@@ -75,7 +77,7 @@ def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[O
     camera = replace(camera, lens=replace(camera.lens, width=size[0], height=size[1]))
     states = fly(scenario, camera.lens, replace(options.get("route", Plan()), seed=seed))
     world_size = options.get("world_size") or world_size_for(states, camera.lens)
-    world = make_world(seed, world_size, cache=options.get("cache"))
+    world = make_world(seed, world_size, cache=options.get("cache"), ground=options.get("ground", COUNTRY))
     scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed)
     return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states))))
 

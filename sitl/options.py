@@ -7,6 +7,7 @@ from pathlib import Path
 
 from sitl.messages import MANNERS
 from sitl.path import SCENARIOS
+from sitl.world import COUNTRY, GROUNDS
 
 EPILOG = "python -m sitl score TRUTH.json PLACEMENTS.json judges a finished flight in one line."
 
@@ -23,6 +24,7 @@ def parser() -> argparse.ArgumentParser:
 
 def what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--scenario", choices=sorted(SCENARIOS), default="survey", help="which flight (survey)")
+    group.add_argument("--ground", choices=GROUNDS, default=COUNTRY, help="what is flown over (country)")
     group.add_argument("--count", type=positive_int, default=30, metavar="N", help="about how many pictures (30)")
     group.add_argument("--size", type=picture_size, default=(1200, 900), metavar="WxH", help="of a picture (1200x900)")
     group.add_argument(

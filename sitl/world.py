@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,10 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.geometry import Array
+from sitl.ground.copies import paint_copies
 from sitl.ground.heights import height_map
 from sitl.ground.land import lay_out
 from sitl.ground.paint import paint
+from sitl.ground.pattern import car_park, crop_rows, paint_pattern
 from sitl.ground.raster import Field, Image
+from sitl.ground.shapes import Land
+from sitl.ground.water import paint_water
 
 PAINT_VERSION = 1  # raise it when the same seed gives another picture: cached worlds are then made anew
 COARSEST = 32  # pixels: the pyramid ends here
@@ -99,15 +104,31 @@ def span_of(index: Array, size: int) -> slice:
     return slice(min(max(0, low), size - 1), max(1, min(size, high)))
 
 
+COUNTRY = "country"
+BARE: dict[str, Callable[[int, int, float], Image]] = {
+    "rows": lambda seed, size, gsd: paint_pattern(crop_rows(), seed, size, gsd),
+    "cars": lambda seed, size, gsd: paint_pattern(car_park(), seed, size, gsd),
+    "water": paint_water,
+    "halls": paint_copies,
+}  # grounds that are a picture only, (seed, pixels along a side, metres per pixel) -> picture; their heights are hills
+GROUNDS = (COUNTRY, *BARE)
+
+
 @lru_cache(maxsize=2)
-def make_world(seed: int = 1, size: int = 6144, gsd: float = 0.1, cache: Path | None = None) -> World:
-    """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted once and read from there."""
+def make_world(
+    seed: int = 1, size: int = 6144, gsd: float = 0.1, cache: Path | None = None, ground: str = COUNTRY
+) -> World:
+    """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted once and read from there.
+
+    ground: one of GROUNDS; all but "country" are there to mislead: they repeat themselves, or look alike everywhere.
+    """
     if cache is None:
-        land = lay_out(seed, size * gsd)
-        return World(pyramid(paint(land, seed, size, gsd)), height_map(seed, land, size, gsd), gsd)
-    folder = cache / f"world-{PAINT_VERSION}-{seed}-{size}-{gsd:g}"
+        land = lay_out(seed, size * gsd) if ground == COUNTRY else Land(size * gsd)
+        picture = paint(land, seed, size, gsd) if ground == COUNTRY else BARE[ground](seed, size, gsd)
+        return World(pyramid(picture), height_map(seed, land, size, gsd), gsd)
+    folder = cache / f"world-{PAINT_VERSION}-{ground}-{seed}-{size}-{gsd:g}"
     if not folder.is_dir():
-        save(make_world.__wrapped__(seed, size, gsd), folder)
+        save(make_world.__wrapped__(seed, size, gsd, ground=ground), folder)
     return load(folder, gsd)
 
 
