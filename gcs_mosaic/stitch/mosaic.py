@@ -51,7 +51,11 @@ class Placement:
     camera: Camera
     inliers: int  # independent ones, over all neighbours
     residual_px: float  # median over its matches, full-resolution pixels; NaN for a founder
-    neighbours: tuple[str, ...]
+    neighbours: tuple[str, ...]  # the frames it is linked with
+    hops: int  # links between it and the root of its island, the frame that founded it
+    # Standard deviation of its least certain corner relative to the root, full-resolution pixels; infinite where the
+    # matches leave it open. It tells what noise of the matches does, not what hills do.
+    corner_deviation_px: float
 
     @property
     def canvas_from_frame(self) -> Array:
@@ -238,9 +242,17 @@ class Mosaic:
 
     def _placement(self, frame: int) -> Placement:
         state, network = self._network.frames[frame], self._network
-        names = tuple(network.frames[other].name for other in sorted(state.inliers))
-        view = (network.island_of(frame), network.pose_of(frame), network.camera_of(frame))
-        return Placement(state.name, *view, sum(state.inliers.values()), state.residual_px, names)
+        return Placement(
+            name=state.name,
+            island=network.island_of(frame),
+            pose=network.pose_of(frame),
+            camera=network.camera_of(frame),
+            inliers=sum(state.inliers.values()),
+            residual_px=state.residual_px,
+            neighbours=tuple(network.frames[other].name for other in sorted(state.inliers)),
+            hops=state.hops,
+            corner_deviation_px=state.corner_deviation_px,
+        )
 
 
 WAITING_TRIES = 2

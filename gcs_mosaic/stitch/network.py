@@ -32,6 +32,8 @@ class FrameState:
     held: tuple[Pose, Camera] | None = None
     inliers: dict[int, int] = field(default_factory=dict)  # independent inliers by linked frame
     residual_px: float = math.nan  # median over its matches, full-resolution pixels
+    hops: int = 0  # links between it and its island's root, along the shortest way
+    corner_deviation_px: float = 0.0  # of its least certain corner, full-resolution pixels; relative to the root
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,7 @@ class Network:
 
     `islands` (n,): each frame's island, NOWHERE for those that are not placed. `boxes` (n, 4): bounding box of each placed
     frame's footprint, NaN for the others. Both are arrays so that a question about all frames costs next to nothing.
+    `roots`: the frame that founded each island, by the island's number.
     """
 
     def __init__(self, first_focal: float, matches_per_link: int) -> None:
@@ -55,6 +58,7 @@ class Network:
         self.links: dict[tuple[int, int], Link] = {}
         self.islands: NDArray[np.intp] = np.empty(0, np.intp)
         self.boxes: Array = np.empty((0, 4))
+        self.roots: dict[int, int] = {}
         self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
@@ -75,6 +79,7 @@ class Network:
         """Place a frame, or move it."""
         self.frames[frame].pose, self.islands[frame] = pose, island
         self.boxes[frame] = box_of(pose, self.camera_of(frame))
+        self.roots.setdefault(island, frame)
         self.moved.add(frame)
 
     def take_back(self, frame: int) -> None:
@@ -83,6 +88,8 @@ class Network:
         for other in list(state.inliers):
             self.unlink(frame, other)
         state.pose = state.held = None
+        if self.roots.get(int(self.islands[frame])) == frame:
+            del self.roots[int(self.islands[frame])]
         self.islands[frame] = NOWHERE
         self.boxes[frame] = np.nan
         self.moved.discard(frame)

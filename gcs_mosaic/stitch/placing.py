@@ -9,6 +9,7 @@ import numpy as np
 
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.certainty import note_resected
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.registration import Registration
@@ -78,8 +79,11 @@ class Placing:
         """The frame's best pose against its links from any of the rough ones, if it is to be believed."""
         found = [resect(self._network, frame, pose, self._adjustment) for pose in rough]
         best = min(found, key=lambda resected: resected.residual_px, default=None)
-        if best is None or self._is_believable(frame, best):
-            return best.pose if best else None
+        if best is None:
+            return None
+        if self._is_believable(frame, best):
+            note_resected(self._network, frame, best.pose, best.corner_deviation_px)
+            return best.pose
         return self._pose_with_all_free(frame, best.pose)
 
     def _pose_with_all_free(self, frame: int, rough: Pose) -> Pose | None:
@@ -105,7 +109,8 @@ class Placing:
         """Whether a pose fits its links, is determined by them, and is one that an aircraft can have."""
         settings, pose = self._plausibility, resected.pose
         fits = resected.residual_px <= self._residual_limit(frame)
-        sure = resected.deviation <= settings.most_deviation
+        most_deviation_px = settings.most_deviation * self._network.camera_of(frame).half_diagonal
+        sure = resected.cautious_deviation_px <= most_deviation_px
         tilt = math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll)))
         linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
         zoom = max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0)

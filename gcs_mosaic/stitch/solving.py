@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import projection
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, Solution, adjust
+from gcs_mosaic.stitch.certainty import note_adjusted
+from gcs_mosaic.stitch.deviation import POSE, island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.network import Network
 
@@ -30,7 +32,8 @@ class Resected:
 
     pose: Pose
     residual_px: float  # median, pixels of the feature picture
-    deviation: float  # standard deviation of the frame's worst corner, in half-diagonals; infinite above the horizon
+    corner_deviation_px: float  # of its least certain corner against the others as they lie; infinite above the horizon
+    cautious_deviation_px: float  # the same, if matches were not better than the adjustment takes for granted
 
 
 def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettings) -> Resected:
@@ -39,23 +42,14 @@ def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettin
     keys = [(frame, other) if (frame, other) in network.links else (other, frame) for other in linked]
     poses = [rough, *(network.pose_of(other) for other in linked)]
     free = np.arange(len(poses)) == 0
-    problem = _problem(network, [frame, *linked], poses, keys, free, settings.matches_per_pair)
-    solution = adjust(replace(problem, lens_free=False), settings)
+    problem = replace(
+        _problem(network, [frame, *linked], poses, keys, free, settings.matches_per_pair), lens_free=False
+    )
+    solution = adjust(problem, settings)
     residual = float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
-    return Resected(Pose(*solution.poses[0]), residual, _corner_deviation(network.camera_of(frame), solution, residual))
-
-
-def _corner_deviation(camera: Camera, solution: Solution, residual: float) -> float:
-    """From the covariance of a single frame's pose, as the frame itself would see the shift, in half-diagonals."""
-    half_size = np.array([camera.width, camera.height]) / 2 / camera.half_diagonal
-    pixels = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half_size
-    pose, lens = solution.poses[:1].repeat(4, axis=0), np.array([[math.log(camera.focal), camera.k1]]).repeat(4, axis=0)
-    down = projection.canvas_from_pixels(pose, lens, np.full(4, camera.half_diagonal), pixels)
-    by_pose = np.linalg.solve(down.by_point[down.valid], down.by_pose[down.valid])
-    # The normal matrix takes a residual of one feature pixel for granted; noisier matches determine less.
-    covariance = np.linalg.pinv(solution.normal.toarray()) * max(1.0, residual) ** 2
-    variances = np.einsum("mij,jk,mik->m", by_pose, covariance, by_pose)
-    return float(np.sqrt(variances.max())) if len(variances) else math.inf
+    factors = variance_factor(solution.residuals_px, settings.loss_px, POSE), max(1.0, residual) ** 2
+    deviations = (resected_deviation(problem, solution, network.cameras, factor) for factor in factors)
+    return Resected(Pose(*solution.poses[0]), residual, *deviations)
 
 
 def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:
@@ -66,12 +60,17 @@ def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -
     if not keys:
         return
     poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
-    solution = adjust(_problem(network, members, poses, keys, free, settings.matches_per_pair), settings)
+    problem = _problem(network, members, poses, keys, free, settings.matches_per_pair)
+    solution = adjust(problem, settings)
     _take_lenses(network, members, solution.lenses)
     adjusted = [Pose(*pose) for pose in solution.poses]
     for frame, pose in zip(members, _aligned_to_held(network, members, adjusted), strict=True):
         network.put(frame, pose, island)
     _note_residuals(network, members, keys, solution)
+    root = members.index(network.roots[island])
+    note_adjusted(
+        network, island, members, island_deviations(problem, solution, network.cameras, root, settings.loss_px)
+    )
 
 
 def _problem(

@@ -1,0 +1,188 @@
+"""Covariances of single frames from the normal matrix of many: the selected inverse.
+
+Of the inverse only the blocks near the diagonal are wanted, and they need no other ones than those where the
+factorisation has entries (Takahashi's equations: Erisman & Tinney, CACM 18(3), 1975; Rue & Martino, J. Stat. Plan.
+Inference 137, 2007). Here in blocks, as Lin et al. do it (SelInv, ACM TOMS 37(4), 2011): frames are put in order by nested
+dissection (George, SIAM J. Numer. Anal. 10(2), 1973), here with straight cuts of the map, so that the factorisation is a
+tree of small dense fronts (Duff & Reid, ACM TOMS 9(3), 1983). Going up the tree eliminates, going down it inverts.
+
+Unknowns that concern all frames, the lenses, are eliminated last: they stand in the border of every front.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LEAF_FRAMES = 24  # frames that are eliminated together; half and twice as many take as long
+
+
+@dataclass(frozen=True, slots=True)
+class Covariances:
+    """What the selected inverse holds of n frames with u unknowns each and l unknowns common to all."""
+
+    of_frames: Array  # (n, u, u)
+    with_common: Array  # (n, u, l)
+    of_common: Array  # (l, l)
+
+
+def covariances(normal: sparse.csc_matrix, frame_unknowns: int, places: Array, known: Indices) -> Covariances | None:
+    """Diagonal blocks of the inverse of a normal matrix of u unknowns for each frame, then those common to all.
+
+    `places` (n, 2): where the frames lie, for the order of elimination only. `known` (k,): unknowns that are taken for
+    certain; their covariances are zero. None if the matrix leaves some unknown open.
+    """
+    frames, size = len(places), normal.shape[0]
+    common = size - frame_unknowns * frames
+    uncertain = np.ones(size, bool)
+    uncertain[known] = False
+    scale = np.where(uncertain, 1 / np.sqrt(np.maximum(normal.diagonal(), 1e-300)), 0.0)
+    scaling = sparse.diags(scale)
+    # A known unknown is one that nothing else depends on; a unit diagonal keeps the matrix regular.
+    scaled = (scaling @ normal @ scaling + sparse.diags(np.where(uncertain, 0.0, 1.0))).tocsr()
+    tree = _dissected(_frame_graph(normal, frame_unknowns, frames), places)
+    order = np.concatenate([part.frames for part in tree.in_order()])
+    unknowns = (order[:, None] * frame_unknowns + np.arange(frame_unknowns)).ravel()
+    permutation = np.concatenate([unknowns, np.arange(size - common, size)])
+    try:
+        found = _selected(scaled[permutation][:, permutation].tocsc(), tree, frame_unknowns, common)
+    except np.linalg.LinAlgError:
+        return None
+    position = np.empty(frames, np.intp)
+    position[order] = np.arange(frames)
+    by_frame = np.where(uncertain, scale, 0.0)[: size - common].reshape(frames, frame_unknowns)
+    of_common = scale[size - common :]
+    return Covariances(
+        found.of_frames[position] * by_frame[:, :, None] * by_frame[:, None, :],
+        found.with_common[position] * by_frame[:, :, None] * of_common,
+        found.of_common * of_common[:, None] * of_common,
+    )
+
+
+@dataclass(slots=True)
+class _Part:
+    """A node of the elimination tree: frames that are eliminated together, after those of all parts below."""
+
+    frames: Indices
+    below: list[_Part] = field(default_factory=list)
+
+    def in_order(self) -> Iterator[_Part]:
+        """The tree in the order of elimination: what is below comes before."""
+        for part in self.below:
+            yield from part.in_order()
+        yield self
+
+
+def _frame_graph(normal: sparse.csc_matrix, frame_unknowns: int, frames: int) -> sparse.csr_matrix:
+    """Which frames have entries in common (n, n)."""
+    entries = normal[: frames * frame_unknowns, : frames * frame_unknowns].tocoo()
+    linked = (np.ones(entries.nnz, np.int32), (entries.row // frame_unknowns, entries.col // frame_unknowns))
+    return sparse.coo_matrix(linked, shape=(frames, frames)).tocsr()
+
+
+def _dissected(graph: sparse.csr_matrix, places: Array) -> _Part:
+    """Cut the map in two across its longer side, set apart the frames that connect the halves, and so on."""
+
+    def cut(frames: Indices) -> _Part:
+        if len(frames) <= LEAF_FRAMES:
+            return _Part(frames)
+        axis = int(np.argmax(np.ptp(places[frames], axis=0)))
+        order = frames[np.argsort(places[frames, axis], kind="stable")]
+        halves = order[: len(order) // 2], order[len(order) // 2 :]
+        between = graph[halves[0]][:, halves[1]]
+        touching = np.diff(between.indptr) > 0, np.bincount(between.indices, minlength=len(halves[1])) > 0
+        side = int(touching[1].sum() < touching[0].sum())
+        apart, rest = halves[side][touching[side]], halves[side][~touching[side]]
+        if not len(rest):  # everything overlaps everything: no order is better than another
+            return _Part(frames)
+        return _Part(apart, [cut(rest), cut(halves[1 - side])])
+
+    return cut(np.arange(len(places)))
+
+
+@dataclass(slots=True)
+class _Front:
+    """One step of the elimination: own unknowns (o,), and those later ones (b,) that depend on them."""
+
+    own: Indices
+    border: Indices
+    inverse: Array  # (o, o) of the own block
+    gain: Array  # (o, b): own block inverse times border block
+    below: list[_Front]
+    update: Array | None  # (b, b): what elimination adds to the border, until the front above has taken it
+
+
+def _selected(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, common: int) -> Covariances:
+    """The selected inverse of a matrix that is in the tree's order."""
+    frames = (matrix.shape[0] - common) // frame_unknowns
+    root = _eliminated(matrix, tree, frame_unknowns, common)
+    found = Covariances(
+        np.empty((frames, frame_unknowns, frame_unknowns)),
+        np.empty((frames, frame_unknowns, common)),
+        np.empty((common, common)),
+    )
+    found.of_common[:] = root.inverse[len(root.own) - common :, len(root.own) - common :]
+    _invert(root, np.empty((0, 0)), found)
+    return found
+
+
+def _eliminated(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, common: int) -> _Front:
+    """Go up the tree. The common unknowns belong to its root."""
+    size, first = matrix.shape[0], 0
+    of_all = np.arange(size - common, size)
+
+    def up(part: _Part) -> _Front:
+        nonlocal first
+        below = [up(lower) for lower in part.below]
+        own = np.arange(first, first + frame_unknowns * len(part.frames))
+        first += len(own)
+        if part is tree:
+            own = np.concatenate([own, of_all])
+        return _front(matrix, own, of_all, below)
+
+    return up(tree)
+
+
+def _front(matrix: sparse.csc_matrix, own: Indices, common: Indices, below: list[_Front]) -> _Front:
+    columns = matrix[:, own]
+    reached = np.concatenate([columns.indices, common, *(front.border for front in below)])
+    border = np.setdiff1d(reached[reached >= own[0]], own)
+    unknowns = np.concatenate([own, border])
+    dense = np.zeros((len(unknowns), len(unknowns)))
+    dense[:, : len(own)] = columns[unknowns].toarray()
+    dense[: len(own), len(own) :] = dense[len(own) :, : len(own)].T
+    for front in below:
+        at = np.searchsorted(unknowns, front.border)
+        assert front.update is not None
+        dense[np.ix_(at, at)] += front.update
+        front.update = None
+    o = len(own)
+    inverse = linalg.cho_solve(linalg.cho_factor(dense[:o, :o]), np.eye(o))
+    gain = inverse @ dense[:o, o:]
+    return _Front(own, border, inverse, gain, below, dense[o:, o:] - dense[o:, :o] @ gain)
+
+
+def _invert(front: _Front, of_border: Array, found: Covariances) -> None:
+    """Go down the tree from a front whose border's part of the inverse (b, b) is known."""
+    own, o = front.own, len(front.own)
+    whole = np.empty((o + len(front.border),) * 2)
+    whole[o:, o:] = of_border
+    whole[:o, o:] = -front.gain @ of_border
+    whole[o:, :o] = whole[:o, o:].T
+    whole[:o, :o] = front.inverse - whole[:o, o:] @ front.gain.T
+    u, common = found.with_common.shape[1:]
+    frames = own[own < u * len(found.of_frames)].reshape(-1, u)
+    for k, unknowns in enumerate(frames):
+        found.of_frames[unknowns[0] // u] = whole[k * u : k * u + u, k * u : k * u + u]
+        found.with_common[unknowns[0] // u] = whole[k * u : k * u + u, whole.shape[1] - common :]
+    unknowns = np.concatenate([own, front.border])
+    for lower in front.below:
+        at = np.searchsorted(unknowns, lower.border)
+        _invert(lower, whole[np.ix_(at, at)], found)
