@@ -37,9 +37,7 @@ class Bridge:
 
     def turned(self) -> Bridge:
         """The same bridge, seen from the other side."""
-        r = self.registration
-        b_from_a = np.asarray(np.linalg.inv(r.b_from_a), dtype=np.float64)
-        return Bridge(self.frame_b, self.frame_a, Registration(r.pixels_b, r.pixels_a, b_from_a, r.independent_inliers))
+        return Bridge(self.frame_b, self.frame_a, self.registration.turned())
 
 
 class Bridges:

@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
+import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
-from gcs_mosaic.stitch.features import FeatureSettings, extract
+from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.registration import (
     NotRegistered,
@@ -35,6 +36,53 @@ def test_frames_of_other_ground_are_not_registered(ground, other_ground):
     found = register(features_at(ground, Pose(700, 700)), features_at(other_ground, Pose(600, 600)), SETTINGS)
     assert isinstance(found, NotRegistered)
     assert found.reason
+
+
+def test_the_other_frame_sees_the_same_registration_turned(ground):
+    here, there = features_at(ground, Pose(700, 700)), features_at(ground, Pose(820, 700))
+    found = register(here, there, SETTINGS)
+    turned = found.turned()
+    assert np.array_equal(turned.pixels_a, found.pixels_b)
+    assert np.allclose(turned.b_from_a @ found.b_from_a, np.eye(3))
+    assert turned.turned().evidence == found.evidence
+
+
+def with_writing(features: Features, lines: Features) -> Features:
+    """The frame with something burnt in, as a camera writes height and time into its pictures."""
+    return Features(
+        np.concatenate([lines.points, features.points]),
+        np.concatenate([lines.descriptors, features.descriptors]),
+        features.width,
+        features.height,
+        features.scale,
+    )
+
+
+@pytest.fixture
+def writing(other_ground) -> Features:
+    """Features of something in the lower left of every frame."""
+    found = features_at(other_ground, Pose(600, 600))
+    inside = ((found.points > [20, 240]) & (found.points < [160, 340])).all(axis=1)
+    return Features(found.points[inside], found.descriptors[inside], found.width, found.height, found.scale)
+
+
+def test_what_is_burnt_into_every_frame_is_no_common_ground(ground, writing):
+    here, there = (with_writing(features_at(ground, pose), writing) for pose in (Pose(400, 400), Pose(1500, 1500)))
+    refused = register(here, there, SETTINGS)
+    assert refused == NotRegistered(refused.reason, refused.inliers)
+    assert "of the overlap agrees" in refused.reason
+    assert isinstance(register(here, there, RegistrationSettings(least_confirmed=0)), Registration)
+
+
+def test_the_ground_is_found_beneath_what_is_burnt_in(ground, writing):
+    """Little overlap: more matches agree on the writing than on the ground."""
+    here, there = Pose(700, 700), Pose(1080, 940)
+    frames = [with_writing(features_at(ground, pose), writing) for pose in (here, there)]
+    mistaken = register(*frames, RegistrationSettings(least_confirmed=0))
+    assert np.allclose(mistaken.b_from_a, np.eye(3), atol=0.05)
+    found = register(*frames, SETTINGS)
+    true_b = pixels_from_canvas(there, SMALL_CAMERA, canvas_from_pixels(here, SMALL_CAMERA, found.pixels_a))
+    assert np.median(np.linalg.norm(found.pixels_b - true_b, axis=1)) < 0.7
 
 
 def test_a_mirrored_frame_is_not_registered(ground):

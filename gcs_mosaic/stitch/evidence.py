@@ -1,0 +1,74 @@
+"""How much the agreement of matches says: could chance have done it, and does the rest of the overlap bear it out?
+
+Two questions, because two things are mistaken for common ground. Unrelated features agree by chance: the a-contrario
+model counts how many such agreements are to be expected (Moisan and Stival, IJCV 57(3), 2004; for choosing homographies:
+Moulon, Monasse and Marlet, ACCV 2012). And different places hold things that look alike - two houses of one make, writing
+burnt into every frame: their matches are right, no model of chance refuses them, but nothing around them agrees.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+Array = NDArray[np.float64]
+
+SAMPLE = 4  # matches that fix a homography
+PER_CELL = 12  # features expected in a cell of the overlap: enough that a true overlap confirms most cells
+COMPARABLE = 3  # features of either frame below which a cell says nothing
+
+
+def log_evidence(matches: int, inliers: int, chance: float) -> float:
+    """-log10 of the number of agreements as good as this one that chance is expected to make between two frames.
+
+    matches: independent tentative matches; inliers: those that agree with one homography; chance: probability that an
+    unrelated match agrees with it. Every sample of four matches is a hypothesis, every subset of inliers could have
+    agreed: NFA = (n - 4) C(n, k) C(k, 4) chance^(k - 4).
+    """
+    if inliers <= SAMPLE:
+        return -math.inf
+    false_alarms = math.log10(max(matches - SAMPLE, 1)) + log_choose(matches, inliers) + log_choose(inliers, SAMPLE)
+    return -(false_alarms + (inliers - SAMPLE) * math.log10(chance))
+
+
+def log_choose(n: int, k: int) -> float:
+    """log10 of the binomial coefficient."""
+    return (math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)) / math.log(10)
+
+
+def chance_of_agreement(mapped: Array, matched: Array, radius: float, area: float) -> float:
+    """Probability that a point of frame a, mapped to b, comes within `radius` px of an unrelated match's point in b.
+
+    mapped, matched: (n, 2) both ends of the tentative matches, in pixels of b, whose picture has `area` px. If all were
+    spread evenly this would be the share of the disc in the picture. They are not (features crowd along hedges and
+    roads), and a homography may crowd them further: so ends of different matches are paired, and it is counted how many
+    of those pairs agree.
+    """
+    near = int(KDTree(mapped).count_neighbors(KDTree(matched), radius))
+    own = int((np.linalg.norm(mapped - matched, axis=1) <= radius).sum())
+    unrelated = max(1, len(mapped) * (len(mapped) - 1))
+    return min(1.0, max(math.pi * radius**2 / area, (near - own) / unrelated))
+
+
+def confirmed_share(features_a: Array, features_b: Array, inliers: Array) -> float:
+    """Share of the overlap, by area, in which matches bear it out, 0 to 1.
+
+    features_a, features_b: all features (n, 2), (m, 2) of both frames that lie in the overlap, inliers (k, 2) the matches
+    that agree, all in pixels of frame a. The overlap is divided into cells; those in which both frames show enough
+    count, and are confirmed by at least one inlier. 1 where no cell counts: then nothing speaks against the overlap.
+    """
+    fewer = min(len(features_a), len(features_b))
+    if fewer < COMPARABLE:
+        return 1.0
+    hull = cv2.contourArea(cv2.convexHull(features_a.astype(np.float32)))
+    side = math.sqrt(max(hull, 1.0) * PER_CELL / fewer)
+    both = np.concatenate([features_a, features_b, inliers])
+    cells, cell = np.unique((both // side).astype(np.int64), axis=0, return_inverse=True)
+    ends = np.cumsum([len(features_a), len(features_b)])
+    of_a, of_b, agreeing = (np.bincount(part, minlength=len(cells)) for part in np.split(cell.ravel(), ends))
+    counts = np.minimum(of_a, of_b) >= COMPARABLE
+    return float((agreeing[counts] > 0).mean()) if counts.any() else 1.0
