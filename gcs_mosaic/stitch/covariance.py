@@ -141,19 +141,20 @@ def _eliminated(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, com
     def up(part: _Part) -> _Front:
         nonlocal first
         below = [up(lower) for lower in part.below]
-        own = np.arange(first, first + frame_unknowns * len(part.frames))
+        own, before = np.arange(first, first + frame_unknowns * len(part.frames)), first
         first += len(own)
         if part is tree:
             own = np.concatenate([own, of_all])
-        return _front(matrix, own, of_all, below)
+        return _front(matrix, own, before, of_all, below)
 
     return up(tree)
 
 
-def _front(matrix: sparse.csc_matrix, own: Indices, common: Indices, below: list[_Front]) -> _Front:
+def _front(matrix: sparse.csc_matrix, own: Indices, first: int, common: Indices, below: list[_Front]) -> _Front:
+    """Eliminate `own`, the unknowns from `first` on; none where two halves of the map have no link across their cut."""
     columns = matrix[:, own]
     reached = np.concatenate([columns.indices, common, *(front.border for front in below)])
-    border = np.setdiff1d(reached[reached >= own[0]], own)
+    border = np.setdiff1d(reached[reached >= first], own)
     unknowns = np.concatenate([own, border])
     dense = np.zeros((len(unknowns), len(unknowns)))
     dense[:, : len(own)] = columns[unknowns].toarray()

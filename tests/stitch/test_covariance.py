@@ -69,3 +69,11 @@ def test_what_nothing_determines_is_said():
     dense = network(places, 2.5, 0)
     dense[7 * U, :] = dense[:, 7 * U] = 0
     assert covariances(sparse.csc_matrix(dense), U, places, np.empty(0, np.intp)) is None
+
+
+@pytest.mark.parametrize("common", [0, 2])
+def test_halves_of_the_map_without_a_link_across_the_cut(common):
+    """On a long flight some cut falls where nothing overlaps once the frames of earlier cuts are set apart."""
+    x = np.concatenate([np.arange(40.0), 100 + np.arange(40.0)])
+    places = np.c_[x, np.zeros(80)]
+    assert_blocks_of_inverse(network(places, 2.5, common), places, [4, 5])
