@@ -27,7 +27,9 @@ from gcs_mosaic.flight.records import (
 from gcs_mosaic.flight.rows import (
     EVENT_COLUMNS,
     GAIN_COLUMNS,
+    LENS_COLUMNS,
     POSE_COLUMNS,
+    camera_row,
     estimate_of,
     event_record_of,
     event_row,
@@ -193,16 +195,16 @@ class Ledger(LedgerFile):
         return int(rows[0]["id"])
 
     def _camera_id(self, camera: Camera) -> int:
-        values = (camera.width, camera.height, float(camera.focal), float(camera.k1))
-        self.write("INSERT OR IGNORE INTO cameras (width, height, focal, k1) VALUES (?, ?, ?, ?)", *values)
-        where = "width = ? AND height = ? AND focal = ? AND k1 = ?"
+        columns, values = f"width, height, {LENS_COLUMNS}", camera_row(camera)
+        self.write(f"INSERT OR IGNORE INTO cameras ({columns}) VALUES ({marks(values)})", *values)
+        where = " AND ".join(f"{column} = ?" for column in columns.split(", "))
         return int(self.rows(f"SELECT id FROM cameras WHERE {where}", *values)[0]["id"])
 
 
 def placed_in(table: str, order: str, where: str = "") -> str:
     """A query for the rows of `painted` or `estimates` with the frame's name and the camera's values beside them."""
     return (
-        f"SELECT {table}.*, frames.name, cameras.width AS camera_width, cameras.height AS camera_height, focal, k1 "
+        f"SELECT {table}.*, frames.name, cameras.width AS camera_width, cameras.height AS camera_height, {LENS_COLUMNS} "
         f"FROM {table} JOIN frames ON frames.id = {table}.frame JOIN cameras ON cameras.id = {table}.camera "
         f"{where} ORDER BY {order}"
     )

@@ -15,6 +15,7 @@ EVENT_COLUMNS = (
     "latitude_deg, longitude_deg, altitude_m"
 )
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
+LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 GAIN_COLUMNS = "gain_b, gain_g, gain_r"
 
 Stored = str | bytes | None
@@ -113,8 +114,15 @@ def pose_of(row: sqlite3.Row) -> Pose:
     return Pose(row["x"], row["y"], row["log_gsd"], row["yaw"], row["pitch"], row["roll"])
 
 
+def camera_row(camera: Camera) -> tuple[float, ...]:
+    """Values for width, height and LENS_COLUMNS."""
+    lens = (camera.focal, camera.k1, camera.k2, camera.shift_x, camera.shift_y)
+    return (camera.width, camera.height, *(float(value) for value in lens))
+
+
 def camera_of(row: sqlite3.Row) -> Camera:
-    return Camera(row["camera_width"], row["camera_height"], row["focal"], row["k1"])
+    lens = (row["focal"], row["k1"], row["k2"], row["shift_x"], row["shift_y"])
+    return Camera(row["camera_width"], row["camera_height"], *lens)
 
 
 def painted_of(row: sqlite3.Row) -> Painted:

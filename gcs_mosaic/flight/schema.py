@@ -71,8 +71,9 @@ CREATE TABLE cameras (
     width INTEGER NOT NULL,
     height INTEGER NOT NULL,
     focal NOT NULL,
-    k1 NOT NULL,
-    UNIQUE (width, height, focal, k1)
+    k1 NOT NULL, k2 NOT NULL,
+    shift_x NOT NULL, shift_y NOT NULL,
+    UNIQUE (width, height, focal, k1, k2, shift_x, shift_y)
 );
 CREATE TABLE painted (
     frame INTEGER PRIMARY KEY REFERENCES frames (id),

@@ -1,9 +1,13 @@
 """Joint adjustment of cameras over a plane: bundle adjustment without points.
 
-Unknowns are one pose per frame and one focal length and lens term per camera. A match of pixel a in one frame and b in
-another says that a, taken down to the plane and up into the other frame, should fall on b, and the other way round.
-Residuals are measured in the frames (in the plane they would reward a shrinking map). The normal matrix has one
-block per frame and per linked pair of frames, so it stays sparse however long the flight is.
+Unknowns are one pose per frame and one lens (focal length, two radial terms, principal point) per camera. A match of
+pixel a in one frame and b in another says that a, taken down to the plane and up into the other frame, should fall on b,
+and the other way round. Residuals are measured in the frames (in the plane they would reward a shrinking map). The normal
+matrix has one block per frame and per linked pair of frames, so it stays sparse however long the flight is.
+
+The ground is not a plane. A point at an unknown height is seen shifted along its parallax, so a residual counts in full
+across that direction and, along it, only as far as it exceeds what the expected heights explain. Across it speaks the
+epipolar geometry, which relief cannot bend; along it the plane, which holds the long shape of the map.
 
 Levenberg-Marquardt with iteratively reweighted least squares, after Triggs et al., "Bundle Adjustment - A Modern
 Synthesis", 2000; Cauchy loss, because relief gives the residuals heavy tails.
@@ -20,6 +24,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from gcs_mosaic.stitch import projection
+from gcs_mosaic.stitch.projection import LENS_TERMS
 
 Array = NDArray[np.float64]
 
@@ -35,6 +40,9 @@ class AdjustmentSettings:
     )
     focal_prior_log_sigma: float = 0.3  # how far it may be off, as log: a factor of 1.35
     k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
+    k2_prior_sigma: float = 0.05  # the second radial term
+    shift_prior_sigma: float = 0.02  # principal point off the middle of the frame, half-diagonals
+    relief_sigma: float = 0.02  # heights of the ground about the plane, in flying heights: what parallax is expected
     tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
     steps: int = 30  # most steps of an adjustment; a warm start needs 2-5
     step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
@@ -48,7 +56,7 @@ class Problem:
     """
 
     poses: Array  # (n, 6)
-    lenses: Array  # (c, 2): log focal, k1
+    lenses: Array  # (c, 5): log focal, k1, k2, shift_x, shift_y
     camera: NDArray[np.intp]  # (n,)
     half_diagonal: Array  # (c,) full-resolution pixels
     unit_px: Array  # (c,)
@@ -57,13 +65,14 @@ class Problem:
     pixels_b: Array  # (p, k, 2)
     present: NDArray[np.bool_]  # (p, k)
     free: NDArray[np.bool_]  # (n,) frames that may move
+    relief: float = 0.0  # standard deviation of the ground's heights about the plane, canvas units
     lens_free: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
     poses: Array  # (n, 6)
-    lenses: Array  # (c, 2)
+    lenses: Array  # (c, 5)
     residuals_px: Array  # (p, k), the larger of both ways, pixels of the feature picture; NaN where there is no match
     normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
     steps: int
@@ -130,7 +139,7 @@ def _stepped(problem: Problem, step: Array) -> Problem:
     poses, lenses = problem.poses.copy(), problem.lenses.copy()
     poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
     if problem.lens_free:
-        lenses += step[pose_unknowns:].reshape(-1, 2)
+        lenses += step[pose_unknowns:].reshape(-1, LENS_TERMS)
     return replace(problem, poses=poses, lenses=lenses)
 
 
@@ -142,7 +151,7 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings) -> _State:
     cost = settings.loss_px**2 * np.log1p(np.where(valid, size2, 1e4))[problem.present.repeat(2, axis=1)].sum()
     root = np.sqrt(weight)[:, :, None]
     rows = (residual * root).reshape(len(residual), -1)
-    columns = (jacobian * root[..., None]).reshape(len(residual), -1, 16)
+    columns = (jacobian * root[..., None]).reshape(len(residual), -1, COLUMNS)
     blocks = columns.transpose(0, 2, 1) @ columns
     slopes = (columns.transpose(0, 2, 1) @ rows[:, :, None])[:, :, 0]
     normal, gradient = _assembled(problem, blocks, slopes)
@@ -155,32 +164,68 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings) -> _State:
     )  # fmt: skip
 
 
+COLUMNS = 2 * (6 + LENS_TERMS)  # unknowns that a pair depends on: pose a, pose b, lens a, lens b
+
+
 def _residuals(problem: Problem) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, 16) by [pose a, pose b, lens a, lens b], and which exist (p, 2k).
+    """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, COLUMNS), and which exist (p, 2k).
 
     The two ways of a match stand side by side: a to b, then b to a.
     """
     p, k = problem.present.shape
-    residual, jacobian = np.empty((p, k, 2, 2)), np.zeros((p, k, 2, 2, 16))
+    residual, jacobian = np.empty((p, k, 2, 2)), np.zeros((p, k, 2, 2, COLUMNS))
     valid = np.empty((p, k, 2), bool)
-    columns = {0: (slice(0, 6), slice(12, 14)), 1: (slice(6, 12), slice(14, 16))}
     for way, (source, target) in enumerate(((0, 1), (1, 0))):
-        pixels = (problem.pixels_a, problem.pixels_b)
-        frame_s, frame_t = (problem.pairs[:, side].repeat(k) for side in (source, target))
-        down = projection.canvas_from_pixels(*_of(problem, frame_s), pixels[source].reshape(-1, 2))
-        up = projection.pixels_from_canvas(*_of(problem, frame_t), down.points)
-        unit = problem.unit_px[problem.camera[frame_t]]
-        residual[:, :, way] = ((up.points - pixels[target].reshape(-1, 2)) * unit[:, None]).reshape(p, k, 2)
-        valid[:, :, way] = (down.valid & up.valid).reshape(p, k) & problem.present
-        by_place = up.by_point * unit[:, None, None]
-        pose_s, lens_s = columns[source]
-        pose_t, lens_t = columns[target]
-        jacobian[:, :, way, :, pose_s] = (by_place @ down.by_pose).reshape(p, k, 2, 6)
-        jacobian[:, :, way, :, lens_s] = (by_place @ down.by_lens).reshape(p, k, 2, 2)
-        jacobian[:, :, way, :, pose_t] = (up.by_pose * unit[:, None, None]).reshape(p, k, 2, 6)
-        jacobian[:, :, way, :, lens_t] = (up.by_lens * unit[:, None, None]).reshape(p, k, 2, 2)
+        passage = _passage(problem, source, target)
+        whitening = _whitening(passage.by_height * problem.relief)
+        residual[:, :, way] = (whitening @ passage.residual[:, :, None]).reshape(p, k, 2)
+        valid[:, :, way] = passage.valid.reshape(p, k) & problem.present
+        for columns, derivative in passage.derivatives:
+            jacobian[:, :, way, :, columns] = (whitening @ derivative).reshape(p, k, 2, -1)
     residual, jacobian = np.nan_to_num(residual), np.nan_to_num(jacobian)
-    return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, 16), valid.reshape(p, 2 * k)
+    return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, COLUMNS), valid.reshape(p, 2 * k)
+
+
+@dataclass(frozen=True, slots=True)
+class _Passage:
+    """All matches taken from one side of their pairs down to the plane and up into the other, (m, ...) in feature pixels."""
+
+    residual: Array  # (m, 2)
+    by_height: Array  # (m, 2), of the ground above the plane, per canvas unit
+    derivatives: list[tuple[slice, Array]]  # (m, 2, ...) by pose and lens of either side, with their columns
+    valid: NDArray[np.bool_]
+
+
+def _passage(problem: Problem, source: int, target: int) -> _Passage:
+    frame_s, frame_t = (problem.pairs[:, side].repeat(problem.present.shape[1]) for side in (source, target))
+    pixels = [side.reshape(-1, 2) for side in (problem.pixels_a, problem.pixels_b)]
+    down = projection.canvas_from_pixels(*_of(problem, frame_s), pixels[source])
+    up = projection.pixels_from_canvas(*_of(problem, frame_t), down.points)
+    unit = problem.unit_px[problem.camera[frame_t]][:, None]
+    by_place = up.by_point * unit[:, :, None]
+    poses, lenses = (slice(0, 6), slice(6, 12)), (slice(12, 12 + LENS_TERMS), slice(12 + LENS_TERMS, COLUMNS))
+    return _Passage(
+        residual=(up.points - pixels[target]) * unit,
+        by_height=(by_place @ down.by_height[:, :, None])[:, :, 0] + up.by_height * unit,
+        derivatives=[
+            (poses[source], by_place @ down.by_pose),
+            (lenses[source], by_place @ down.by_lens),
+            (poses[target], up.by_pose * unit[:, :, None]),
+            (lenses[target], up.by_lens * unit[:, :, None]),
+        ],
+        valid=down.valid & up.valid,
+    )
+
+
+def _whitening(parallax: Array) -> Array:
+    """Matrices (m, 2, 2) that make residuals comparable whose covariance is I + parallax parallax^T.
+
+    A point that may lie above or below the plane is only known to fall on a line: along it, one standard deviation of
+    height moves it by the parallax (m, 2) px, on top of the pixel by which any match is off.
+    """
+    squared = (np.nan_to_num(parallax) ** 2).sum(axis=1)
+    along = (1 - 1 / np.sqrt(1 + squared)) / np.maximum(squared, 1e-12)
+    return np.asarray(np.eye(2) - along[:, None, None] * parallax[:, :, None] * parallax[:, None, :])
 
 
 def _of(problem: Problem, frames: NDArray[np.intp]) -> tuple[Array, Array, Array]:
@@ -189,17 +234,18 @@ def _of(problem: Problem, frames: NDArray[np.intp]) -> tuple[Array, Array, Array
 
 
 def _assembled(problem: Problem, blocks: Array, slopes: Array) -> tuple[sparse.csc_matrix, Array]:
-    """Normal matrix and gradient over the free unknowns from one block (16, 16) and slope (16,) per pair."""
+    """Normal matrix and gradient over the free unknowns from one block and slope (COLUMNS) per pair."""
     first, pose_unknowns = _unknowns(problem)
-    size = pose_unknowns + (2 * len(problem.lenses) if problem.lens_free else 0)
-    index = np.full((len(problem.pairs), 16), -1)
+    size = pose_unknowns + (LENS_TERMS * len(problem.lenses) if problem.lens_free else 0)
+    index = np.full((len(problem.pairs), COLUMNS), -1)
     for side in (0, 1):
         frame = problem.pairs[:, side]
         moves = problem.free[frame]
         index[moves, 6 * side : 6 * side + 6] = first[frame[moves], None] + np.arange(6)
         if problem.lens_free:
-            lens = pose_unknowns + 2 * problem.camera[frame]
-            index[:, 12 + 2 * side : 14 + 2 * side] = lens[:, None] + np.arange(2)
+            lens = pose_unknowns + LENS_TERMS * problem.camera[frame]
+            begin = 12 + LENS_TERMS * side
+            index[:, begin : begin + LENS_TERMS] = lens[:, None] + np.arange(LENS_TERMS)
     rows, columns = np.broadcast_arrays(index[:, :, None], index[:, None, :])
     kept = (rows >= 0) & (columns >= 0)
     normal = sparse.coo_matrix((blocks[kept], (rows[kept], columns[kept])), shape=(size, size)).tocsc()
@@ -219,8 +265,9 @@ def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Arra
     cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
     if not problem.lens_free:
         return float(cost), diagonal.ravel(), gradient.ravel()
-    sigma = np.array([settings.focal_prior_log_sigma, settings.k1_prior_sigma])
-    lens = (problem.lenses - [np.log(settings.focal_prior), 0.0]) / sigma
+    shift = settings.shift_prior_sigma
+    sigma = np.array([settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift])
+    lens = (problem.lenses - [np.log(settings.focal_prior), 0.0, 0.0, 0.0, 0.0]) / sigma
     cost += (lens**2).sum()
     return (
         float(cost),

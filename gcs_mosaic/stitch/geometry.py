@@ -5,7 +5,8 @@ Conventions, used everywhere in this package:
 * Frame pixels: OpenCV's rule, the centre of the top-left pixel is (0, 0), x right, y down.
 * Canvas: x right, y down; the ground is the canvas plane. One unit is one full-resolution pixel of an island's first frame.
 * Camera axes: x right, y down, z forward. A frame with yaw = pitch = roll = 0 looks straight down, its x along the canvas' x.
-* Lens: one radial term in OpenCV's sense, `distorted = undistorted * (1 + k1 * r**2)` with radii in focal lengths.
+* Lens: two radial terms in OpenCV's sense, `distorted = undistorted * (1 + k1 * r**2 + k2 * r**4)`, radii in focal lengths
+  from the principal point (Brown, Photogrammetric Engineering 37(8), 1971).
 * Transforms are named target_from_source; points are (n, 2) float64 arrays, and NaN stands for "nowhere"
   (behind the camera, above the horizon, outside what the lens can see).
 """
@@ -22,17 +23,24 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 UNDISTORT_STEPS = 8  # Newton's method on the radius; 5 reach 1e-9 for |k1| <= 0.3, the rest is margin
+LEAST_SLOPE = 0.02  # of the lens' radius curve; where it is flatter, Newton's step is held back
 HORIZON_COSINE = 0.02  # rays closer to the horizon than about 1 degree hit the ground nowhere useful
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """What the frames of one camera share; `focal` and `k1` are estimated from matches, never given."""
+    """What the frames of one camera share; all but the size is estimated from matches, never given.
+
+    Lengths are in half-diagonals, so that they do not depend on the frame's size.
+    """
 
     width: int  # px
     height: int  # px
-    focal: float = 1.5  # in half-diagonals, so that it does not depend on the frame's size
+    focal: float = 1.5
     k1: float = 0.0
+    k2: float = 0.0
+    shift_x: float = 0.0  # of the principal point from the middle of the frame
+    shift_y: float = 0.0
 
     @property
     def half_diagonal(self) -> float:
@@ -44,8 +52,22 @@ class Camera:
 
     @property
     def centre(self) -> Array:
-        """Principal point in pixels: the middle of the frame."""
+        """The middle of the frame in pixels."""
         return np.array([(self.width - 1) / 2, (self.height - 1) / 2])
+
+    @property
+    def principal_point(self) -> Array:
+        """Where the optical axis meets the frame, in pixels."""
+        return self.centre + np.array([self.shift_x, self.shift_y]) * self.half_diagonal
+
+    @property
+    def is_pinhole(self) -> bool:
+        return self.k1 == 0 and self.k2 == 0
+
+    @property
+    def reach(self) -> float:
+        """Radius (undistorted, in focal lengths) at which the lens would begin to fold the picture back; often infinite."""
+        return float(lens_reach(np.array([self.k1]), np.array([self.k2]))[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,12 +119,12 @@ def pixels_from_canvas(pose: Pose, camera: Camera, places: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         undistorted = rays[:, :2] / rays[:, 2:]
         undistorted[rays[:, 2] <= 0] = np.nan
-    return distort(camera, undistorted) * camera.focal_px + camera.centre
+    return distort(camera, undistorted) * camera.focal_px + camera.principal_point
 
 
 def reduced_view(pose: Pose, camera: Camera, width: int, height: int) -> tuple[Pose, Camera]:
     """Pose and camera of the same frame as a picture of another size (same shape): what it shows lies where it lay."""
-    reduced = Camera(width, height, 1.0, camera.k1)
+    reduced = replace(camera, width=width, height=height)
     factor = camera.width / width
     focal = camera.focal_px / factor / reduced.half_diagonal
     return replace(pose, log_gsd=pose.log_gsd + math.log(factor)), replace(reduced, focal=focal)
@@ -110,28 +132,46 @@ def reduced_view(pose: Pose, camera: Camera, width: int, height: int) -> tuple[P
 
 def normalised(camera: Camera, pixels: Array) -> Array:
     """Pixels (n, 2) in focal lengths from the principal point."""
-    return np.asarray((pixels - camera.centre) / camera.focal_px, dtype=np.float64)
+    return np.asarray((pixels - camera.principal_point) / camera.focal_px, dtype=np.float64)
+
+
+def lens_reach(k1: Array, k2: Array) -> Array:
+    """The smallest radius (n,) at which `r * (1 + k1 * r**2 + k2 * r**4)` stops growing; infinite where it never does."""
+    root = np.sqrt(np.maximum(9 * k1**2 - 20 * k2, 0))
+    with np.errstate(divide="ignore"):
+        squared = np.where((root - 3 * k1 > 0) & (9 * k1**2 >= 20 * k2), 2 / np.maximum(root - 3 * k1, 0), np.inf)
+    return np.asarray(np.sqrt(squared))
 
 
 def distort(camera: Camera, undistorted: Array) -> Array:
-    """Apply the lens; NaN beyond the radius where a negative k1 would fold the picture back."""
+    """Apply the lens; NaN beyond the radius where it would fold the picture back."""
     r2 = (undistorted**2).sum(axis=1, keepdims=True)
-    distorted = undistorted * (1 + camera.k1 * r2)
-    return np.asarray(np.where(1 + 3 * camera.k1 * r2 > 0, distorted, np.nan))
+    distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
+    return np.asarray(np.where(r2 < camera.reach**2, distorted, np.nan))
 
 
 def undistort(camera: Camera, distorted: Array) -> Array:
     """Inverse of `distort` (Newton's method on the radius); NaN for radii that no ray reaches."""
-    if camera.k1 == 0:
+    if camera.is_pinhole:
         return distorted
     r_distorted = np.linalg.norm(distorted, axis=1)
-    r = r_distorted.copy()
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        for _ in range(UNDISTORT_STEPS):
-            r -= (r * (1 + camera.k1 * r**2) - r_distorted) / (1 + 3 * camera.k1 * r**2)
-        reached = (1 + 3 * camera.k1 * r**2 > 0) & (abs(r * (1 + camera.k1 * r**2) - r_distorted) < 1e-6)
+    r, reached = undistorted_radius(r_distorted, camera.k1, camera.k2, camera.reach)
+    with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(r_distorted > 0, r / r_distorted, 1.0)
     return np.asarray(np.where(reached[:, None], distorted * factor[:, None], np.nan))
+
+
+def undistorted_radius(
+    distorted: Array, k1: Array | float, k2: Array | float, reach: Array | float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Radii (n,) before the lens, and for which of them there is one (those beyond `reach` are kept just inside it)."""
+    r = np.minimum(distorted, 0.99 * reach)
+    for _ in range(UNDISTORT_STEPS):
+        r2 = r**2
+        slope = np.maximum(1 + r2 * (3 * k1 + 5 * k2 * r2), LEAST_SLOPE)
+        r = np.clip(r - (r * (1 + r2 * (k1 + k2 * r2)) - distorted) / slope, 0, 0.9999 * reach)
+    error = abs(r * (1 + r**2 * (k1 + k2 * r**2)) - distorted)
+    return r, np.asarray(error < 1e-6)
 
 
 def pixel_grid(camera: Camera, columns: int, rows: int) -> Array:
@@ -166,7 +206,7 @@ def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
     pixels = pixel_grid(camera, 17, 13)
     places = canvas_from_pixels(pose, camera, pixels)
     seen = np.isfinite(places).all(axis=1)
-    if camera.k1 == 0 or seen.sum() < 8:
+    if camera.is_pinhole or seen.sum() < 8:
         return pinhole_homography(pose, camera)
     homography, _ = cv2.findHomography(pixels[seen], places[seen] - [pose.x, pose.y], 0)
     shift = np.array([[1.0, 0, pose.x], [0, 1, pose.y], [0, 0, 1]])
@@ -177,7 +217,8 @@ def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
 def pinhole_homography(pose: Pose, camera: Camera) -> Array:
     """The homography (3x3, frame pixels to canvas) of the pose without its lens, scaled so that H[2, 2] = 1 where it can be."""
     height = math.exp(pose.log_gsd) * camera.focal_px
-    ray_from_pixel = np.array([[1, 0, -camera.centre[0]], [0, 1, -camera.centre[1]], [0, 0, camera.focal_px]])
+    axis_x, axis_y = camera.principal_point
+    ray_from_pixel = np.array([[1, 0, -axis_x], [0, 1, -axis_y], [0, 0, camera.focal_px]])
     canvas_from_ray = np.array([[height, 0, pose.x], [0, height, pose.y], [0, 0, 1]])
     homography = canvas_from_ray @ pose.rotation() @ ray_from_pixel
     return np.asarray(homography / homography[2, 2] if abs(homography[2, 2]) > 1e-12 else homography)
@@ -189,9 +230,8 @@ def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
     With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and R's last row, and
     the others follow; R is made a rotation by its polar decomposition.
     """
-    pixel_from_ray = np.array(
-        [[camera.focal_px, 0, camera.centre[0]], [0, camera.focal_px, camera.centre[1]], [0, 0, 1]]
-    )
+    axis_x, axis_y = camera.principal_point
+    pixel_from_ray = np.array([[camera.focal_px, 0, axis_x], [0, camera.focal_px, axis_y], [0, 0, 1]])
     rows = homography @ pixel_from_ray
     rows /= np.linalg.norm(rows[2]) * (1 if rows[2, 2] > 0 else -1)
     x, y = rows[:2] @ rows[2]

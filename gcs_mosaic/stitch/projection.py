@@ -1,20 +1,23 @@
 """The camera over a plane with its analytic derivatives, for many points of many frames at once.
 
 The same model as `geometry`, in the units of the adjustment: pixels are centred and divided by the frame's half-diagonal,
-so that one focal length and one lens term serve frames of any size. A pose is a row (x, y, log_gsd, yaw, pitch, roll),
-a lens a row (log focal, k1).
+so that one lens serves frames of any size. A pose is a row (x, y, log_gsd, yaw, pitch, roll), a lens a row
+(log focal, k1, k2, shift_x, shift_y).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.geometry import LEAST_SLOPE, Camera, Pose, lens_reach, undistorted_radius
+
 Array = NDArray[np.float64]
 
-UNDISTORT_STEPS = 6
+LENS_TERMS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +27,23 @@ class Projected:
     points: Array
     by_point: Array  # (m, 2, 2)
     by_pose: Array  # (m, 2, 6)
-    by_lens: Array  # (m, 2, 2)
+    by_lens: Array  # (m, 2, 5)
+    by_height: Array  # (m, 2), of the ground above the plane, canvas units
     valid: NDArray[np.bool_]
+
+
+def pose_row(pose: Pose) -> tuple[float, ...]:
+    return (pose.x, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll)
+
+
+def lens_row(camera: Camera) -> tuple[float, ...]:
+    return (math.log(camera.focal), camera.k1, camera.k2, camera.shift_x, camera.shift_y)
+
+
+def with_lens(camera: Camera, row: Array) -> Camera:
+    """The camera with the lens of this row (5,)."""
+    log_focal, k1, k2, shift_x, shift_y = (float(value) for value in row)
+    return replace(camera, focal=math.exp(log_focal), k1=k1, k2=k2, shift_x=shift_x, shift_y=shift_y)
 
 
 def rotations(poses: Array) -> tuple[Array, Array]:
@@ -58,7 +76,8 @@ def canvas_from_pixels(poses: Array, lenses: Array, half_diagonals: Array, pixel
     by_pose[:, :, 3:] = by_ray @ np.cross(axes, ray[:, None, :]).transpose(0, 2, 1)
     by_lens = by_u @ u_by_lens
     by_lens[:, :, 0] += offset
-    return Projected(poses[:, :2] + offset, by_u @ u_by_pixel, by_pose, by_lens, seen & (ray[:, 2] > 0.02))
+    by_height = -ray[:, :2] / depth[:, None]
+    return Projected(poses[:, :2] + offset, by_u @ u_by_pixel, by_pose, by_lens, by_height, seen & (ray[:, 2] > 0.02))
 
 
 def pixels_from_canvas(poses: Array, lenses: Array, half_diagonals: Array, places: Array) -> Projected:
@@ -69,7 +88,7 @@ def pixels_from_canvas(poses: Array, lenses: Array, half_diagonals: Array, place
     ray = np.einsum("mji,mj->mi", rotation, sight)
     depth = np.where(abs(ray[:, 2]) < 1e-6, 1e-6, ray[:, 2])
     u = ray[:, :2] / depth[:, None]
-    v, v_by_u, v_by_k1 = _distorted(u, lenses[:, 1])
+    v, v_by_u, v_by_k = _distorted(u, lenses)
     focal = np.exp(lenses[:, 0])
     by_ray = (v_by_u @ _perspective_derivative(ray[:, :2], depth)) * focal[:, None, None]
     by_sight = by_ray @ rotation.transpose(0, 2, 1)
@@ -78,9 +97,13 @@ def pixels_from_canvas(poses: Array, lenses: Array, half_diagonals: Array, place
     by_pose[:, :, 2] = by_sight[:, :, 2] * height[:, None]
     by_pose[:, :, 3:] = -by_sight @ np.cross(axes, sight[:, None, :]).transpose(0, 2, 1)
     points = focal[:, None] * v
-    by_lens = np.stack([by_pose[:, :, 2] + points, focal[:, None] * v_by_k1], axis=2)
-    valid = (ray[:, 2] > 0.02 * height) & (1 + 3 * lenses[:, 1] * (u**2).sum(axis=1) > 0)
-    return Projected(points, by_sight[:, :, :2], by_pose, by_lens, valid)
+    by_lens = np.empty((len(places), 2, LENS_TERMS))
+    by_lens[:, :, 0] = by_pose[:, :, 2] + points
+    by_lens[:, :, 1:3] = focal[:, None, None] * v_by_k
+    by_lens[:, :, 3:] = np.eye(2)
+    within = (u**2).sum(axis=1) < lens_reach(lenses[:, 1], lenses[:, 2]) ** 2
+    valid = (ray[:, 2] > 0.02 * height) & within
+    return Projected(points + lenses[:, 3:], by_sight[:, :, :2], by_pose, by_lens, -by_sight[:, :, 2], valid)
 
 
 def _perspective_derivative(xy: Array, depth: Array) -> Array:
@@ -91,26 +114,26 @@ def _perspective_derivative(xy: Array, depth: Array) -> Array:
     return by
 
 
-def _distorted(u: Array, k1: Array) -> tuple[Array, Array, Array]:
-    """Lens applied to u (m, 2): the result, its derivative by u (m, 2, 2) and by k1 (m, 2)."""
+def _distorted(u: Array, lenses: Array) -> tuple[Array, Array, Array]:
+    """Lens applied to u (m, 2): the result, its derivative by u (m, 2, 2) and by k1 and k2 (m, 2, 2)."""
+    k1, k2 = lenses[:, 1], lenses[:, 2]
     r2 = (u**2).sum(axis=1)
-    factor = 1 + k1 * r2
-    by_u = factor[:, None, None] * np.eye(2) + 2 * k1[:, None, None] * u[:, :, None] * u[:, None, :]
-    return u * factor[:, None], by_u, u * r2[:, None]
+    factor, slope = 1 + r2 * (k1 + r2 * k2), 2 * k1 + 4 * k2 * r2
+    by_u = factor[:, None, None] * np.eye(2) + slope[:, None, None] * u[:, :, None] * u[:, None, :]
+    return u * factor[:, None], by_u, u[:, :, None] * np.stack([r2, r2**2], axis=1)[:, None, :]
 
 
 def _undistorted(pixels: Array, lenses: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Inverse of the lens: u (m, 2), its derivative by the pixel (m, 2, 2) and by the lens (m, 2, 2), and where it exists."""
-    focal, k1 = np.exp(lenses[:, 0]), lenses[:, 1]
-    distorted = pixels / focal[:, None]
+    """Inverse of the lens: u (m, 2), its derivative by the pixel (m, 2, 2) and by the lens (m, 2, 5), and where it exists."""
+    focal, k1, k2 = np.exp(lenses[:, 0]), lenses[:, 1], lenses[:, 2]
+    distorted = (pixels - lenses[:, 3:]) / focal[:, None]
     r_distorted = np.linalg.norm(distorted, axis=1)
-    r = r_distorted.copy()
-    for _ in range(UNDISTORT_STEPS):
-        r -= (r * (1 + k1 * r**2) - r_distorted) / np.maximum(1 + 3 * k1 * r**2, 0.05)
+    r, reached = undistorted_radius(r_distorted, k1, k2, lens_reach(k1, k2))
     u = distorted * np.where(r_distorted > 1e-12, r / np.maximum(r_distorted, 1e-12), 1.0)[:, None]
-    _, distorted_by_u, distorted_by_k1 = _distorted(u, k1)
+    _, distorted_by_u, distorted_by_k = _distorted(u, lenses)
     u_by_distorted = np.linalg.inv(distorted_by_u + 1e-12 * np.eye(2))
+    u_by_pixel = u_by_distorted / focal[:, None, None]
     by_focal = -(u_by_distorted @ distorted[:, :, None])
-    by_k1 = -(u_by_distorted @ distorted_by_k1[:, :, None])
-    exists = (1 + 3 * k1 * r**2 > 0.05) & (abs(r * (1 + k1 * r**2) - r_distorted) < 1e-6)
-    return u, u_by_distorted / focal[:, None, None], np.concatenate([by_focal, by_k1], axis=2), exists
+    by_k = -(u_by_distorted @ distorted_by_k)
+    exists = reached & (1 + r**2 * (3 * k1 + 5 * k2 * r**2) > LEAST_SLOPE)
+    return u, u_by_pixel, np.concatenate([by_focal, by_k, -u_by_pixel], axis=2), exists

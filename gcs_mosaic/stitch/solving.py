@@ -15,6 +15,7 @@ from gcs_mosaic.stitch.certainty import note_adjusted
 from gcs_mosaic.stitch.deviation import POSE, island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.projection import lens_row, pose_row, with_lens
 
 Array = NDArray[np.float64]
 Key = tuple[int, int]
@@ -42,9 +43,7 @@ def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettin
     keys = [(frame, other) if (frame, other) in network.links else (other, frame) for other in linked]
     poses = [rough, *(network.pose_of(other) for other in linked)]
     free = np.arange(len(poses)) == 0
-    problem = replace(
-        _problem(network, [frame, *linked], poses, keys, free, settings.matches_per_pair), lens_free=False
-    )
+    problem = replace(_problem(network, [frame, *linked], poses, keys, free, settings), lens_free=False)
     solution = adjust(problem, settings)
     residual = float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
     factors = variance_factor(solution.residuals_px, settings.loss_px, POSE), max(1.0, residual) ** 2
@@ -60,7 +59,7 @@ def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -
     if not keys:
         return
     poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
-    problem = _problem(network, members, poses, keys, free, settings.matches_per_pair)
+    problem = _problem(network, members, poses, keys, free, settings)
     solution = adjust(problem, settings)
     _take_lenses(network, members, solution.lenses)
     adjusted = [Pose(*pose) for pose in solution.poses]
@@ -74,15 +73,21 @@ def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -
 
 
 def _problem(
-    network: Network, frames: Sequence[int], poses: list[Pose], keys: list[Key], free: NDArray[np.bool_], most: int
+    network: Network,
+    frames: Sequence[int],
+    poses: list[Pose],
+    keys: list[Key],
+    free: NDArray[np.bool_],
+    settings: AdjustmentSettings,
 ) -> Problem:
     """The adjustment of these frames by these links; `free` (n,) says which may move."""
     row = {frame: i for i, frame in enumerate(frames)}
-    pixels, present = _matches(network, keys, most)
+    pixels, present = _matches(network, keys, settings.matches_per_pair)
+    heights = [network.camera_of(f).focal_px * math.exp(pose.log_gsd) for f, pose in zip(frames, poses, strict=True)]
     scale = {network.frames[f].camera: network.frames[f].features.scale for f in frames}
     return Problem(
-        poses=np.array([_row(pose) for pose in poses]),
-        lenses=np.array([[math.log(c.focal), c.k1] for c in network.cameras]),
+        poses=np.array([pose_row(pose) for pose in poses]),
+        lenses=np.array([lens_row(camera) for camera in network.cameras]),
         camera=np.array([network.frames[f].camera for f in frames]),
         half_diagonal=np.array([c.half_diagonal for c in network.cameras]),
         unit_px=np.array([c.half_diagonal / scale.get(i, 1.0) for i, c in enumerate(network.cameras)]),
@@ -91,6 +96,7 @@ def _problem(
         pixels_b=pixels[1],
         present=present,
         free=free,
+        relief=settings.relief_sigma * float(np.median(heights)),
     )
 
 
@@ -108,8 +114,7 @@ def _matches(network: Network, keys: list[Key], most: int) -> tuple[Array, NDArr
 
 def _take_lenses(network: Network, members: list[int], lenses: Array) -> None:
     for camera in {network.frames[f].camera for f in members}:
-        log_focal, k1 = lenses[camera]
-        network.cameras[camera] = replace(network.cameras[camera], focal=math.exp(log_focal), k1=float(k1))
+        network.cameras[camera] = with_lens(network.cameras[camera], lenses[camera])
 
 
 def _note_residuals(network: Network, members: list[int], keys: list[Key], solution: Solution) -> None:
@@ -144,13 +149,9 @@ def _inner_corners(views: list[tuple[Pose, Camera]]) -> Array:
     half_diagonals = np.array([c.half_diagonal for c in cameras]).repeat(4)
     half_sizes = np.array([[c.width, c.height] for c in cameras]).repeat(4, axis=0) / 2
     down = projection.canvas_from_pixels(
-        np.array([_row(pose) for pose, _ in views]).repeat(4, axis=0),
-        np.array([[math.log(c.focal), c.k1] for c in cameras]).repeat(4, axis=0),
+        np.array([pose_row(pose) for pose, _ in views]).repeat(4, axis=0),
+        np.array([lens_row(camera) for camera in cameras]).repeat(4, axis=0),
         half_diagonals,
         np.tile(unit, (len(views), 1)) * half_sizes / half_diagonals[:, None],
     )
     return np.where(down.valid[:, None], down.points, np.nan)
-
-
-def _row(pose: Pose) -> tuple[float, ...]:
-    return (pose.x, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll)

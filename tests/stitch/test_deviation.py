@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch import geometry
+from gcs_mosaic.stitch import geometry, projection
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, adjust
 from gcs_mosaic.stitch.deviation import island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, similarity_between
@@ -41,7 +41,7 @@ def true_matches(poses, per_pair=24) -> Problem:
     unit = lambda pixels: (np.array(pixels) - CAMERA.centre) / CAMERA.half_diagonal  # noqa: E731
     return Problem(
         poses=poses,
-        lenses=np.array([[np.log(CAMERA.focal), CAMERA.k1]]),
+        lenses=np.array([projection.lens_row(CAMERA)]),
         camera=np.zeros(len(poses), int),
         half_diagonal=np.array([CAMERA.half_diagonal]),
         unit_px=np.array([CAMERA.half_diagonal / SCALE]),
@@ -66,8 +66,8 @@ def corners(poses, camera):
 
 def corner_errors(solution, truth):
     """Distances (n, 4) of all corners from the truth, once the root lies as well over its true place as it goes."""
-    log_focal, k1 = solution.lenses[0]
-    found, true = corners(solution.poses, replace(CAMERA, focal=math.exp(log_focal), k1=k1)), corners(truth, CAMERA)
+    found = corners(solution.poses, projection.with_lens(CAMERA, solution.lenses[0]))
+    true = corners(truth, CAMERA)
     scale, angle, shift = similarity_between(found[ROOT], true[ROOT])
     c, s = math.cos(angle), math.sin(angle)
     return np.linalg.norm(scale * found @ np.array([[c, s], [-s, c]]) + shift - true, axis=2) / np.exp(truth[:, 2:3])

@@ -19,7 +19,13 @@ poses = st.builds(
     pitch=st.floats(-0.5, 0.5),
     roll=st.floats(-0.5, 0.5),
 )
-cameras = st.builds(Camera, st.just(4000), st.just(3000), st.floats(1, 3), st.floats(-0.12, 0.2))
+cameras = st.builds(
+    Camera,
+    st.just(4000),
+    st.just(3000),
+    st.floats(1, 3),
+    *(st.floats(a, b) for a, b in ((-0.12, 0.2), (-0.05, 0.05), (-0.05, 0.05), (-0.05, 0.05))),
+)
 
 
 @given(poses, cameras)
@@ -66,6 +72,16 @@ def test_a_lens_that_folds_the_picture_shows_nothing_beyond_the_fold():
     camera = Camera(4000, 3000, focal=0.6, k1=-0.4)
     corner = geometry.canvas_from_pixels(Pose(0, 0), camera, np.array([[0.0, 0.0]]))
     assert np.isnan(corner).all()
+
+
+@pytest.mark.parametrize(
+    ("k1", "k2", "reach"), [(-1 / 3, 0, 1), (0, -0.2, 1), (0.1, 0.1, math.inf), (-0.5, 0.3, math.inf)]
+)
+def test_how_far_a_lens_reaches(k1, k2, reach):
+    camera = Camera(4000, 3000, 1.0, k1, k2)
+    assert math.isclose(camera.reach, reach)
+    radii = np.linspace(0, min(camera.reach, 3), 200)[:-1, None] * [1, 0]
+    assert (np.diff(geometry.distort(camera, radii)[:, 0]) > 0).all()
 
 
 @given(poses, st.floats(0.5, 2), st.floats(-3, 3))
