@@ -5,7 +5,6 @@ Changes are collected in memory and written by `save`, all of one moment togethe
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.flight.documents import finite
 from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
@@ -152,12 +152,14 @@ class Recorder:
 
 
 def _estimate(placement: Placement) -> Estimate:
-    residual = placement.residual_px
     return Estimate(
         name=placement.name,
         island=placement.island,
         pose=placement.pose,
         camera=placement.camera,
         inliers=placement.inliers,
-        residual_px=None if math.isnan(residual) else residual,
+        residual_px=finite(placement.residual_px),
+        neighbours=len(placement.neighbours),
+        hops=placement.hops,
+        corner_deviation_px=finite(placement.corner_deviation_px),
     )

@@ -29,6 +29,7 @@ from gcs_mosaic.flight.rows import (
     GAIN_COLUMNS,
     LENS_COLUMNS,
     POSE_COLUMNS,
+    SUPPORT_COLUMNS,
     camera_row,
     estimate_of,
     event_record_of,
@@ -37,6 +38,7 @@ from gcs_mosaic.flight.rows import (
     painted_of,
     pose_row,
     stored,
+    support_row,
 )
 from gcs_mosaic.stitch.geometry import Camera
 from gcs_mosaic.stitch.painted import Painted
@@ -144,11 +146,11 @@ class Ledger(LedgerFile):
 
     def record_estimates(self, estimates: Iterable[Estimate]) -> None:
         """The newest estimates of some frames, all at once."""
-        columns = f"frame, island, camera, {POSE_COLUMNS}, inliers, residual_px"
+        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}"
         with self.transaction():
             for one in estimates:
                 head = (self._frame_id(one.name), int(one.island), self._camera_id(one.camera))
-                values = (*head, *pose_row(one.pose), int(one.inliers), one.residual_px)
+                values = (*head, *pose_row(one.pose), *support_row(one))
                 self.write(f"INSERT OR REPLACE INTO estimates ({columns}) VALUES ({marks(values)})", *values)
 
     def estimates(self) -> list[Estimate]:

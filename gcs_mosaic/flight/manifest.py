@@ -106,6 +106,7 @@ def placements_document(contents: Contents, revision: int) -> Document:
 
 
 def frame_entry(estimate: Estimate, camera: int) -> Document:
+    deviation = estimate.corner_deviation_px
     return {
         "name": estimate.name,
         "island": estimate.island,
@@ -115,6 +116,9 @@ def frame_entry(estimate: Estimate, camera: int) -> Document:
         "height": estimate.camera.height,
         "inliers": estimate.inliers,
         "residual_px": None if estimate.residual_px is None else finite(estimate.residual_px),
+        "neighbours": estimate.neighbours,
+        "hops": estimate.hops,
+        "corner_deviation_px": None if deviation is None else finite(deviation),
     }
 
 

@@ -74,7 +74,12 @@ class Estimate:
     pose: Pose
     camera: Camera
     inliers: int
-    residual_px: float | None
+    residual_px: float | None  # None for a founder
+    neighbours: int  # frames it is linked with
+    hops: int  # links to the root of its island
+    corner_deviation_px: (
+        float | None
+    )  # standard deviation of its least certain corner; None where the matches leave it open
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,6 +17,7 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 GAIN_COLUMNS = "gain_b, gain_g, gain_r"
+SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 Stored = str | bytes | None
 
@@ -110,6 +111,12 @@ def pose_row(pose: Pose) -> tuple[float, ...]:
     return tuple(float(value) for value in values)
 
 
+def support_row(one: Estimate) -> tuple[float | None, ...]:
+    """Values for SUPPORT_COLUMNS."""
+    counts = int(one.inliers), one.residual_px, int(one.neighbours), int(one.hops)
+    return (*counts, one.corner_deviation_px)
+
+
 def pose_of(row: sqlite3.Row) -> Pose:
     return Pose(row["x"], row["y"], row["log_gsd"], row["yaw"], row["pitch"], row["roll"])
 
@@ -145,4 +152,7 @@ def estimate_of(row: sqlite3.Row) -> Estimate:
         camera=camera_of(row),
         inliers=row["inliers"],
         residual_px=row["residual_px"],
+        neighbours=row["neighbours"],
+        hops=row["hops"],
+        corner_deviation_px=row["corner_deviation_px"],
     )

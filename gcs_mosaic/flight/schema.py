@@ -91,7 +91,10 @@ CREATE TABLE estimates (
     camera INTEGER NOT NULL REFERENCES cameras (id),
     x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
     inliers INTEGER NOT NULL,
-    residual_px
+    residual_px,
+    neighbours INTEGER NOT NULL,
+    hops INTEGER NOT NULL,
+    corner_deviation_px
 );
 CREATE TABLE notices (
     id INTEGER PRIMARY KEY,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gcs_mosaic.events import CaptureResult, Frame, Position, Source, TriggerEvent
 from gcs_mosaic.flight.originals import content_hash
+from gcs_mosaic.flight.records import Estimate
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painted import Painted
 
@@ -44,6 +45,21 @@ def written_frame(folder: Path, name: str = "a.jpg", data: bytes = b"picture") -
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return a_frame(name, folder, data)
+
+
+def an_estimate(pose: Pose, residual_px: float | None = 1.0, corner_deviation_px: float | None = 0.25) -> Estimate:
+    """Of the frame a.jpg."""
+    return Estimate(
+        name="a.jpg",
+        island=0,
+        pose=pose,
+        camera=Camera(4, 3),
+        inliers=9,
+        residual_px=residual_px,
+        neighbours=2,
+        hops=1,
+        corner_deviation_px=corner_deviation_px,
+    )
 
 
 def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float = 1.4) -> Painted:

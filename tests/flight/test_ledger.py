@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ledger_parts import a_frame, a_painted, an_event
+from ledger_parts import a_frame, a_painted, an_estimate, an_event
 
 from gcs_mosaic.events import DamagedFile, Notice, Position
 from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
-from gcs_mosaic.flight.records import Estimate, EventState, FlightRecord, FrameState
+from gcs_mosaic.flight.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painted import Painted
 
@@ -124,19 +124,16 @@ def test_painted_frames_come_in_order_with_the_lens_they_were_painted_with(ledge
 def test_pose_that_is_no_number_is_refused(ledger: Ledger) -> None:
     ledger.record_island(0)
     ledger.record_frame(a_frame("a.jpg"))
-    pose, camera = Pose(0.0, float("nan")), Camera(4, 3)
-    estimate = Estimate(name="a.jpg", island=0, pose=pose, camera=camera, inliers=9, residual_px=1.0)
     with pytest.raises(ValueError, match="not a pose"):
-        ledger.record_estimates([estimate])
+        ledger.record_estimates([an_estimate(Pose(0.0, float("nan")))])
 
 
 def test_newest_estimate_replaces_the_older(ledger: Ledger) -> None:
     ledger.record_island(0)
     ledger.record_frame(a_frame("a.jpg"))
-    for x in (1.0, 2.0):
-        estimate = Estimate(name="a.jpg", island=0, pose=Pose(x, 0), camera=Camera(4, 3), inliers=9, residual_px=None)
+    for estimate in (an_estimate(Pose(1, 0)), an_estimate(Pose(2, 0), residual_px=None, corner_deviation_px=None)):
         ledger.record_estimates([estimate])
-    assert ledger.estimates() == [estimate]
+        assert ledger.estimates() == [estimate]
 
 
 def test_island_ids_are_never_used_again(ledger: Ledger) -> None:

@@ -16,7 +16,15 @@ from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels
 
 ISLAND = IslandEntry(id=0, bounds=(-10.5, 0, 4000, 3000.5), minzoom=11, maxzoom=16, frames=2)
 ESTIMATE = Estimate(
-    name="a.jpg", island=0, pose=Pose(5, 6, 0.1, 2), camera=Camera(40, 30, 1.2, 0), inliers=80, residual_px=0.5
+    name="a.jpg",
+    island=0,
+    pose=Pose(5, 6, 0.1, 2),
+    camera=Camera(40, 30, 1.2, 0),
+    inliers=80,
+    residual_px=0.5,
+    neighbours=4,
+    hops=2,
+    corner_deviation_px=1.5,
 )
 CONTENTS = Contents(
     flight="today",
@@ -57,6 +65,7 @@ def test_placement_is_the_homography_of_the_estimate() -> None:
     expected = canvas_from_pixels(ESTIMATE.pose, ESTIMATE.camera, np.array([[39.0, 0.0]]))[0]
     assert corner[:2] / corner[2] == pytest.approx(expected)
     assert (frame["width"], frame["height"], frame["inliers"], frame["residual_px"]) == (40, 30, 80, 0.5)
+    assert (frame["neighbours"], frame["hops"], frame["corner_deviation_px"]) == (4, 2, 1.5)
 
 
 def test_frames_refer_to_their_cameras() -> None:

@@ -38,7 +38,15 @@ class SmallFlight:
 
     def place(self, name: str, x: float, y: float, island: int = 0) -> None:
         estimate = Estimate(
-            name=name, island=island, pose=Pose(x, y), camera=Camera(240, 180), inliers=99, residual_px=0.5
+            name=name,
+            island=island,
+            pose=Pose(x, y),
+            camera=Camera(240, 180),
+            inliers=99,
+            residual_px=0.5,
+            neighbours=3,
+            hops=1,
+            corner_deviation_px=0.4,
         )
         self.estimates.append(estimate)
 
