@@ -138,7 +138,7 @@ def normalised(camera: Camera, pixels: Array) -> Array:
 def lens_reach(k1: Array, k2: Array) -> Array:
     """The smallest radius (n,) at which `r * (1 + k1 * r**2 + k2 * r**4)` stops growing; infinite where it never does."""
     root = np.sqrt(np.maximum(9 * k1**2 - 20 * k2, 0))
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         squared = np.where((root - 3 * k1 > 0) & (9 * k1**2 >= 20 * k2), 2 / np.maximum(root - 3 * k1, 0), np.inf)
     return np.asarray(np.sqrt(squared))
 
@@ -146,7 +146,8 @@ def lens_reach(k1: Array, k2: Array) -> Array:
 def distort(camera: Camera, undistorted: Array) -> Array:
     """Apply the lens; NaN beyond the radius where it would fold the picture back."""
     r2 = (undistorted**2).sum(axis=1, keepdims=True)
-    distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
+    with np.errstate(over="ignore", invalid="ignore"):  # what is almost behind the camera
+        distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
     return np.asarray(np.where(r2 < camera.reach**2, distorted, np.nan))
 
 
