@@ -30,7 +30,7 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console)
     try:
         # Nobody writes into a finished folder any more, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
-        pipeline = Pipeline(folder.path, linking, lambda notice: _say(console, notice))
+        pipeline = Pipeline(folder.path, linking, lambda notice: _say(console, notice), punctual=True)
         try:
             _stitch_into(pipeline, count, found, config, console)
         finally:

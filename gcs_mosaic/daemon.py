@@ -90,6 +90,7 @@ class _Daemon:
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
         self._state: DaemonState = "listening"
+        self._adjusting = False  # whether an adjustment that was begun in a pause is under way
         self._looked = False  # whether all files that were there at the start have come
 
     def run(self, sources: Iterable[Source]) -> None:
@@ -166,14 +167,15 @@ class _Daemon:
             self._note_done(done)
         elif self._repainting() and self._pipeline.repaint_some():
             self._patience.write(self._pipeline.save)
-        elif self._is_idle() and self._state == "flying":
+        elif self._is_idle() and (self._state == "flying" or self._adjusting):
             self._state = "idle"
-            self._adjust_all()
+            self._adjust_in_a_pause()
             self._patience.write(self._pipeline.save)
 
-    def _adjust_all(self) -> None:
+    def _adjust_in_a_pause(self) -> None:
+        self._adjusting = False
         try:
-            self._pipeline.adjust_all()
+            self._adjusting = self._pipeline.adjust_in_a_pause()
         except Exception as error:  # a map that cannot be bettered is still a map
             self.say(Notice(source="daemon", level="error", text=f"the map could not be adjusted ({error!r})"))
 

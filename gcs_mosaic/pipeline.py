@@ -18,6 +18,7 @@ from gcs_mosaic.frames.load import Unreadable, load_image
 from gcs_mosaic.painter import Painter
 from gcs_mosaic.prepare import Prepared, Unprepared, thumbnail
 from gcs_mosaic.recorder import Recorder
+from gcs_mosaic.stitch.background import WorkerProcess
 from gcs_mosaic.stitch.mosaic import Mosaic, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.painted import Painted, TileKey
 
@@ -38,7 +39,8 @@ class Done:
 class Pipeline:
     """Owns the mosaic, the canvas and the output folder of one flight. Used by one thread.
 
-    `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk.
+    `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
+    the same frames always give the same map, however fast the machine is.
     """
 
     def __init__(
@@ -47,12 +49,15 @@ class Pipeline:
         config: Config,
         say: Callable[[Notice], None],
         published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
+        *,
+        punctual: bool = False,
     ) -> None:
         self.recorder = Recorder(out, config, published)
-        self.mosaic = Mosaic(config.stitch)
+        self._worker = WorkerProcess()
+        self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual)
         self.taken_in = 0  # files, whatever became of them
         self._painter = Painter(self._load_original, self._note_painted, config.paint, scratch=out)
-        self._said_problem: str | None = None
+        self._said_problems: dict[str, str | None] = {}
         self._reduction = config.reduction
         self._say = say
         self._orders: dict[str, int] = {}
@@ -116,7 +121,7 @@ class Pipeline:
         self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
         outcome = self.mosaic.place(prepared.features, name)
-        self.mosaic.adjust()
+        self._adjust()
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         self._settle(name, state, reason)
@@ -128,14 +133,19 @@ class Pipeline:
     def repaint_some(self) -> bool:
         """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
         changed = self._painter.repaint_some()
-        self._say_problem()
+        self._say_problem("canvas", self._painter.canvas.problem)
         self.recorder.changes.tiles += [changed] if changed else []
         return changed is not None
 
-    def adjust_all(self) -> None:
-        """Use a pause in the flight to adjust every island that has grown. `save` is to follow."""
-        self.mosaic.adjust(everything=True)
+    def adjust_in_a_pause(self) -> bool:
+        """Use a pause in the flight to adjust every island that has grown. `save` is to follow.
+
+        To be called again while it returns True: the adjustment is under way in the background.
+        """
+        under_way = self.mosaic.adjust_in_a_pause()
+        self._say_problem("adjustment", self.mosaic.problem)
         self._paint_moved(None)
+        return under_way
 
     def finish(self) -> Iterator[None]:
         """The flight is over: adjust everything, reject what still waits, paint all at its final pose, step by step.
@@ -175,11 +185,19 @@ class Pipeline:
             return
         self.recorder.changes.tiles.append(self._painter.paint_new(image, thumbnail(image), placement, order))
 
-    def _say_problem(self) -> None:
-        problem = self._painter.canvas.problem
-        if problem and problem != self._said_problem:
-            self._say(Notice(source="canvas", level="warning", text=problem))
-        self._said_problem = problem
+    def _adjust(self) -> None:
+        """What goes wrong here is not the fault of the frame that has just been placed."""
+        try:
+            self.mosaic.adjust()
+        except Exception as error:  # a map that cannot be bettered is still a map
+            text = f"the map could not be adjusted ({error!r})"
+            self._say(Notice(source="adjustment", level="error", text=text))
+        self._say_problem("adjustment", self.mosaic.problem)
+
+    def _say_problem(self, source: str, problem: str | None) -> None:
+        if problem and problem != self._said_problems.get(source):
+            self._say(Notice(source=source, level="warning", text=problem))
+        self._said_problems[source] = problem
 
     def _load_original(self, name: str) -> Image | None:
         path, content_hash = self._places[name]
@@ -203,6 +221,7 @@ class Pipeline:
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""
+        self._worker.close()
         self._painter.close()
         self.recorder.close()
 

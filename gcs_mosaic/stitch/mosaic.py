@@ -5,7 +5,7 @@ In use:
     mosaic = Mosaic()
     for name, image in frames:
         print(mosaic.add(image, name))   # Placement, Waiting or Rejection
-        mosaic.adjust()                  # now and then, as the map grows
+        mosaic.adjust()                  # as the map grows; mostly there is nothing to do
         for placement in mosaic.moved():
             ...                          # all that lie elsewhere than before, this frame among them
 """
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.background import Worker
 from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import Array, Camera, Pose
 from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
@@ -26,7 +27,7 @@ from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
 from gcs_mosaic.stitch.search import Search, SearchSettings
-from gcs_mosaic.stitch.solving import adjust_island
+from gcs_mosaic.stitch.upkeep import Upkeep, UpkeepSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +39,7 @@ class StitchSettings:
     search: SearchSettings = field(default_factory=SearchSettings)
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
-    adjustments_per_doubling: int = 16  # an island is adjusted whenever it has grown by one part in so many
+    upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +80,15 @@ class Rejection:
 
 
 class Mosaic:
-    """Places frames on one canvas per island, from their pixels alone."""
+    """Places frames on one canvas per island, from their pixels alone.
 
-    def __init__(self, settings: StitchSettings | None = None) -> None:
+    Large islands are adjusted by `worker` while frames go on being placed, without one in `adjust`. `punctual`: the same
+    frames always give the same map, however fast the worker is.
+    """
+
+    def __init__(
+        self, settings: StitchSettings | None = None, worker: Worker | None = None, *, punctual: bool = False
+    ) -> None:
         self.settings = settings or StitchSettings()
         self.islands: list[Island] = []
         adjustment = self.settings.adjustment
@@ -92,7 +99,7 @@ class Mosaic:
         self._waiting: list[int] = []
         self._numbers: dict[str, int] = {}
         self._last_placed = 0
-        self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
+        self._upkeep = Upkeep(self._network, self.settings.upkeep, adjustment, worker, punctual=punctual)
 
     def add(self, image: NDArray[np.uint8], name: str) -> Placement | Waiting | Rejection:
         """Find the features of an image (h, w[, 3]) uint8 and place it."""
@@ -113,12 +120,20 @@ class Mosaic:
         return self._placement(frame)
 
     def adjust(self, *, everything: bool = False) -> None:
-        """Adjust the islands that have grown enough since the last time, or all that have grown at all."""
-        for island, grown in list(self._grown.items()):
-            members = len(self._network.members(island))
-            if everything or grown * self.settings.adjustments_per_doubling >= members:
-                adjust_island(self._network, island, self.settings.adjustment)
-                del self._grown[island]
+        """After each frame: adjust the islands that have grown enough since the last time.
+
+        With `everything` all that have grown at all, and here and now: for the end of a flight.
+        """
+        self._upkeep.finish() if everything else self._upkeep.after_frame()
+
+    def adjust_in_a_pause(self) -> bool:
+        """While no frame comes: adjust all islands that have grown. To be called again while it returns True."""
+        return self._upkeep.in_a_pause()
+
+    @property
+    def problem(self) -> str | None:
+        """What the operator should know: the worker has failed, so frames wait for adjustments."""
+        return self._upkeep.problem
 
     def moved(self) -> list[Placement]:
         """All placements that are new or lie elsewhere than when this was last asked, in the order of their frames.
@@ -166,7 +181,7 @@ class Mosaic:
     def _settle(self, frame: int, pose: Pose, island: int) -> None:
         self._network.put(frame, pose, island)
         self._last_placed = frame
-        self._grown[island] = self._grown.get(island, 0) + 1
+        self._upkeep.grow(island)
 
     def _place_among_placed(self, frame: int) -> bool:
         links = self._search.first_links(frame, self._last_placed)
@@ -191,7 +206,7 @@ class Mosaic:
                 self._use_what_is_new(other)
                 return True
             self.islands.pop()
-            self._grown.pop(island, None)
+            self._upkeep.forget(island)
             self._network.take_back(other)
             self._last_placed = last
         return False
@@ -210,7 +225,7 @@ class Mosaic:
     def _connect_islands(self, frame: int) -> None:
         """Look for this frame's ground on other islands; join two when the evidence suffices."""
         here = self._network.island_of(frame)
-        if len(self._network.members(here)) > 1:
+        if self._network.count_members(here) > 1:
             self._bring_home_lone_founders(frame, here)
         for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
             registration = self._search.register(frame, other)
@@ -218,8 +233,7 @@ class Mosaic:
             if proof:
                 stays, goes = self._bridges.join(proof)
                 self.islands[goes].merged_into = stays
-                gained = self._grown.pop(goes, 0) + len(self._network.members(stays))
-                self._grown[stays] = self._grown.get(stays, 0) + gained
+                self._upkeep.grow(stays, self._upkeep.forget(goes) + self._network.count_members(stays))
                 return
 
     def _bring_home_lone_founders(self, frame: int, here: int) -> None:
@@ -236,7 +250,7 @@ class Mosaic:
             self._network.take_back(founder)
             if self._place_beside(founder, frame, registration):
                 self.islands[lone].merged_into = here
-                self._grown.pop(lone, None)
+                self._upkeep.forget(lone)
             else:
                 self._network.put(founder, pose, lone)
 

@@ -126,6 +126,9 @@ class Network:
         """Frames of an island, in the order in which they came."""
         return np.flatnonzero(self.islands == island)
 
+    def count_members(self, island: int) -> int:
+        return int(np.count_nonzero(self.islands == island))
+
     def elsewhere(self, island: int) -> NDArray[np.intp]:
         """Placed frames of the other islands."""
         return np.flatnonzero((self.islands != NOWHERE) & (self.islands != island))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import projection
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, Solution, adjust
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, adjust
 from gcs_mosaic.stitch.certainty import note_adjusted
 from gcs_mosaic.stitch.deviation import POSE, island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
@@ -19,6 +20,7 @@ from gcs_mosaic.stitch.projection import lens_row, pose_row, with_lens
 
 Array = NDArray[np.float64]
 Key = tuple[int, int]
+View = tuple[Pose, Camera]
 
 
 def level_pose_over(camera: Camera, pixels: Array, places: Array) -> Pose:
@@ -51,24 +53,110 @@ def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettin
     return Resected(Pose(*solution.poses[0]), residual, *deviations)
 
 
-def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:
-    """Adjust all frames of an island and their lenses, then lay the result over the held poses as well as it goes."""
+@dataclass(frozen=True, slots=True)
+class IslandTask:
+    """A whole island as it is handed over to be adjusted; nothing in it changes when the network does. Can be pickled."""
+
+    island: int
+    members: tuple[int, ...]  # frames, in the order of the problem
+    root: int  # row of the frame that founded the island
+    problem: Problem
+    cameras: tuple[Camera, ...]
+    settings: AdjustmentSettings
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustedIsland:
+    """What an adjustment of n frames has found; residuals in pixels of the feature picture, NaN without matches."""
+
+    poses: Array  # (n, 6)
+    lenses: Array
+    residuals: Array  # (n,) median over a frame's matches
+    deviations_px: Array  # (n,) of the least certain corner, full-resolution pixels
+
+
+def island_task(network: Network, island: int, settings: AdjustmentSettings) -> IslandTask | None:
+    """The adjustment of all frames of an island, as they lie now; None where nothing is linked."""
     members = network.members(island).tolist()
     inside = set(members)
     keys = [(a, b) for a, b in network.links if a in inside and b in inside]
     if not keys:
-        return
+        return None
     poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
     problem = _problem(network, members, poses, keys, free, settings)
-    solution = adjust(problem, settings)
-    _take_lenses(network, members, solution.lenses)
-    adjusted = [Pose(*pose) for pose in solution.poses]
-    for frame, pose in zip(members, _aligned_to_held(network, members, adjusted), strict=True):
-        network.put(frame, pose, island)
-    _note_residuals(network, members, keys, solution)
     root = members.index(network.roots[island])
-    note_adjusted(
-        network, island, members, island_deviations(problem, solution, network.cameras, root, settings.loss_px)
+    return IslandTask(island, tuple(members), root, problem, tuple(network.cameras), settings)
+
+
+def adjusted(task: IslandTask) -> AdjustedIsland:
+    """The work itself: a pure function, for whichever process has time."""
+    solution = adjust(task.problem, task.settings)
+    deviations_px = island_deviations(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
+    return AdjustedIsland(
+        solution.poses, solution.lenses, _residuals_by_frame(task.problem, solution.residuals_px), deviations_px
+    )
+
+
+def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:
+    """Lay the result over the held poses as well as it goes, and carry along the frames that have come meanwhile.
+
+    False, and nothing is changed, if frames of the task are no longer where they were.
+    """
+    members = list(task.members)
+    if (network.islands[members] != task.island).any():
+        return False
+    before = {f: (network.pose_of(f), network.camera_of(f)) for f in members}
+    _take_lenses(network, members, found.lenses)
+    poses = [Pose(*pose) for pose in found.poses.tolist()]
+    for frame, pose in zip(members, _aligned_to_held(network, members, poses), strict=True):
+        network.put(frame, pose, task.island)
+    _carry_along(network, before, task)
+    for frame, residual in zip(members, found.residuals.tolist(), strict=True):
+        network.frames[frame].residual_px = residual * network.frames[frame].features.scale
+    note_adjusted(network, task.island, members, found.deviations_px)
+    return True
+
+
+def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:
+    """Adjust all frames of an island and their lenses at once."""
+    task = island_task(network, island, settings)
+    if task is not None:
+        take_in(network, task, adjusted(task))
+
+
+def _carry_along(network: Network, before: dict[int, View], task: IslandTask) -> None:
+    """Frames that joined the island during its adjustment move with those that they are linked with.
+
+    What is newer than the task's frames was placed by resection, and is once more: its neighbours lie better now.
+    """
+    views, newest = dict(before), max(task.members)
+    waiting = [f for f in network.members(task.island).tolist() if f not in before]
+    while waiting:
+        linked = {f: [other for other in network.frames[f].inliers if other in views] for f in waiting}
+        reached = [f for f in waiting if linked[f]]
+        if not reached:
+            return
+        for frame in reached:
+            view = network.pose_of(frame), network.camera_of(frame)
+            old = _inner_corners([views[other] for other in linked[frame]])
+            new = _inner_corners([(network.pose_of(other), network.camera_of(other)) for other in linked[frame]])
+            seen = np.isfinite(old).all(axis=1) & np.isfinite(new).all(axis=1)
+            if seen.sum() >= 4:
+                moved = moved_by_similarity(view[0], *similarity_between(old[seen], new[seen]))
+                network.put(frame, moved, task.island)
+            views[frame] = view
+        waiting = [f for f in waiting if f not in views]
+    for frame in sorted(f for f in views if f > newest):
+        network.put(frame, resect(network, frame, network.pose_of(frame), task.settings).pose, task.island)
+
+
+def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
+    """Median (n,) over the matches of each frame, of residuals (p, k); NaN where there is none."""
+    order = np.argsort(problem.pairs.ravel(), kind="stable")
+    ends = np.searchsorted(problem.pairs.ravel()[order], np.arange(len(problem.poses) + 1))
+    of_pair = residuals[order // 2]
+    return np.array(
+        [np.nanmedian(of_pair[a:b]) if b > a else math.nan for a, b in pairwise(ends.tolist())], dtype=np.float64
     )
 
 
@@ -102,30 +190,20 @@ def _problem(
 
 def _matches(network: Network, keys: list[Key], most: int) -> tuple[Array, NDArray[np.bool_]]:
     """Matches of all links in the adjustment's units, (2, p, k, 2), and which are there, (p, k)."""
-    pixels, present = np.zeros((2, len(keys), most, 2)), np.zeros((len(keys), most), bool)
-    for i, key in enumerate(keys):
-        link = network.links[key]
-        present[i, : len(link.pixels_a)] = True
-        for side, points in enumerate((link.pixels_a, link.pixels_b)):
-            camera = network.camera_of(key[side])
-            pixels[side, i, : len(points)] = (points - camera.centre) / camera.half_diagonal
+    links = [network.links[key] for key in keys]
+    present = np.arange(most) < np.array([len(link.pixels_a) for link in links])[:, None]
+    centres = np.array([camera.centre for camera in network.cameras])
+    half_diagonals = np.array([camera.half_diagonal for camera in network.cameras])
+    pixels = np.zeros((2, len(keys), most, 2))
+    for side, points in enumerate(([link.pixels_a for link in links], [link.pixels_b for link in links])):
+        camera = np.array([network.frames[key[side]].camera for key in keys])[np.nonzero(present)[0]]
+        pixels[side][present] = (np.concatenate(points) - centres[camera]) / half_diagonals[camera, None]
     return pixels, present
 
 
 def _take_lenses(network: Network, members: list[int], lenses: Array) -> None:
     for camera in {network.frames[f].camera for f in members}:
         network.cameras[camera] = with_lens(network.cameras[camera], lenses[camera])
-
-
-def _note_residuals(network: Network, members: list[int], keys: list[Key], solution: Solution) -> None:
-    of_frame: dict[int, list[Array]] = {frame: [] for frame in members}
-    for (a, b), residuals in zip(keys, solution.residuals_px, strict=True):
-        of_frame[a].append(residuals)
-        of_frame[b].append(residuals)
-    for frame, residuals in of_frame.items():
-        if residuals:
-            state = network.frames[frame]
-            state.residual_px = float(np.nanmedian(np.concatenate(residuals))) * state.features.scale
 
 
 def _aligned_to_held(network: Network, members: list[int], poses: list[Pose]) -> list[Pose]:
@@ -140,7 +218,7 @@ def _aligned_to_held(network: Network, members: list[int], poses: list[Pose]) ->
     return [moved_by_similarity(pose, *similarity) for pose in poses]
 
 
-def _inner_corners(views: list[tuple[Pose, Camera]]) -> Array:
+def _inner_corners(views: list[View]) -> Array:
     """Canvas places of four points of each frame, half-way from the middle to the corners, (4 * n, 2)."""
     if not views:
         return np.empty((0, 2))

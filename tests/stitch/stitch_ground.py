@@ -1,9 +1,11 @@
 """A small textured ground and frames cut from it at known poses."""
 
+import math
+
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, similarity_between
 
 SMALL_CAMERA = Camera(480, 360, 1.5, 0.0)
 
@@ -23,3 +25,13 @@ def photograph(ground: np.ndarray, pose: Pose, camera: Camera) -> np.ndarray:
     places = canvas_from_pixels(pose, camera, pixel_grid(camera, camera.width, camera.height)).astype(np.float32)
     maps = np.nan_to_num(places, nan=-1e6).reshape(camera.height, camera.width, 2)
     return cv2.remap(ground, maps, None, cv2.INTER_LINEAR, borderValue=128)
+
+
+def map_error(placements, truth) -> float:
+    """RMS distance from the true places after one similarity, in pixels of the ground."""
+    grid = pixel_grid(SMALL_CAMERA, 5, 4)
+    found = np.concatenate([canvas_from_pixels(p.pose, p.camera, grid) for p in placements])
+    true = np.concatenate([canvas_from_pixels(truth[int(p.name)], SMALL_CAMERA, grid) for p in placements])
+    scale, angle, shift = similarity_between(found, true)
+    c, s = math.cos(angle), math.sin(angle)
+    return float(np.sqrt(((scale * found @ np.array([[c, s], [-s, c]]) + shift - true) ** 2).sum(axis=1).mean()))

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, map_error, photograph
 
-from gcs_mosaic.stitch.geometry import Pose, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic, Placement, Rejection, Waiting
 
 
@@ -20,16 +20,6 @@ def fly(mosaic, ground, poses, first=0):
         outcomes.append(mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}"))
         mosaic.adjust()
     return outcomes
-
-
-def map_error(placements, truth) -> float:
-    """RMS distance from the true places after one similarity, in pixels of the ground."""
-    grid = pixel_grid(SMALL_CAMERA, 5, 4)
-    found = np.concatenate([canvas_from_pixels(p.pose, p.camera, grid) for p in placements])
-    true = np.concatenate([canvas_from_pixels(truth[int(p.name)], SMALL_CAMERA, grid) for p in placements])
-    scale, angle, shift = similarity_between(found, true)
-    c, s = math.cos(angle), math.sin(angle)
-    return float(np.sqrt(((scale * found @ np.array([[c, s], [-s, c]]) + shift - true) ** 2).sum(axis=1).mean()))
 
 
 def test_two_flight_lines_become_one_map(ground):
