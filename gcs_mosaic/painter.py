@@ -24,13 +24,14 @@ from gcs_mosaic.stitch.geometry import (
     Camera,
     Pose,
     canvas_from_pixels,
-    frame_border,
+    pixel_grid,
     pixels_from_canvas,
     reduced_view,
 )
 from gcs_mosaic.stitch.lattice import own_level
 from gcs_mosaic.stitch.mosaic import Placement
 from gcs_mosaic.stitch.painted import Painted, TileKey
+from gcs_mosaic.stitch.relief import ReliefDisplacement, on_plane
 
 Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]
@@ -91,6 +92,7 @@ class Painter:
             island=placement.island,
             pose=pose,
             camera=camera,
+            relief=placement.relief,
             gain=self._gain_of(placement),
             level=own_level(pose, camera),
         )
@@ -141,7 +143,11 @@ class Painter:
             size = painted.camera.width, painted.camera.height
             pose, camera = reduced_view(placement.pose, placement.camera, *size)
             level = own_level(pose, camera)
-            self._change(replace(painted, island=placement.island, pose=pose, camera=camera, level=level))
+            self._change(
+                replace(
+                    painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief, level=level
+                )
+            )
 
     def _change(self, painted: Painted) -> None:
         self._note(painted)
@@ -182,18 +188,19 @@ class Painter:
 
 
 def _displacement(painted: Painted, placement: Placement) -> float:
-    """How far the frame's worst corner is painted from where it should be, in the frame's own pixels."""
+    """How far the frame is painted from where it should be, at most, in the frame's own pixels."""
     if painted.island != placement.island:
         return np.inf
-    there = _corners(painted.pose, painted.camera)
-    here = _corners(placement.pose, placement.camera)
+    there = _places(painted.pose, painted.camera, painted.relief)
+    here = _places(placement.pose, placement.camera, placement.relief)
     off = np.linalg.norm(there - here, axis=1) / np.exp(placement.pose.log_gsd)
     return float(np.nanmax(off)) if np.isfinite(off).any() else np.inf
 
 
-def _corners(pose: Pose, camera: Camera) -> Array:
-    """Canvas places of the frame's corners and its middle, (5, 2); NaN above the horizon."""
-    return canvas_from_pixels(pose, camera, np.concatenate([frame_border(camera, 1), camera.centre[None]]))
+def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Array:
+    """Canvas places of points all over the frame, (n, 2); NaN above the horizon."""
+    pixels = pixel_grid(camera, 9, 7)
+    return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
 
 
 def _contrast(gain: Gain, other: Gain) -> float:

@@ -157,6 +157,7 @@ def _estimate(placement: Placement) -> Estimate:
         island=placement.island,
         pose=placement.pose,
         camera=placement.camera,
+        relief=placement.relief,
         inliers=placement.inliers,
         residual_px=finite(placement.residual_px),
         neighbours=len(placement.neighbours),

@@ -21,6 +21,7 @@ from gcs_mosaic.flight.pyramid import level_within, picture, pixel_bounds
 from gcs_mosaic.flight.records import Estimate, FrameState
 from gcs_mosaic.flight.tiles import encode
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.relief import on_plane
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points a lens is straight to a hundredth of a pixel
 LARGEST_PICTURE = 100_000_000  # pixels, if no level is given; more than most programs open
@@ -44,9 +45,10 @@ def export_placements(flight: Path, target: Path) -> str:
 
 
 def warp(estimate: Estimate) -> Document:
-    """Where a grid of a frame's pixels lies on the canvas, lens and all; null above the horizon."""
+    """Where a grid of a frame's pixels lies on the canvas, lens, relief and all; null above the horizon."""
     grid = pixel_grid(estimate.camera, WARP_COLUMNS, WARP_ROWS)
-    places = canvas_from_pixels(estimate.pose, estimate.camera, grid).round(3)
+    level_ground = on_plane(estimate.relief, estimate.camera, grid)
+    places = canvas_from_pixels(estimate.pose, estimate.camera, level_ground).round(3)
     rows = places.astype(object).reshape(WARP_ROWS, WARP_COLUMNS, 2)
     rows[np.isnan(places.reshape(rows.shape))] = None  # JSON has no NaN
     return {

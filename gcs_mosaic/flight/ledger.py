@@ -29,6 +29,7 @@ from gcs_mosaic.flight.rows import (
     GAIN_COLUMNS,
     LENS_COLUMNS,
     POSE_COLUMNS,
+    RELIEF_COLUMNS,
     SUPPORT_COLUMNS,
     camera_row,
     estimate_of,
@@ -37,6 +38,7 @@ from gcs_mosaic.flight.rows import (
     frame_record_of,
     painted_of,
     pose_row,
+    relief_row,
     stored,
     support_row,
 )
@@ -146,11 +148,11 @@ class Ledger(LedgerFile):
 
     def record_estimates(self, estimates: Iterable[Estimate]) -> None:
         """The newest estimates of some frames, all at once."""
-        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}"
+        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}"
         with self.transaction():
             for one in estimates:
                 head = (self._frame_id(one.name), int(one.island), self._camera_id(one.camera))
-                values = (*head, *pose_row(one.pose), *support_row(one))
+                values = (*head, *pose_row(one.pose), *support_row(one), *relief_row(one.relief))
                 self.write(f"INSERT OR REPLACE INTO estimates ({columns}) VALUES ({marks(values)})", *values)
 
     def estimates(self) -> list[Estimate]:
@@ -159,10 +161,11 @@ class Ledger(LedgerFile):
 
     def record_painted(self, painted: Painted) -> None:
         """How a frame is painted now; replaces what was recorded for it before."""
-        columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {GAIN_COLUMNS}'
+        columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {GAIN_COLUMNS}, {RELIEF_COLUMNS}'
         with self.transaction():
             head = (self._frame_id(painted.name), int(painted.order), int(painted.island), int(painted.level))
-            values = (*head, self._camera_id(painted.camera), *pose_row(painted.pose), *map(float, painted.gain))
+            place = (self._camera_id(painted.camera), *pose_row(painted.pose))
+            values = (*head, *place, *map(float, painted.gain), *relief_row(painted.relief))
             self.write(f"INSERT OR REPLACE INTO painted ({columns}) VALUES ({marks(values)})", *values)
 
     def forget_painted(self, name: str) -> None:

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from gcs_mosaic.events import TriggerEvent
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.relief import ReliefDisplacement
 
 
 class EventState(StrEnum):
@@ -73,6 +74,7 @@ class Estimate:
     island: int
     pose: Pose
     camera: Camera
+    relief: ReliefDisplacement | None = None
     inliers: int
     residual_px: float | None  # None for a founder
     neighbours: int  # frames it is linked with

@@ -9,6 +9,7 @@ from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
 from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painted import Painted
+from gcs_mosaic.stitch.relief import ReliefDisplacement
 
 EVENT_COLUMNS = (
     "vehicle, component, camera, source, sequence, received, source_time, clock, utc, result, file_hint, "
@@ -16,6 +17,7 @@ EVENT_COLUMNS = (
 )
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
+RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
 GAIN_COLUMNS = "gain_b, gain_g, gain_r"
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
@@ -132,6 +134,17 @@ def camera_of(row: sqlite3.Row) -> Camera:
     return Camera(row["camera_width"], row["camera_height"], *lens)
 
 
+def relief_row(relief: ReliefDisplacement | None) -> tuple[object, ...]:
+    """Values for RELIEF_COLUMNS."""
+    return (None, None, None) if relief is None else (relief.columns, relief.rows, relief.shifts)
+
+
+def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
+    if row["relief_shifts"] is None:
+        return None
+    return ReliefDisplacement(row["relief_columns"], row["relief_rows"], row["relief_shifts"])
+
+
 def painted_of(row: sqlite3.Row) -> Painted:
     return Painted(
         name=name_of(row),
@@ -139,6 +152,7 @@ def painted_of(row: sqlite3.Row) -> Painted:
         island=row["island"],
         pose=pose_of(row),
         camera=camera_of(row),
+        relief=relief_of(row),
         gain=(row["gain_b"], row["gain_g"], row["gain_r"]),
         level=row["level"],
     )
@@ -150,6 +164,7 @@ def estimate_of(row: sqlite3.Row) -> Estimate:
         island=row["island"],
         pose=pose_of(row),
         camera=camera_of(row),
+        relief=relief_of(row),
         inliers=row["inliers"],
         residual_px=row["residual_px"],
         neighbours=row["neighbours"],

@@ -16,7 +16,7 @@ Synthesis", 2000; Cauchy loss, because relief gives the residuals heavy tails.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from scipy.sparse.linalg import splu
 
 from gcs_mosaic.stitch import projection
 from gcs_mosaic.stitch.projection import LENS_TERMS
+from gcs_mosaic.stitch.relief import ReliefSettings
 
 Array = NDArray[np.float64]
 
@@ -42,10 +43,10 @@ class AdjustmentSettings:
     k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
     k2_prior_sigma: float = 0.05  # the second radial term
     shift_prior_sigma: float = 0.02  # principal point off the middle of the frame, half-diagonals
-    relief_sigma: float = 0.02  # heights of the ground about the plane, in flying heights: what parallax is expected
     tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
     steps: int = 30  # most steps of an adjustment; a warm start needs 2-5
     step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
+    relief: ReliefSettings = field(default_factory=ReliefSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

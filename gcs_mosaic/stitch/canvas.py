@@ -78,7 +78,7 @@ class Canvas:
         A frame that is not the last in capture order is laid on top all the same, and its tiles are behind.
         ValueError if the image does not fit the camera.
         """
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level)
+        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         view = None if lattice is None else self._view(image, painted, lattice)
         self._behind |= self._frames.remove(painted.name)
         keys = self._frames.add(painted, () if lattice is None else lattice.tiles())
@@ -148,7 +148,7 @@ class Canvas:
         self._store.close()
 
     def _register(self, painted: Painted) -> set[TileKey]:
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level)
+        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         return self._frames.add(painted, () if lattice is None else lattice.tiles())
 
     def _view(self, image: Image, painted: Painted, lattice: FrameLattice) -> FrameView:
@@ -191,7 +191,7 @@ class Canvas:
     def _fold(self, painted: Painted, folded: dict[TileKey, list[Painted]]) -> None:
         keys = [key for key in self._frames.tiles_of(painted.name) if key in folded]
         image = self._load_image(painted.name)
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level)
+        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         if image is None or lattice is None:
             self.gone.add(painted.name)
             self._give_up(keys, folded)

@@ -34,6 +34,7 @@ from gcs_mosaic.stitch.grid import (
     pixel_size,
     tile_range,
 )
+from gcs_mosaic.stitch.relief import ReliefDisplacement, as_seen, on_plane
 
 LATTICE_STEP = 16  # tile px
 LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; neighbours share those on their edge
@@ -83,15 +84,17 @@ class FrameLattice:
                     yield tile
 
 
-def frame_lattice(pose: Pose, camera: Camera, level: int) -> FrameLattice | None:
+def frame_lattice(
+    pose: Pose, camera: Camera, level: int, relief: ReliefDisplacement | None = None
+) -> FrameLattice | None:
     """The lattice of a frame at a level; None where it sees no ground. ValueError if the level is absurdly fine for it."""
-    ground = useful_ground(pose, camera)
+    ground = useful_ground(pose, camera, relief)
     if ground is None:
         return None
     box, best = ground
     first, last = tile_range(box, level)
     _check_cost(camera, level, (last.x - first.x + 1) * (last.y - first.y + 1))
-    pixels = _lattice_pixels(pose, camera, first, last)
+    pixels = _lattice_pixels(pose, camera, relief, first, last)
     detail = _frame_pixels_per_step(pixels) / LATTICE_STEP
     weight = _border_weight(pixels, camera, RIM * LATTICE_STEP * pixel_size(level) / best)
     weight *= np.minimum(detail * (1 - RESOLUTION_LOSS), 1) ** 2
@@ -110,11 +113,12 @@ def own_level(pose: Pose, camera: Camera) -> int:
     return painting_level(max(float(np.quantile(useful, 0.1)), OBLIQUE_SHARE * float(np.sqrt((useful**2).mean()))))
 
 
-def useful_ground(pose: Pose, camera: Camera) -> tuple[Box, float] | None:
+def useful_ground(pose: Pose, camera: Camera, relief: ReliefDisplacement | None = None) -> tuple[Box, float] | None:
     """Canvas box of what a frame sees well enough to be painted (a little too large for oblique frames) and the frame's
     best ground sampling distance; None if it sees no ground."""
     pixels = np.vstack([frame_border(camera, 64), pixel_grid(camera, 65, 49)])
-    places, gsd = canvas_from_pixels(pose, camera, pixels), ground_sampling_distance(pose, camera, pixels)
+    places = canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
+    gsd = ground_sampling_distance(pose, camera, pixels)
     seen = np.isfinite(places).all(axis=1) & np.isfinite(gsd) & (gsd > 0)
     if not seen.any():
         return None
@@ -131,14 +135,14 @@ def _check_cost(camera: Camera, level: int, tiles: int) -> None:
         raise ValueError(f"a frame of {camera.width} x {camera.height} px would take {tiles} tiles at level {level}")
 
 
-def _lattice_pixels(pose: Pose, camera: Camera, first: Tile, last: Tile) -> Lattice:
+def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | None, first: Tile, last: Tile) -> Lattice:
     x, y = (
         canvas_from_level(first.z, np.arange(a * TILE_SIZE, (b + 1) * TILE_SIZE + 1, LATTICE_STEP, dtype=np.float64))
         for a, b in ((first.x, last.x), (first.y, last.y))
     )
     places = np.stack(np.meshgrid(x, y), axis=-1)
-    pixels = pixels_from_canvas(pose, camera, places.reshape(-1, 2)).reshape(places.shape)
-    return pixels.astype(np.float32)
+    pixels = as_seen(relief, camera, pixels_from_canvas(pose, camera, places.reshape(-1, 2)))
+    return pixels.reshape(places.shape).astype(np.float32)
 
 
 def _border_weight(pixels: Lattice, camera: Camera, rim: float) -> Lattice:

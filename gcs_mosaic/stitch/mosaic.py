@@ -26,6 +26,8 @@ from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
+from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.relieving import note_relief
 from gcs_mosaic.stitch.search import Search, SearchSettings
 from gcs_mosaic.stitch.upkeep import Upkeep, UpkeepSettings
 
@@ -50,6 +52,7 @@ class Placement:
     island: int
     pose: Pose
     camera: Camera
+    relief: ReliefDisplacement | None  # what heights shift in this frame; None while nothing is known of them
     inliers: int  # independent ones, over all neighbours
     residual_px: float  # median over its matches, full-resolution pixels; NaN for a founder
     neighbours: tuple[str, ...]  # the frames it is linked with
@@ -192,6 +195,7 @@ class Mosaic:
         pose = self._placing.pose_beside(frame, other, registration)
         if pose is not None:
             self._settle(frame, pose, self._network.island_of(other))
+            note_relief(self._network, frame, self.settings.adjustment.relief)
         return pose is not None
 
     def _found_with_waiting(self, frame: int) -> bool:
@@ -261,6 +265,7 @@ class Mosaic:
             island=network.island_of(frame),
             pose=network.pose_of(frame),
             camera=network.camera_of(frame),
+            relief=state.relief,
             inliers=sum(state.inliers.values()),
             residual_px=state.residual_px,
             neighbours=tuple(network.frames[other].name for other in sorted(state.inliers)),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.features import Features
 from gcs_mosaic.stitch.geometry import Camera, Pose, footprint
 from gcs_mosaic.stitch.registration import Registration, well_spread
+from gcs_mosaic.stitch.relief import ReliefDisplacement
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ class FrameState:
     pose: Pose | None = None
     held: tuple[Pose, Camera] | None = None
     inliers: dict[int, int] = field(default_factory=dict)  # independent inliers by linked frame
+    relief: ReliefDisplacement | None = None
     residual_px: float = math.nan  # median over its matches, full-resolution pixels
     hops: int = 0  # links between it and its island's root, along the shortest way
     corner_deviation_px: float = 0.0  # of its least certain corner, full-resolution pixels; relative to the root
@@ -38,10 +40,11 @@ class FrameState:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Thinned matches of two frames: full-resolution pixels (m, 2) in each."""
+    """Matches of two frames: full-resolution pixels (m, 2) in each of a few, and which features (k, 2) all of them are."""
 
     pixels_a: Array
     pixels_b: Array
+    features: NDArray[np.uint32]
 
 
 class Network:
@@ -87,7 +90,7 @@ class Network:
         state = self.frames[frame]
         for other in list(state.inliers):
             self.unlink(frame, other)
-        state.pose = state.held = None
+        state.pose = state.held = state.relief = None
         if self.roots.get(int(self.islands[frame])) == frame:
             del self.roots[int(self.islands[frame])]
         self.islands[frame] = NOWHERE
@@ -98,7 +101,9 @@ class Network:
         """Keep what registered frame a with frame b, thinned to well-spread matches."""
         chosen = well_spread(registration.pixels_a, self._matches_per_link)
         self.unlink(a, b)
-        self.links[a, b] = Link(registration.pixels_a[chosen], registration.pixels_b[chosen])
+        self.links[a, b] = Link(
+            registration.pixels_a[chosen], registration.pixels_b[chosen], registration.features.astype(np.uint32)
+        )
         self.frames[a].inliers[b] = self.frames[b].inliers[a] = registration.independent_inliers
 
     def unlink(self, a: int, b: int) -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.grid import Box, Tile, join, tile_box
+from gcs_mosaic.stitch.relief import ReliefDisplacement
 
 TileKey = tuple[int, Tile]  # island, tile
 Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then name
@@ -24,6 +25,7 @@ class Painted:
     island: int
     pose: Pose
     camera: Camera
+    relief: ReliefDisplacement | None = None
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     level: int
 

@@ -42,6 +42,7 @@ class Registration:
 
     pixels_a: Array
     pixels_b: Array
+    features: NDArray[np.intp]  # (m, 2) which of the features of a and b the inliers are
     b_from_a: Array
     independent_inliers: int
     evidence: float  # -log10 of the chance agreements as good as this that were to be expected
@@ -49,7 +50,8 @@ class Registration:
     def turned(self) -> Registration:
         """The same, seen from the other frame."""
         a_from_b = np.asarray(np.linalg.inv(self.b_from_a), dtype=np.float64)
-        return replace(self, pixels_a=self.pixels_b, pixels_b=self.pixels_a, b_from_a=a_from_b)
+        features = self.features[:, ::-1]
+        return replace(self, pixels_a=self.pixels_b, pixels_b=self.pixels_a, features=features, b_from_a=a_from_b)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,7 @@ class _Pair:
     size_a: Array
     size_b: Array
     matches: NDArray[np.intp]
+    features: NDArray[np.intp]  # (k, 2), the matches counted among all features of either frame
 
     @property
     def a(self) -> Array:
@@ -108,12 +111,14 @@ def register(
 
 def _matched(a: Features, b: Features, seen_a: Mask | None, seen_b: Mask | None) -> _Pair:
     chosen_a, chosen_b = _chosen(a, seen_a), _chosen(b, seen_b)
+    matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b])
     return _Pair(
         all_a=a.points[chosen_a].astype(np.float64) / a.scale,
         all_b=b.points[chosen_b].astype(np.float64) / b.scale,
         size_a=np.array([a.width, a.height]) / a.scale,
         size_b=np.array([b.width, b.height]) / b.scale,
-        matches=match(a.descriptors[chosen_a], b.descriptors[chosen_b]),
+        matches=matches,
+        features=np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1),
     )
 
 
@@ -188,7 +193,8 @@ def _in_full_resolution(
 ) -> Registration:
     small_from_full_a, full_from_small_b = np.diag([1 / scale_a, 1 / scale_a, 1]), np.diag([scale_b, scale_b, 1])
     b_from_a = full_from_small_b @ homography @ small_from_full_a
-    return Registration(pair.a[inlier] * scale_a, pair.b[inlier] * scale_b, b_from_a, independent, evidence)
+    pixels_a, pixels_b = pair.a[inlier] * scale_a, pair.b[inlier] * scale_b
+    return Registration(pixels_a, pixels_b, pair.features[inlier], b_from_a, independent, evidence)
 
 
 def _mapped(homography: Array, points: Array) -> Array:

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import projection
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, adjust
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, Solution, adjust
 from gcs_mosaic.stitch.certainty import note_adjusted
 from gcs_mosaic.stitch.deviation import POSE, island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.projection import lens_row, pose_row, with_lens
+from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.relieving import Sightings, displacements, note_relief, sightings
 
 Array = NDArray[np.float64]
 Key = tuple[int, int]
@@ -61,6 +63,7 @@ class IslandTask:
     members: tuple[int, ...]  # frames, in the order of the problem
     root: int  # row of the frame that founded the island
     problem: Problem
+    seen: Sightings | None  # rows as in the problem
     cameras: tuple[Camera, ...]
     settings: AdjustmentSettings
 
@@ -73,6 +76,7 @@ class AdjustedIsland:
     lenses: Array
     residuals: Array  # (n,) median over a frame's matches
     deviations_px: Array  # (n,) of the least certain corner, full-resolution pixels
+    reliefs: list[ReliefDisplacement | None]
 
 
 def island_task(network: Network, island: int, settings: AdjustmentSettings) -> IslandTask | None:
@@ -85,16 +89,25 @@ def island_task(network: Network, island: int, settings: AdjustmentSettings) -> 
     poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
     problem = _problem(network, members, poses, keys, free, settings)
     root = members.index(network.roots[island])
-    return IslandTask(island, tuple(members), root, problem, tuple(network.cameras), settings)
+    seen = sightings(network, members)
+    return IslandTask(island, tuple(members), root, problem, seen, tuple(network.cameras), settings)
 
 
 def adjusted(task: IslandTask) -> AdjustedIsland:
     """The work itself: a pure function, for whichever process has time."""
     solution = adjust(task.problem, task.settings)
     deviations_px = island_deviations(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
-    return AdjustedIsland(
-        solution.poses, solution.lenses, _residuals_by_frame(task.problem, solution.residuals_px), deviations_px
-    )
+    residuals = _residuals_by_frame(task.problem, solution.residuals_px)
+    return AdjustedIsland(solution.poses, solution.lenses, residuals, deviations_px, _reliefs(task, solution))
+
+
+def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | None]:
+    if task.seen is None:
+        return [None] * len(task.members)
+    cameras = [with_lens(camera, lens) for camera, lens in zip(task.cameras, solution.lenses, strict=True)]
+    poses = (Pose(*pose) for pose in solution.poses.tolist())
+    views = [(pose, cameras[camera]) for pose, camera in zip(poses, task.problem.camera, strict=True)]
+    return displacements(task.seen, views, task.settings.relief)
 
 
 def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:
@@ -108,8 +121,10 @@ def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:
     before = {f: (network.pose_of(f), network.camera_of(f)) for f in members}
     _take_lenses(network, members, found.lenses)
     poses = [Pose(*pose) for pose in found.poses.tolist()]
-    for frame, pose in zip(members, _aligned_to_held(network, members, poses), strict=True):
+    aligned = _aligned_to_held(network, members, poses)
+    for frame, pose, relief in zip(members, aligned, found.reliefs, strict=True):
         network.put(frame, pose, task.island)
+        network.frames[frame].relief = relief
     _carry_along(network, before, task)
     for frame, residual in zip(members, found.residuals.tolist(), strict=True):
         network.frames[frame].residual_px = residual * network.frames[frame].features.scale
@@ -148,6 +163,7 @@ def _carry_along(network: Network, before: dict[int, View], task: IslandTask) ->
         waiting = [f for f in waiting if f not in views]
     for frame in sorted(f for f in views if f > newest):
         network.put(frame, resect(network, frame, network.pose_of(frame), task.settings).pose, task.island)
+        note_relief(network, frame, task.settings.relief)
 
 
 def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
@@ -184,7 +200,7 @@ def _problem(
         pixels_b=pixels[1],
         present=present,
         free=free,
-        relief=settings.relief_sigma * float(np.median(heights)),
+        relief=settings.relief.sigma * float(np.median(heights)),
     )
 
 

@@ -16,6 +16,7 @@ from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painted import Painted
+from gcs_mosaic.stitch.relief import ReliefDisplacement
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -96,11 +97,21 @@ def test_damaged_file_that_becomes_whole_is_a_frame(ledger: Ledger) -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(values=st.lists(finite, min_size=9, max_size=9), focal=finite, k1=finite)
-def test_painted_frame_comes_back_to_the_last_bit(values: list[float], focal: float, k1: float) -> None:
-    gain = (values[6], values[7], values[8])
+@given(
+    values=st.lists(finite, min_size=9, max_size=9),
+    lens=st.lists(finite, min_size=5, max_size=5),
+    shifts=st.binary(max_size=9),
+)
+def test_painted_frame_comes_back_to_the_last_bit(values: list[float], lens: list[float], shifts: bytes) -> None:
     painted = Painted(
-        name="a.jpg", order=3, island=0, pose=Pose(*values[:6]), camera=Camera(40, 30, focal, k1), gain=gain, level=15
+        name="a.jpg",
+        order=3,
+        island=0,
+        pose=Pose(*values[:6]),
+        camera=Camera(40, 30, *lens),
+        relief=ReliefDisplacement(3, 2, shifts) if shifts else None,
+        gain=(values[6], values[7], values[8]),
+        level=15,
     )
     with Ledger(Path(":memory:")) as ledger:
         ledger.record_island(0)

@@ -6,6 +6,7 @@ import numpy as np
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.lattice import own_level
 from gcs_mosaic.stitch.painted import Painted
+from gcs_mosaic.stitch.relief import ReliefDisplacement
 
 SMALL = Camera(160, 120, focal=1.2, k1=-0.02)
 
@@ -17,6 +18,11 @@ def picture(seed: int, camera: Camera = SMALL) -> np.ndarray:
     smooth = cv2.GaussianBlur(rough, (0, 0), 12)
     left = np.arange(camera.width)[None, :, None] < camera.width / 2
     return np.where(left, cv2.GaussianBlur(rough, (0, 0), 1.0), smooth).astype(np.uint8)
+
+
+def hilly(seed: int) -> ReliefDisplacement:
+    """Shifts of some three pixels of SMALL."""
+    return ReliefDisplacement.from_grid(np.random.default_rng(seed).normal(0, 0.03, (4, 5, 2)))
 
 
 def painted(order: int, x: float = 0.0, y: float = 0.0, *, gsd: float = 1.0, yaw: float = 0.0, **more) -> Painted:

@@ -3,7 +3,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from painting_parts import painted, picture
+from painting_parts import hilly, painted, picture
 
 from gcs_mosaic.stitch.canvas import Canvas, CanvasSettings
 from gcs_mosaic.stitch.grid import Tile, tiles_over
@@ -32,7 +32,9 @@ def paint(c: Canvas, *frames) -> set:
 def random_frame(rng: random.Random, order: int):
     x, y, gsd = rng.uniform(-400, 400), rng.uniform(-300, 300), rng.choice([1.0, 1.0, 2.2, 5.0])
     gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
-    return painted(order, x, y, gsd=gsd, yaw=rng.uniform(-3, 3), pitch=rng.uniform(-0.3, 0.3), gain=gain)
+    relief = rng.choice([None, hilly(rng.randrange(9))])
+    yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
+    return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, gain=gain, relief=relief)
 
 
 def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:

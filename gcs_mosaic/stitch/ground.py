@@ -1,0 +1,69 @@
+"""Points of the ground that several frames have seen: which matches show the same one, and how high it lies.
+
+The poses are given, so a point is found by intersecting its rays, one small linear problem each. Most ground is flat, and
+two frames taken close together say little of heights: a prior holds a point on the plane as far as its rays leave it open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+ROUNDS = 5  # of reweighting
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Features that show the same point, m in all: `nodes` (m,) as they were given, `track` (m,) the point's number."""
+
+    nodes: Indices
+    track: Indices
+
+
+def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
+    """Tracks from matched pairs (k, 2) of nodes 0 to n-1, whose frames are (n,).
+
+    What is connected is one point; a track that meets a frame twice contradicts itself and is left out.
+    """
+    n = len(frame_of_node)
+    links = sparse.coo_matrix((np.ones(len(matches), np.int8), (matches[:, 0], matches[:, 1])), shape=(n, n))
+    _, label = connected_components(links, directed=False)
+    order = np.lexsort((frame_of_node, label))
+    twice = (np.diff(label[order]) == 0) & (np.diff(frame_of_node[order]) == 0)
+    nodes = np.flatnonzero(~np.isin(label, label[order[1:][twice]]))
+    _, track = np.unique(label[nodes], return_inverse=True)
+    return Tracks(nodes, track)
+
+
+def triangulate(places: Array, by_height: Array, deviations: Array, track: Indices, height_sigma: float) -> Array:
+    """Places (t, 2) of the points straight below which they stand, from one ray per observation.
+
+    places (m, 2): where the rays meet the plane; by_height (m, 2): how they move across it per unit of height;
+    deviations (m,): what an observation may be off, canvas units; height_sigma: of the points' heights about the plane.
+    Robust (Cauchy): a wrong observation does not carry its point away.
+    """
+    weight = 1 / deviations**2
+    robust = np.ones(len(track))
+    points = np.zeros((int(track.max(initial=-1)) + 1, 2))
+    for _ in range(ROUNDS):
+        w = weight * robust
+        total = np.bincount(track, w).astype(np.float64)
+        mean_place, mean_slope = (_means(values, w, track, total) for values in (places, by_height))
+        place, slope = places - mean_place[track], by_height - mean_slope[track]
+        information = np.bincount(track, w * (slope**2).sum(axis=1)) + height_sigma**-2
+        height = -np.bincount(track, w * (place * slope).sum(axis=1)) / information
+        points = mean_place + height[:, None] * mean_slope
+        off2 = ((places + height[track, None] * by_height - points[track]) ** 2).sum(axis=1) * weight
+        robust = 1 / (1 + off2)
+    return points
+
+
+def _means(values: Array, weights: Array, track: Indices, total: Array) -> Array:
+    return np.stack([np.bincount(track, weights * values[:, k]) / total for k in (0, 1)], axis=1)

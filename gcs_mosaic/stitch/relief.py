@@ -1,0 +1,93 @@
+"""Relief displacement: how far heights shift the points of one frame, and how that is taken back.
+
+On a plane, pose and lens say where every pixel lies. A roof or a hill is seen shifted away from the point below the camera,
+differently in every frame. Each frame therefore has a coarse grid of shifts over its picture: a pixel, moved by the shift
+there, is where the camera would have seen the same ground if it were a plane. What else the planar camera does not explain
+(a rolling shutter, a lens that two terms do not describe) goes the same way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from gcs_mosaic.stitch.geometry import Camera
+
+Array = NDArray[np.float64]
+
+STEPS = 12  # of the fixed-point iteration that inverts the shifts
+STEEPEST = (
+    0.4  # change of the shift per cell of the grid at most: below 1 no place is seen twice, and inverting converges
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReliefSettings:
+    """How heights of the ground are reckoned with."""
+
+    sigma: float = 0.02  # heights about the plane that are expected, in flying heights
+    cells: int = 16  # of a frame's grid along its longer side; 0 leaves every frame a camera over a plane
+    stiffness: float = 0.3  # how much the grid resists stretching, against one track; 0.1 to 1 give the same shape
+    tie: float = 0.01  # how much it is held at zero; what keeps borders without tracks from drifting
+    loss_px: float = 1.0  # Cauchy loss: where a point that stands out counts less, in pixels of the feature picture
+    largest: float = 0.1  # shift that is still believed, half-diagonals
+
+
+@dataclass(frozen=True, slots=True)
+class ReliefDisplacement:
+    """Shifts at the nodes of a grid over a frame, bilinear between them.
+
+    `shifts`: (rows, columns, 2) float32 in half-diagonals, as bytes, so that a displacement can be compared and stored to
+    the last bit; the outermost nodes are the outermost pixel centres.
+    """
+
+    columns: int
+    rows: int
+    shifts: bytes
+
+    @classmethod
+    def from_grid(cls, grid: Array) -> ReliefDisplacement:
+        """From shifts (rows, columns, 2) in half-diagonals; weakened where they would fold the picture."""
+        rows, columns = grid.shape[:2]
+        steepest = max(np.abs(np.diff(grid, axis=axis)).max(initial=0.0) for axis in (0, 1))
+        cell = 2 / np.hypot(columns - 1, rows - 1)  # half-diagonals, where the grid has the frame's proportions
+        grid = grid * min(1.0, STEEPEST * cell / max(steepest, 1e-12))
+        return cls(columns, rows, grid.astype(np.float32).tobytes())
+
+    @property
+    def grid(self) -> NDArray[np.float32]:
+        """The shifts (rows, columns, 2) in half-diagonals."""
+        return np.frombuffer(self.shifts, np.float32).reshape(self.rows, self.columns, 2)
+
+    def at(self, camera: Camera, pixels: Array) -> Array:
+        """Shifts (n, 2) in pixels at pixels (n, 2); beyond the frame they are those of its border."""
+        across, down = (
+            pixels[:, k] / max(size - 1, 1) * (nodes - 1)
+            for k, (size, nodes) in enumerate(((camera.width, self.columns), (camera.height, self.rows)))
+        )
+        grid = self.grid.astype(np.float64) * camera.half_diagonal
+        return np.stack(
+            [map_coordinates(grid[..., k], [down, across], order=1, mode="nearest") for k in (0, 1)], axis=1
+        )
+
+
+def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -> Array:
+    """Where the camera would have seen what pixels (n, 2) show, if the ground were a plane."""
+    return pixels if relief is None else pixels + relief.at(camera, pixels)
+
+
+def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -> Array:
+    """Inverse of `on_plane`; NaN stays NaN."""
+    if relief is None:
+        return pixels
+    nowhere = np.asarray(np.isnan(pixels).any(axis=1))
+    aims = np.where(nowhere[:, None], 0.0, pixels)
+    found = aims
+    for _ in range(STEPS):
+        previous, found = found, aims - relief.at(camera, found)
+        if np.abs(found - previous).max(initial=0.0) < 1e-3:
+            break
+    return np.where(nowhere[:, None], np.nan, found)
