@@ -19,9 +19,7 @@ from gcs_mosaic.stitch.geometry import Camera
 Array = NDArray[np.float64]
 
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
-STEEPEST = (
-    0.4  # change of the shift per cell of the grid at most: below 1 no place is seen twice, and inverting converges
-)
+STEEPEST = 0.25  # change of the shift per cell at most: no place is seen twice, and inverting converges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
