@@ -24,6 +24,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from gcs_mosaic.stitch import projection
+from gcs_mosaic.stitch.parallax import whitening
 from gcs_mosaic.stitch.projection import LENS_TERMS
 from gcs_mosaic.stitch.relief import ReliefSettings
 
@@ -81,7 +82,7 @@ class Solution:
 
 def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
     """Best poses and lenses for the matches and the priors."""
-    state = _evaluate(problem, settings)
+    state = _evaluate(problem, settings, _whitenings(problem))
     damping, steps, fall = 1e-4, 0, math.inf
     while steps < settings.steps and fall >= settings.step_tolerance:
         candidate, damping = _descend(state, settings, damping)
@@ -95,6 +96,7 @@ def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
 @dataclass(frozen=True, slots=True)
 class _State:
     problem: Problem
+    whitenings: Array  # (2, m, 2, 2), see `_whitenings`
     cost: float
     normal: sparse.csc_matrix  # over the free unknowns
     gradient: Array
@@ -105,7 +107,7 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tup
     """One accepted step and the damping for the next, or None where no step lowers the cost any more."""
     for _ in range(6):
         step = _solve(state.normal, state.gradient, damping)
-        candidate = _evaluate(_stepped(state.problem, step), settings)
+        candidate = _evaluate(_stepped(state.problem, step), settings, state.whitenings)
         if candidate.cost < state.cost:
             return candidate, max(damping / 5, 1e-9)
         damping *= 8
@@ -144,8 +146,8 @@ def _stepped(problem: Problem, step: Array) -> Problem:
     return replace(problem, poses=poses, lenses=lenses)
 
 
-def _evaluate(problem: Problem, settings: AdjustmentSettings) -> _State:
-    residual, jacobian, valid = _residuals(problem)
+def _evaluate(problem: Problem, settings: AdjustmentSettings, whitenings: Array) -> _State:
+    residual, jacobian, valid = _residuals(problem, whitenings)
     size2 = (residual**2).sum(axis=2) / settings.loss_px**2
     weight = np.where(valid, 1 / (1 + size2), 0.0)
     # A match that cannot be seen any more (behind the horizon) costs as much as a very bad one and pulls nowhere.
@@ -160,7 +162,7 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings) -> _State:
     ways = np.sqrt((residual**2).sum(axis=2)).reshape(len(residual), -1, 2).max(axis=2)
     size = np.where(problem.present, np.where(valid.reshape(*ways.shape, 2).all(axis=2), ways, np.inf), np.nan)
     return _State(
-        problem, float(cost) + prior_cost, normal + sparse.diags(prior_normal, format="csc"),
+        problem, whitenings, float(cost) + prior_cost, normal + sparse.diags(prior_normal, format="csc"),
         gradient + prior_gradient, size,
     )  # fmt: skip
 
@@ -168,7 +170,7 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings) -> _State:
 COLUMNS = 2 * (6 + LENS_TERMS)  # unknowns that a pair depends on: pose a, pose b, lens a, lens b
 
 
-def _residuals(problem: Problem) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _residuals(problem: Problem, whitenings: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, COLUMNS), and which exist (p, 2k).
 
     The two ways of a match stand side by side: a to b, then b to a.
@@ -178,11 +180,11 @@ def _residuals(problem: Problem) -> tuple[Array, Array, NDArray[np.bool_]]:
     valid = np.empty((p, k, 2), bool)
     for way, (source, target) in enumerate(((0, 1), (1, 0))):
         passage = _passage(problem, source, target)
-        whitening = _whitening(passage.by_height * problem.relief)
-        residual[:, :, way] = (whitening @ passage.residual[:, :, None]).reshape(p, k, 2)
+        whiten = whitenings[way]
+        residual[:, :, way] = (whiten @ passage.residual[:, :, None]).reshape(p, k, 2)
         valid[:, :, way] = passage.valid.reshape(p, k) & problem.present
         for columns, derivative in passage.derivatives:
-            jacobian[:, :, way, :, columns] = (whitening @ derivative).reshape(p, k, 2, -1)
+            jacobian[:, :, way, :, columns] = (whiten @ derivative).reshape(p, k, 2, -1)
     residual, jacobian = np.nan_to_num(residual), np.nan_to_num(jacobian)
     return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, COLUMNS), valid.reshape(p, 2 * k)
 
@@ -218,15 +220,13 @@ def _passage(problem: Problem, source: int, target: int) -> _Passage:
     )
 
 
-def _whitening(parallax: Array) -> Array:
-    """Matrices (m, 2, 2) that make residuals comparable whose covariance is I + parallax parallax^T.
+def _whitenings(problem: Problem) -> Array:
+    """What makes the residuals of all matches comparable, for either way (2, m, 2, 2), from the poses as they are.
 
-    A point that may lie above or below the plane is only known to fall on a line: along it, one standard deviation of
-    height moves it by the parallax (m, 2) px, on top of the pixel by which any match is off.
+    They hold for the whole adjustment. If they followed the poses, the cost could be lowered by poses that allow more
+    parallax, and steps, which know nothing of that, would end where they do not lower it.
     """
-    squared = (np.nan_to_num(parallax) ** 2).sum(axis=1)
-    along = (1 - 1 / np.sqrt(1 + squared)) / np.maximum(squared, 1e-12)
-    return np.asarray(np.eye(2) - along[:, None, None] * parallax[:, :, None] * parallax[:, None, :])
+    return np.stack([whitening(_passage(problem, *way).by_height * problem.relief) for way in ((0, 1), (1, 0))])
 
 
 def _of(problem: Problem, frames: NDArray[np.intp]) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch import geometry, projection
+from gcs_mosaic.stitch import adjustment, geometry, projection
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, adjust
 from gcs_mosaic.stitch.geometry import Camera, Pose, similarity_between
 
@@ -145,3 +145,19 @@ def test_two_frames_do_not_determine_a_lens():
     solution = adjust(replace(matches(truth, noise_px=2.0)), AdjustmentSettings())
     assert 1.2 < np.exp(solution.lenses[0, 0]) < 1.9
     assert abs(solution.lenses[0, 1]) < 0.12
+
+
+def test_the_gradient_is_that_of_the_cost():
+    """Else steps lead elsewhere than the cost says: parallax that followed the poses was a way to lower it."""
+    truth = flight(2, 4)
+    relief = 0.03 * CAMERA.focal_px
+    problem = replace(matches(truth, noise_px=2.0, relief=relief), relief=relief, poses=rough(truth))
+    settings, whitenings = AdjustmentSettings(), adjustment._whitenings(problem)
+    here = adjustment._evaluate(problem, settings, whitenings)
+    step = RNG.normal(0, 1e-5, len(here.gradient)) / np.sqrt(here.normal.diagonal())
+    ahead, behind = (
+        adjustment._evaluate(adjustment._stepped(problem, sign * step), settings, whitenings).cost for sign in (1, -1)
+    )
+    assert ahead - behind == pytest.approx(
+        4 * here.gradient @ step, rel=1e-3
+    )  # the cost is the sum of squares, not half

@@ -1,0 +1,110 @@
+"""Straight flights at one height and heading: nothing but the model says that they are level, and the map must not wander.
+
+The matches of such a flight leave the common tilt nearly open (and focal length and lens along one line): it is held by weak
+priors. Frames count as drawn where they lie and are drawn again when a corner has moved by more than a pixel, as the
+painter does.
+"""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+from stitch_ground import textured_ground
+
+from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, frame_border, pixel_grid, pixels_from_canvas
+from gcs_mosaic.stitch.mosaic import Mosaic
+
+BARREL = Camera(480, 360, 1.45, -0.1)
+PINHOLE = Camera(480, 360, 1.45, 0.0)
+REPAINT_PX = 1.0
+SIDE = 2800  # of the ground
+
+
+def strip(count=24, step=95):
+    """One line."""
+    return [Pose(280 + step * i, 300) for i in range(count)]
+
+
+def lawn(lines=3, per_line=8, step=120, spacing=200):
+    """Lines to and fro without turning: sideways and backwards."""
+    along = [np.arange(per_line), np.arange(per_line)[::-1]]
+    return [Pose(280 + step * i, 300 + spacing * k) for k in range(lines) for i in along[k % 2]]
+
+
+@pytest.fixture(scope="module")
+def ground():
+    return textured_ground(SIDE, seed=3)
+
+
+@pytest.fixture(scope="module")
+def hills():
+    """Heights (SIDE, SIDE), deviation 1, that change within half a frame."""
+    coarse = np.random.default_rng(6).normal(size=(SIDE // 200 + 2,) * 2).astype(np.float32)
+    fine = cv2.resize(coarse, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC)
+    return (fine - fine.mean()) / fine.std()
+
+
+def photograph(ground, heights, pose, camera):
+    """What the camera sees of ground that rises and falls: sight lines are followed to it in a few steps."""
+    level = canvas_from_pixels(pose, camera, pixel_grid(camera, camera.width, camera.height)).astype(np.float32)
+    below, places = np.array([pose.x, pose.y], np.float32), level
+    for _ in range(4 * bool(heights.any())):
+        rise = cv2.remap(heights, places.reshape(camera.height, camera.width, 2), None, cv2.INTER_LINEAR)
+        places = level - (level - below) * (rise / camera.focal_px).reshape(-1, 1)
+    return cv2.remap(ground, places.reshape(camera.height, camera.width, 2), None, cv2.INTER_LINEAR, borderValue=128)
+
+
+def displacement(drawn, placement):
+    """How far the worst corner of a frame has moved since it was drawn, its own pixels."""
+    corners = frame_border(placement.camera, 1)
+    places = canvas_from_pixels(drawn.pose, drawn.camera, corners)
+    return np.linalg.norm(pixels_from_canvas(placement.pose, placement.camera, places) - corners, axis=1).max()
+
+
+def flown(views):
+    """The mosaic after the flight, and how many frames had to be drawn again after each frame."""
+    mosaic, drawn, again = Mosaic(), {}, []
+    for i, view in enumerate(views):
+        mosaic.add(view, f"{i:03}")
+        mosaic.adjust()
+        moved = mosaic.moved()
+        stale = [p for p in moved if p.name in drawn and displacement(drawn[p.name], p) > REPAINT_PX]
+        for placement in [*stale, *(p for p in moved if p.name not in drawn)]:
+            drawn[placement.name] = placement
+            mosaic.hold(placement.name, placement.pose, placement.camera)
+        again.append(len(stale))
+    return mosaic.placements(), again
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, BARREL], ids=["pinhole", "barrel"])
+@pytest.mark.parametrize("route", [strip, lawn])
+def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(ground, route, camera):
+    flat, poses = np.zeros((SIDE, SIDE), np.float32), route()
+    placements, again = flown(photograph(ground, flat, pose, camera) for pose in poses)
+    assert {p.island for p in placements} == {0}
+    assert len(placements) == len(poses)
+    assert sum(again[len(again) // 2 :]) <= 2
+    assert steepest(placements) < 0.3
+    assert spread_of_scales(placements) < 0.005
+
+
+@pytest.mark.parametrize("route", [strip, lawn])
+def test_over_hills_it_neither_tilts_nor_grows(ground, hills, route):
+    """Heights with a deviation of 1.5 % of the flying height. That they shift frames by pixels is true and may be."""
+    heights, poses = (0.015 * PINHOLE.focal_px * hills).astype(np.float32), route()
+    placements, _ = flown(photograph(ground, heights, pose, PINHOLE) for pose in poses)
+    assert {p.island for p in placements} == {0}
+    assert len(placements) == len(poses)
+    assert steepest(placements) < 1.5
+    assert spread_of_scales(placements) < 0.05
+
+
+def steepest(placements):
+    """Largest tilt, degrees."""
+    return max(math.degrees(math.hypot(p.pose.pitch, p.pose.roll)) for p in placements)
+
+
+def spread_of_scales(placements):
+    """Largest ratio of two frames' ground resolutions, less one."""
+    return math.exp(np.ptp([p.pose.log_gsd for p in placements])) - 1
