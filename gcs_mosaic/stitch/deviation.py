@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcs_mosaic.stitch import projection
-from gcs_mosaic.stitch.adjustment import Problem, Solution
+from gcs_mosaic.stitch.adjustment import Solution
 from gcs_mosaic.stitch.covariance import Covariances, covariances
 from gcs_mosaic.stitch.geometry import Camera
+from gcs_mosaic.stitch.problem import Problem
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

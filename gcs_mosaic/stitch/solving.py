@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import projection
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, Solution, adjust
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.certainty import note_adjusted
 from gcs_mosaic.stitch.deviation import POSE, island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.problem import Problem
 from gcs_mosaic.stitch.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.relief import ReliefDisplacement
 from gcs_mosaic.stitch.relieving import Sightings, displacements, note_relief, sightings

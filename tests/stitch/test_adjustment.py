@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.stitch import adjustment, geometry, projection
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, adjust
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings, adjust
 from gcs_mosaic.stitch.geometry import Camera, Pose, similarity_between
+from gcs_mosaic.stitch.problem import Problem
+from gcs_mosaic.stitch.residuals import parts, whitenings
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08, 0.03, 0.01, -0.015)
 SCALE = 4.0  # full-resolution pixels per feature pixel
@@ -134,7 +136,7 @@ def test_the_sparse_and_the_dense_solution_agree(monkeypatch):
     truth = flight(3, 4)
     problem = replace(matches(truth, noise_px=1.0), poses=rough(truth))
     dense = adjust(problem, AdjustmentSettings())
-    monkeypatch.setattr("gcs_mosaic.stitch.adjustment.DENSE_BELOW", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.normal.DENSE_BELOW", 0)
     sparse = adjust(problem, AdjustmentSettings())
     assert abs(map_error(dense, truth) - map_error(sparse, truth)) < 0.2
 
@@ -152,11 +154,11 @@ def test_the_gradient_is_that_of_the_cost():
     truth = flight(2, 4)
     relief = 0.03 * CAMERA.focal_px
     problem = replace(matches(truth, noise_px=2.0, relief=relief), relief=relief, poses=rough(truth))
-    settings, whitenings = AdjustmentSettings(), adjustment._whitenings(problem)
-    here = adjustment._evaluate(problem, settings, whitenings)
+    settings, fixed = AdjustmentSettings(), [whitenings(part) for part in parts(problem)]
+    here = adjustment._evaluate(problem, settings, fixed)
     step = RNG.normal(0, 1e-5, len(here.gradient)) / np.sqrt(here.normal.diagonal())
     ahead, behind = (
-        adjustment._evaluate(adjustment._stepped(problem, sign * step), settings, whitenings).cost for sign in (1, -1)
+        adjustment._evaluate(adjustment._stepped(problem, sign * step), settings, fixed).cost for sign in (1, -1)
     )
     assert ahead - behind == pytest.approx(
         4 * here.gradient @ step, rel=1e-3

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.stitch import geometry, projection
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings, Problem, adjust
+from gcs_mosaic.stitch.adjustment import AdjustmentSettings, adjust
 from gcs_mosaic.stitch.deviation import island_deviations, resected_deviation, variance_factor
 from gcs_mosaic.stitch.geometry import Camera, Pose, similarity_between
+from gcs_mosaic.stitch.problem import Problem
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08)
 SCALE = 4.0  # full-resolution pixels per feature pixel
