@@ -22,7 +22,7 @@ from gcs_mosaic.stitch.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.background import Worker
 from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import Array, Camera, Pose
-from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
+from gcs_mosaic.stitch.islands import Bridge, Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
@@ -40,6 +40,7 @@ class StitchSettings:
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
+    islands: IslandSettings = field(default_factory=IslandSettings)
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
     upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
 
@@ -98,7 +99,7 @@ class Mosaic:
         self._network = Network(adjustment.focal_prior, adjustment.matches_per_pair)
         self._search = Search(self._network, self.settings.search, self.settings.registration)
         self._placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
-        self._bridges = Bridges(self._network)
+        self._bridges = Bridges(self._network, self._search, self.settings.islands)
         self._waiting: list[int] = []
         self._numbers: dict[str, int] = {}
         self._last_placed = 0

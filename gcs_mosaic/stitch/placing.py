@@ -15,6 +15,7 @@ from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.registration import Registration
 from gcs_mosaic.stitch.search import Search
 from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, resect
+from gcs_mosaic.stitch.witnesses import MAJORITY, confirmed_share
 
 LENS_KNOWN = 5  # frames after which a lens is known well enough to judge residuals
 UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
@@ -53,9 +54,14 @@ class Placing:
         self._network.link(frame, other, registration)
         pose = self._believable_pose(frame, self._rough_poses(frame, other, registration))
         if pose:
-            for neighbour, found in self._search.neighbour_links(frame, pose, island):
-                self._network.link(frame, neighbour, found)
+            links = {other: registration, **dict(self._search.neighbour_links(frame, pose, island))}
+            found = {neighbour: link for neighbour, link in links.items() if link is not None}
+            for neighbour, link in found.items():
+                self._network.link(frame, neighbour, link)
             pose = self._believable_pose(frame, [pose])
+            matched = [link.pixels_a for link in found.values()]
+            if pose and confirmed_share(self._network, frame, pose, list(links), matched) <= MAJORITY:
+                pose = None
         if pose is None:
             self._network.take_back(frame)
         return pose

@@ -66,13 +66,11 @@ class Search:
         found = register(a, b, self._registration)
         return found if isinstance(found, Registration) else None
 
-    def neighbour_links(self, frame: int, pose: Pose, island: int) -> Iterator[tuple[int, Registration]]:
-        """Links of a frame at a rough pose with those it should overlap, spread over all directions."""
+    def neighbour_links(self, frame: int, pose: Pose, island: int) -> Iterator[tuple[int, Registration | None]]:
+        """Links of a frame at a rough pose with those it should overlap, spread over all directions; None where none is."""
         for other in self._overlapping(frame, pose, island):
             if other not in self._network.frames[frame].inliers:
-                registration = self._register_in_place(frame, pose, other)
-                if registration is not None:
-                    yield other, registration
+                yield other, self._register_in_place(frame, pose, other)
 
     def _nearby(self, last: int) -> list[int]:
         """The last placed frame, then those that meet its region of interest, nearest first."""
