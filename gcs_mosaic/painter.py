@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +39,7 @@ Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]
 
 
+FRAMES_AT_ONCE = 64  # frames that are checked or moved at a time: some hundredths of a second
 LIVE_BLOCK = 12  # tiles a side that are repainted together during a flight: a new frame waits 0.2 s for their writing
 
 
@@ -71,13 +74,17 @@ class Painter:
         self._painted: dict[str, Painted] = {}
         self._thumbnails: dict[str, Image] = {}
         self._overlaps: list[tuple[str, str, OverlapMeans]] = []
-        self._stale: dict[str, Placement] = {}
+        self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
+        self._stale: dict[
+            str, tuple[float, Placement]
+        ] = {}  # those that moved too far, and how far in their own pixels
         self._repainting: Iterator[set[TileKey]] | None = None
 
     @property
     def has_repaints(self) -> bool:
-        """Whether some frames lie elsewhere than where they are painted, by more than is tolerated."""
-        return bool(self._stale) or self._repainting is not None or self.canvas.behind > 0
+        """Whether some frames lie, or may lie, elsewhere than where they are painted, by more than is tolerated."""
+        waiting = bool(self._unchecked or self._stale)
+        return waiting or self._repainting is not None or self.canvas.behind > 0
 
     def is_painted(self, name: str) -> bool:
         return name in self._painted
@@ -100,58 +107,69 @@ class Painter:
         return self.canvas.paint(image, painted)
 
     def follow(self, placements: Iterable[Placement]) -> None:
-        """Take note of where painted frames lie now; those that moved too far wait for `repaint`."""
-        for placement in placements:
-            painted = self._painted.get(placement.name)
-            if painted is not None and _displacement(painted, placement) > self._settings.repaint_px:
-                self._stale[placement.name] = placement
-            else:
-                self._stale.pop(placement.name, None)
+        """Take note of where painted frames lie now; what is to be done about it is left to `repaint_some`."""
+        self._unchecked |= {placement.name: placement for placement in placements if placement.name in self._painted}
 
     def repaint_some(self) -> set[TileKey] | None:
-        """A frame's worth of repainting; returns tiles that look different now, or None if all is as it should be."""
+        """A frame's worth of repainting or less, what is most displaced first.
+
+        Returns tiles that look different now, or None if all is as it should be. After the adjustment of a long flight
+        there are thousands of frames to look at: every call deals with some, so that no new frame waits for the others.
+        """
+        if self._unchecked:
+            self._check_some()
+            return set()
+        if self._stale:
+            self._move_some()
+            return set()
         if self._repainting is None:
-            self._move(self._stale.values())
-            self._stale.clear()
             self._repainting = self.canvas.repaint(LIVE_BLOCK)
         changed = next(self._repainting, None)
         if changed is None:
             self._repainting = None
-        return changed if changed is not None or not self._stale else set()
+        return changed
 
     def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
         """Bring everything to its final pose and brightness; yields tiles that look different now, frame by frame."""
+        self._unchecked.clear()
         self._stale.clear()
         self._repainting = None
         gains = self._final_gains()
         for painted in list(self._painted.values()):
             if _contrast(gains[painted.name], painted.gain) > self._settings.final_gain:
                 self._change(replace(painted, gain=gains[painted.name]))
-        self._move(p for p in placements if self._is_off(p, self._settings.final_px))
+        for placement in placements:
+            if placement.name in self._painted:
+                off_px = _displacement(self._painted[placement.name], placement)
+                if off_px > self._settings.final_px:
+                    self._move(placement, off_px)
         yield from self.canvas.repaint()
 
     def close(self) -> None:
         self.canvas.close()
 
-    def _is_off(self, placement: Placement, tolerance: float) -> bool:
-        painted = self._painted.get(placement.name)
-        return painted is not None and _displacement(painted, placement) > tolerance
+    def _check_some(self) -> None:
+        for name in list(islice(self._unchecked, FRAMES_AT_ONCE)):
+            placement = self._unchecked.pop(name)
+            off_px = _displacement(self._painted[name], placement)
+            self._stale.pop(name, None)
+            if off_px > self._settings.repaint_px:
+                self._stale[name] = off_px, placement
 
-    def _move(self, placements: Iterable[Placement]) -> None:
-        for placement in placements:
-            painted = self._painted[placement.name]
-            size = painted.camera.width, painted.camera.height
-            pose, camera = reduced_view(placement.pose, placement.camera, *size)
-            level = own_level(pose, camera)
-            self._change(
-                replace(
-                    painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief, level=level
-                )
-            )
+    def _move_some(self) -> None:
+        for name in heapq.nlargest(FRAMES_AT_ONCE, self._stale, key=lambda name: self._stale[name][0]):
+            off_px, placement = self._stale.pop(name)
+            self._move(placement, off_px)
 
-    def _change(self, painted: Painted) -> None:
+    def _move(self, placement: Placement, off_px: float) -> None:
+        painted = self._painted[placement.name]
+        pose, camera = reduced_view(placement.pose, placement.camera, painted.camera.width, painted.camera.height)
+        moved = replace(painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief)
+        self._change(replace(moved, level=own_level(pose, camera)), off_px)
+
+    def _change(self, painted: Painted, urgency: float = 0.0) -> None:
         self._note(painted)
-        self.canvas.move([painted])
+        self.canvas.move([painted], urgency)
 
     def _note(self, painted: Painted) -> None:
         self._record(painted)

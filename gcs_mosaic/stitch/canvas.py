@@ -69,7 +69,7 @@ class Canvas:
         self._store = LayerStore(self._settings.memory_mb << 20, scratch)
         self._stack = TileStack(self._store, self._pool, load_tile)
         self._frames = PaintedFrames()
-        self._behind: set[TileKey] = set()
+        self._behind: dict[TileKey, float] = {}  # with how urgent each is
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
     def paint(self, image: Image, painted: Painted) -> set[TileKey]:
@@ -80,9 +80,9 @@ class Canvas:
         """
         lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         view = None if lattice is None else self._view(image, painted, lattice)
-        self._behind |= self._frames.remove(painted.name)
+        self._fall_behind(self._frames.remove(painted.name))
         keys = self._frames.add(painted, () if lattice is None else lattice.tiles())
-        self._behind |= {key for key in keys if not self._frames.is_last(painted, key)}
+        self._fall_behind(key for key in keys if not self._frames.is_last(painted, key))
         if view is not None:
             self._lay_over(view, keys, "own")
         return self._refresh(keys, {painted.island})
@@ -91,20 +91,23 @@ class Canvas:
         """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
         for painted in frames:
             keys = self._register(painted)
-            self._behind |= keys
+            self._fall_behind(keys)
             self._stack.expect(keys)
 
-    def move(self, frames: Iterable[Painted]) -> int:
-        """Frames have new poses, gains, levels or islands; their old and new tiles are behind. Returns how many changed."""
+    def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
+        """Frames have new poses, gains, levels or islands; their old and new tiles are behind. Returns how many changed.
+
+        `repaint` takes the most urgent tiles first.
+        """
         changed = [p for p in frames if p.name not in self._frames or self._frames[p.name] != p]
         for painted in changed:
-            self._behind |= self._frames.remove(painted.name) | self._register(painted)
+            self._fall_behind(self._frames.remove(painted.name) | self._register(painted), urgency)
         return len(changed)
 
     def remove(self, names: Iterable[str]) -> None:
         """Take frames out; their tiles are behind."""
         for name in names:
-            self._behind |= self._frames.remove(name)
+            self._fall_behind(self._frames.remove(name))
 
     @property
     def behind(self) -> int:
@@ -147,6 +150,10 @@ class Canvas:
         self._pool.shutdown()
         self._store.close()
 
+    def _fall_behind(self, keys: Iterable[TileKey], urgency: float = 0.0) -> None:
+        for key in keys:
+            self._behind[key] = max(urgency, self._behind.get(key, 0.0))
+
     def _register(self, painted: Painted) -> set[TileKey]:
         lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         return self._frames.add(painted, () if lattice is None else lattice.tiles())
@@ -165,12 +172,12 @@ class Canvas:
         return self._stack.refresh(keys, {island: self._frames.extent(island) for island in islands})
 
     def _next_block(self, side: int) -> list[TileKey]:
-        """Tiles that are behind and close together, so that they share frames."""
+        """Tiles that are behind and close together, so that they share frames; the most urgent one is among them."""
 
         def block(key: TileKey) -> tuple[int, int, int, int]:
             return key[0], key[1].z, key[1].y // side, key[1].x // side
 
-        chosen = min(map(block, self._behind))
+        _, chosen = min((-urgency, block(key)) for key, urgency in self._behind.items())
         return [key for key in self._behind if block(key) == chosen]
 
     def _recompose(self, keys: Iterable[TileKey]) -> Iterator[set[TileKey]]:
@@ -203,12 +210,12 @@ class Canvas:
     def _give_up(self, keys: Iterable[TileKey], folded: dict[TileKey, list[Painted]]) -> None:
         for key in keys:
             self._store.put(LayerKey(*key, "fresh"), None)
-            self._behind.discard(key)
+            self._behind.pop(key, None)
             del folded[key]
 
     def _commit(self, folded: dict[TileKey, list[Painted]]) -> set[TileKey]:
         ready = {key for key, frames in folded.items() if frames == self._frames.on(key)}
         for key in ready:
             self._stack.set_own(key, self._store.get(LayerKey(*key, "fresh")))
-        self._behind -= ready
+            self._behind.pop(key, None)
         return self._refresh(ready, {island for island, _ in ready})

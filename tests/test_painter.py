@@ -1,0 +1,96 @@
+"""What is painted when: the most displaced first, and never so much at a time that a new frame would wait."""
+
+from dataclasses import replace
+
+import pytest
+from painting_parts import SMALL, picture
+
+from gcs_mosaic import painter as painter_module
+from gcs_mosaic.painter import FRAMES_AT_ONCE, Painter, PaintSettings
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.mosaic import Placement
+
+APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
+
+
+def placement(number: int, x: float, island: int = 0) -> Placement:
+    pose = Pose(x, 0.0)
+    return Placement(
+        name=str(number),
+        island=island,
+        pose=pose,
+        camera=SMALL,
+        relief=None,
+        inliers=99,
+        residual_px=0.5,
+        neighbours=(),
+        hops=1,
+        corner_deviation_px=0.1,
+    )
+
+
+@pytest.fixture
+def recorded():
+    return []
+
+
+@pytest.fixture
+def painter(recorded):
+    painter = Painter(lambda name: picture(int(name)), recorded.append, PaintSettings())
+    yield painter
+    painter.close()
+
+
+def paint(painter, placements):
+    for order, one in enumerate(placements):
+        painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
+
+
+def repainted(painter) -> list[set]:
+    """The sets of tiles that change, in turn."""
+    changes = []
+    while (changed := painter.repaint_some()) is not None:
+        changes += [changed] if changed else []
+    return changes
+
+
+def test_the_most_displaced_frame_is_repainted_first(painter):
+    there = [placement(k, k * APART) for k in range(4)]
+    paint(painter, there)
+    by = [3.0, 40.0, 0.5, 12.0]
+    painter.follow(replace(p, pose=replace(p.pose, x=p.pose.x + off)) for p, off in zip(there, by, strict=True))
+    finest = [max(change, key=lambda key: key[1].z)[1] for change in repainted(painter)]
+    assert [round((tile.x * 256 - 2**23) / APART) for tile in finest] == [1, 3, 0]
+    assert not painter.has_repaints
+
+
+def test_a_frame_of_another_island_comes_before_all_others(painter):
+    there = [placement(0, 0.0), placement(1, APART)]
+    paint(painter, there)
+    painter.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
+    islands = [{island for island, _ in change} for change in repainted(painter)]
+    assert islands == [{0}, {1}, {0}]  # where it lay, where it lies, and then the other
+
+
+def test_frames_that_moved_back_are_left_alone(painter, recorded):
+    there = [placement(0, 0.0)]
+    paint(painter, there)
+    painter.follow([placement(0, 30.0)])
+    painter.follow(there)
+    assert painter.has_repaints
+    assert repainted(painter) == []
+    assert len(recorded) == 1
+
+
+def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
+    looked = []
+    measure = painter_module._displacement
+    monkeypatch.setattr(painter_module, "_displacement", lambda *args: looked.append(1) or measure(*args))
+    there = [placement(k, 400.0 * k) for k in range(FRAMES_AT_ONCE + 20)]
+    paint(painter, there)
+    painter.follow(there)
+    assert looked == []
+    painter.repaint_some()
+    assert len(looked) == FRAMES_AT_ONCE
+    repainted(painter)
+    assert len(looked) == len(there)
