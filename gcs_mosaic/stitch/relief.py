@@ -26,7 +26,7 @@ STEEPEST = 0.25  # change of the shift per cell at most: no place is seen twice,
 class ReliefSettings:
     """How heights of the ground are reckoned with."""
 
-    sigma: float = 0.02  # heights about the plane that are expected, in flying heights
+    sigma: float = 0.04  # heights about the plane that are expected, in flying heights
     cells: int = 16  # of a frame's grid along its longer side; 0 leaves every frame a camera over a plane
     stiffness: float = 0.3  # how much the grid resists stretching, against one track; 0.1 to 1 give the same shape
     tie: float = 0.01  # how much it is held at zero; what keeps borders without tracks from drifting
