@@ -148,10 +148,11 @@ class Pipeline:
         return under_way
 
     def finish(self) -> Iterator[None]:
-        """The flight is over: adjust everything, reject what still waits, paint all at its final pose, step by step.
+        """The flight is over: try once more what waits, adjust everything, reject the rest, paint all, step by step.
 
         `save` may be called after each step.
         """
+        self.mosaic.retry_waiting()
         self.mosaic.adjust(everything=True)
         self._paint_moved(None)
         for rejection in self.mosaic.finish():

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.assembly import Assembly
 from gcs_mosaic.stitch.background import Worker
 from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import Array, Camera, Pose
-from gcs_mosaic.stitch.islands import Bridge, Bridges, Island, IslandSettings
+from gcs_mosaic.stitch.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
-from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
+from gcs_mosaic.stitch.registration import RegistrationSettings
 from gcs_mosaic.stitch.relief import ReliefDisplacement
-from gcs_mosaic.stitch.relieving import note_relief
 from gcs_mosaic.stitch.search import Search, SearchSettings
 from gcs_mosaic.stitch.upkeep import Upkeep, UpkeepSettings
 
@@ -94,16 +94,19 @@ class Mosaic:
         self, settings: StitchSettings | None = None, worker: Worker | None = None, *, punctual: bool = False
     ) -> None:
         self.settings = settings or StitchSettings()
-        self.islands: list[Island] = []
         adjustment = self.settings.adjustment
         self._network = Network(adjustment.focal_prior, adjustment.matches_per_pair)
         self._search = Search(self._network, self.settings.search, self.settings.registration)
-        self._placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
-        self._bridges = Bridges(self._network, self._search, self.settings.islands)
-        self._waiting: list[int] = []
-        self._numbers: dict[str, int] = {}
-        self._last_placed = 0
         self._upkeep = Upkeep(self._network, self.settings.upkeep, adjustment, worker, punctual=punctual)
+        placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
+        bridges = Bridges(self._network, self._search, self.settings.islands)
+        self._assembly = Assembly(self._network, self._search, placing, bridges, self._upkeep)
+        self._numbers: dict[str, int] = {}
+
+    @property
+    def islands(self) -> list[Island]:
+        """All islands there have ever been, by number."""
+        return self._assembly.islands
 
     def add(self, image: NDArray[np.uint8], name: str) -> Placement | Waiting | Rejection:
         """Find the features of an image (h, w[, 3]) uint8 and place it."""
@@ -115,13 +118,11 @@ class Mosaic:
             return Rejection(name, f"too little to see: {len(features)} features")
         frame = self._numbers[name] = self._network.append(name, features)
         self._search.take_in(features)
-        if not self.islands:
-            self._found_island(frame)
-        elif not (self._place_among_placed(frame) or self._found_with_waiting(frame)):
-            self._waiting.append(frame)
-            return Waiting(name)
-        self._use_what_is_new(frame)
-        return self._placement(frame)
+        return self._placement(frame) if self._assembly.take_in(frame) else Waiting(name)
+
+    def retry_waiting(self) -> None:
+        """Try all that wait with whatever has become known since: for the end of a flight."""
+        self._assembly.retry_waiting()
 
     def adjust(self, *, everything: bool = False) -> None:
         """After each frame: adjust the islands that have grown enough since the last time.
@@ -158,7 +159,7 @@ class Mosaic:
         frame = self._numbers.get(name)
         if frame is not None:
             self._network.take_back(frame)
-            self._waiting = [other for other in self._waiting if other != frame]
+            self._assembly.waiting.remove(frame)
 
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
@@ -170,94 +171,11 @@ class Mosaic:
 
     def waiting(self) -> list[Waiting]:
         """Frames that match nothing so far."""
-        return [Waiting(self._network.frames[frame].name) for frame in self._waiting]
+        return [Waiting(self._network.frames[frame].name) for frame in self._assembly.waiting]
 
     def finish(self) -> list[Rejection]:
         """Nothing more will come: what still waits is rejected."""
         return [Rejection(w.name, "matches no other frame") for w in self.waiting()]
-
-    def _found_island(self, frame: int) -> int:
-        """The frame lies level and at its own resolution on a canvas of its own."""
-        self.islands.append(Island(len(self.islands)))
-        self._settle(frame, Pose(*self._network.camera_of(frame).centre), self.islands[-1].number)
-        return self.islands[-1].number
-
-    def _settle(self, frame: int, pose: Pose, island: int) -> None:
-        self._network.put(frame, pose, island)
-        self._last_placed = frame
-        self._upkeep.grow(island)
-
-    def _place_among_placed(self, frame: int) -> bool:
-        links = self._search.first_links(frame, self._last_placed)
-        return any(self._place_beside(frame, other, registration) for other, registration in links)
-
-    def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
-        """Place a frame from its first link; False (and nothing kept) if the result is not to be believed."""
-        pose = self._placing.pose_beside(frame, other, registration)
-        if pose is not None:
-            self._settle(frame, pose, self._network.island_of(other))
-            note_relief(self._network, frame, self.settings.adjustment.relief)
-        return pose is not None
-
-    def _found_with_waiting(self, frame: int) -> bool:
-        """Two frames that match nothing but each other found an island."""
-        for other in self._search.likeliest(frame, self._waiting):
-            registration = self._search.register(frame, other)
-            if registration is None:
-                continue
-            last, island = self._last_placed, self._found_island(other)
-            if self._place_beside(frame, other, registration):
-                self._waiting.remove(other)
-                self._use_what_is_new(other)
-                return True
-            self.islands.pop()
-            self._upkeep.forget(island)
-            self._network.take_back(other)
-            self._last_placed = last
-        return False
-
-    def _use_what_is_new(self, frame: int) -> None:
-        """A newly placed frame may give waiting ones their place, or connect its island with another."""
-        for other in self._search.likeliest(frame, self._waiting, WAITING_TRIES):
-            if other not in self._waiting:  # the one before has given it its place
-                continue
-            registration = self._search.register(other, frame)
-            if registration is not None and self._place_beside(other, frame, registration):
-                self._waiting.remove(other)
-                self._use_what_is_new(other)
-        self._connect_islands(frame)
-
-    def _connect_islands(self, frame: int) -> None:
-        """Look for this frame's ground on other islands; join two when the evidence suffices."""
-        here = self._network.island_of(frame)
-        if self._network.count_members(here) > 1:
-            self._bring_home_lone_founders(frame, here)
-        for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
-            registration = self._search.register(frame, other)
-            proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
-            if proof:
-                stays, goes = self._bridges.join(proof)
-                self.islands[goes].merged_into = stays
-                self._upkeep.grow(stays, self._upkeep.forget(goes) + self._network.count_members(stays))
-                return
-
-    def _bring_home_lone_founders(self, frame: int, here: int) -> None:
-        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame."""
-        counts = self._network.frame_counts()
-        founders = [
-            f for island, n in counts.items() if n == 1 and island != here for f in self._network.members(island)
-        ]
-        for founder in self._search.likeliest(frame, founders, WAITING_TRIES):
-            registration = self._search.register(founder, frame)
-            if registration is None:
-                continue
-            pose, lone = self._network.pose_of(founder), self._network.island_of(founder)
-            self._network.take_back(founder)
-            if self._place_beside(founder, frame, registration):
-                self.islands[lone].merged_into = here
-                self._upkeep.forget(lone)
-            else:
-                self._network.put(founder, pose, lone)
 
     def _placement(self, frame: int) -> Placement:
         state, network = self._network.frames[frame], self._network
@@ -273,7 +191,3 @@ class Mosaic:
             hops=state.hops,
             corner_deviation_px=state.corner_deviation_px,
         )
-
-
-WAITING_TRIES = 2
-BRIDGE_TRIES = 3

@@ -13,6 +13,7 @@ from gcs_mosaic.stitch.certainty import note_resected
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.registration import Registration
+from gcs_mosaic.stitch.relieving import note_relief
 from gcs_mosaic.stitch.search import Search
 from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, resect
 from gcs_mosaic.stitch.witnesses import MAJORITY, confirmed_share
@@ -65,6 +66,10 @@ class Placing:
         if pose is None:
             self._network.take_back(frame)
         return pose
+
+    def note_relief(self, frame: int) -> None:
+        """Measure the relief displacement of a frame that has just been put at its pose."""
+        note_relief(self._network, frame, self._adjustment.relief)
 
     def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
         """First poses from one link: level, as most frames are, and tilted as the homography says."""

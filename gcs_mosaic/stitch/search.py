@@ -58,7 +58,7 @@ class Search:
         others = np.asarray(among, dtype=np.intp)
         others = others[others != frame]
         features = self._network.frames[frame].features
-        return self._retrieval.likeliest(features, others, count or self._settings.wide_tries)
+        return self._retrieval.likeliest(features, others, self._settings.wide_tries if count is None else count)
 
     def register(self, frame: int, other: int) -> Registration | None:
         """Register two frames that may lie anywhere."""
