@@ -26,8 +26,19 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 ROUNDS = 4  # of reweighting
-FEATURES_PER_FRAME = 1 << 20  # more than any frame has: frame and feature make one number
 FEWEST = 10  # points of a frame below which its grid would be guesswork
+
+
+@dataclass(frozen=True, slots=True)
+class Matched:
+    """All matches of p linked pairs among n frames, k in all, as they are kept; gathered quickly. See `sightings`."""
+
+    pairs: Indices  # (p, 2) rows of the frames, 0 to n - 1
+    counts: Indices  # (p,) matches of each pair
+    features: NDArray[np.uint32]  # (k, 2) which feature of either frame
+    points: NDArray[np.float32]  # (f, 2) pixels of the features of all frames, frame by frame
+    lengths: Indices  # (n,) how many features each frame has
+    scales: Array  # (n,) full-resolution pixels per pixel of the frame's feature picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,35 +48,45 @@ class Sightings:
     row: Indices  # (m,) the frame, 0 to n - 1
     pixels: Array  # (m, 2)
     point: Indices  # (m,)
-    scales: Array  # (n,) full-resolution pixels per pixel of the frame's feature picture
+    scales: Array  # (n,) as in `Matched`
 
 
-def sightings(network: Network, frames: Sequence[int], of: Sequence[int] | None = None) -> Sightings | None:
-    """All that the links between these frames show, or only the links `of` some of them; None where there are none."""
-    inside = set(frames)
-    ends = {(f, o) for f in (of or frames) for o in network.frames[f].inliers if o in inside}
+def matched(network: Network, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
+    """The matches of all links between these frames, or only the links `of` some of them; None where there are none."""
+    row = {frame: number for number, frame in enumerate(frames)}
+    ends = {(f, o) for f in (of or frames) for o in network.frames[f].inliers if o in row}
     keys = sorted({(a, b) if (a, b) in network.links else (b, a) for a, b in ends})
     if not keys:
         return None
-    features = [network.links[key].features.astype(np.intp) for key in keys]
-    first = np.repeat(np.array(keys), [len(matched) for matched in features], axis=0)
-    names, nodes = np.unique(first * FEATURES_PER_FRAME + np.concatenate(features), return_inverse=True)
-    frame, feature = np.divmod(names, FEATURES_PER_FRAME)
-    found = tracks(nodes.reshape(-1, 2), frame)
-    frame, feature = frame[found.nodes], feature[found.nodes]
-    row, pixels = np.empty(len(frame), np.intp), np.empty((len(frame), 2))
-    for number, one in enumerate(frames):
-        own = frame == one
-        row[own], pixels[own] = number, network.frames[one].features.points[feature[own]]
-    return Sightings(row, pixels, found.track, np.array([network.frames[f].features.scale for f in frames]))
+    matches = [network.links[key].features for key in keys]
+    features = [network.frames[frame].features for frame in frames]
+    return Matched(
+        pairs=np.array([(row[a], row[b]) for a, b in keys], dtype=np.intp),
+        counts=np.array([len(some) for some in matches], dtype=np.intp),
+        features=np.concatenate(matches),
+        points=np.concatenate([one.points for one in features]),
+        lengths=np.array([len(one) for one in features], dtype=np.intp),
+        scales=np.array([one.scale for one in features]),
+    )
+
+
+def sightings(matches: Matched) -> Sightings:
+    """What the matches show: the same feature, matched in several pairs, is one point of the ground."""
+    first = np.concatenate([[0], np.cumsum(matches.lengths)[:-1]])
+    ends = first[matches.pairs].repeat(matches.counts, axis=0) + matches.features
+    seen, nodes = np.unique(ends, return_inverse=True)
+    row = np.searchsorted(first, seen, side="right") - 1
+    found = tracks(nodes.reshape(-1, 2), row)
+    kept = seen[found.nodes]
+    return Sightings(row[found.nodes], matches.points[kept].astype(np.float64), found.track, matches.scales)
 
 
 def note_relief(network: Network, frame: int, settings: ReliefSettings) -> None:
     """Work out the relief displacement of one placed frame from all that it is linked with, as they lie."""
     frames = [frame, *network.frames[frame].inliers]
-    seen = sightings(network, frames, of=[frame])
+    matches = matched(network, frames, of=[frame])
     views = [(network.pose_of(f), network.camera_of(f)) for f in frames]
-    network.frames[frame].relief = displacements(seen, views, settings, of=[0])[0] if seen else None
+    network.frames[frame].relief = displacements(sightings(matches), views, settings, of=[0])[0] if matches else None
 
 
 def displacements(

@@ -19,7 +19,7 @@ from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.problem import Problem
 from gcs_mosaic.stitch.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.relief import ReliefDisplacement
-from gcs_mosaic.stitch.relieving import Sightings, displacements, note_relief, sightings
+from gcs_mosaic.stitch.relieving import Matched, displacements, matched, note_relief, sightings
 
 Array = NDArray[np.float64]
 Key = tuple[int, int]
@@ -64,7 +64,7 @@ class IslandTask:
     members: tuple[int, ...]  # frames, in the order of the problem
     root: int  # row of the frame that founded the island
     problem: Problem
-    seen: Sightings | None  # rows as in the problem
+    matches: Matched | None  # rows as in the problem
     cameras: tuple[Camera, ...]
     settings: AdjustmentSettings
 
@@ -90,8 +90,8 @@ def island_task(network: Network, island: int, settings: AdjustmentSettings) -> 
     poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
     problem = _problem(network, members, poses, keys, free, settings)
     root = members.index(network.roots[island])
-    seen = sightings(network, members)
-    return IslandTask(island, tuple(members), root, problem, seen, tuple(network.cameras), settings)
+    matches = matched(network, members)
+    return IslandTask(island, tuple(members), root, problem, matches, tuple(network.cameras), settings)
 
 
 def adjusted(task: IslandTask) -> AdjustedIsland:
@@ -103,12 +103,12 @@ def adjusted(task: IslandTask) -> AdjustedIsland:
 
 
 def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | None]:
-    if task.seen is None:
+    if task.matches is None:
         return [None] * len(task.members)
     cameras = [with_lens(camera, lens) for camera, lens in zip(task.cameras, solution.lenses, strict=True)]
     poses = (Pose(*pose) for pose in solution.poses.tolist())
     views = [(pose, cameras[camera]) for pose, camera in zip(poses, task.problem.camera, strict=True)]
-    return displacements(task.seen, views, task.settings.relief)
+    return displacements(sightings(task.matches), views, task.settings.relief)
 
 
 def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:

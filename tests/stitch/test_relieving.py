@@ -8,7 +8,7 @@ from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixels_
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.registration import Registration
 from gcs_mosaic.stitch.relief import ReliefSettings, on_plane
-from gcs_mosaic.stitch.relieving import displacements, fitted_sheet, grid_size, note_relief, sightings
+from gcs_mosaic.stitch.relieving import displacements, fitted_sheet, grid_size, matched, note_relief, sightings
 
 CAMERA = Camera(1000, 750, focal=1.3, k1=-0.05)
 POSES = [Pose(x, y, 0.0, yaw) for x, y, yaw in ((0, 0, 0.1), (350, 20, 0), (-20, 300, 3), (330, 280, -0.2))]
@@ -65,7 +65,7 @@ def ortho_errors(network):
 def note_all(network):
     views = [(pose, CAMERA) for pose in POSES]
     for frame, relief in zip(
-        network.frames, displacements(sightings(network, range(4)), views, ReliefSettings()), strict=True
+        network.frames, displacements(sightings(matched(network, range(4))), views, ReliefSettings()), strict=True
     ):
         frame.relief = relief
 
