@@ -47,10 +47,12 @@ class WorkerProcess:
     def __init__(self) -> None:
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._sender: threading.Thread | None = None
 
     def begin(self, task: IslandTask) -> None:
         # From a thread: a process that has just been started takes a second before it reads, and a large task fills the pipe.
-        threading.Thread(target=_send, args=(self._started(), task), name="adjust", daemon=True).start()
+        self._sender = threading.Thread(target=_send, args=(self._started(), task), name="adjust", daemon=True)
+        self._sender.start()
 
     def is_ready(self) -> bool:
         return self._pipe is None or self._pipe.poll()
@@ -69,10 +71,12 @@ class WorkerProcess:
     def close(self) -> None:
         """End the process, whatever it is doing."""
         if self._process is not None and self._pipe is not None:
-            self._pipe.close()
             self._process.kill()
             self._process.join()
-        self._process = self._pipe = None
+            if self._sender is not None:
+                self._sender.join()  # nobody reads any more, so it has failed; before that the pipe is in use
+            self._pipe.close()
+        self._process = self._pipe = self._sender = None
 
     def _started(self) -> Connection:
         if self._pipe is None:
