@@ -8,6 +8,7 @@ The front door for programs and notebooks; nothing else has to run:
     answer = mosaic.add(image, "IMG_0001.JPG")  # Placement, Waiting or Rejection
 """
 
-from gcs_mosaic.stitch.mosaic import Mosaic, Placement, Rejection, StitchSettings, Waiting
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 
 __all__ = ["Mosaic", "Placement", "Rejection", "StitchSettings", "Waiting"]

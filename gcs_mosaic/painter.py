@@ -31,8 +31,8 @@ from gcs_mosaic.stitch.geometry import (
     reduced_view,
 )
 from gcs_mosaic.stitch.lattice import own_level
-from gcs_mosaic.stitch.mosaic import Placement
 from gcs_mosaic.stitch.painted import Painted, TileKey
+from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief import ReliefDisplacement, on_plane
 
 Image = NDArray[np.uint8]

@@ -21,8 +21,8 @@ from gcs_mosaic.flight.records import Accounts, Estimate, FlightRecord, FrameSta
 from gcs_mosaic.flight.tiles import TileWriter
 from gcs_mosaic.stitch.canvas import Canvas
 from gcs_mosaic.stitch.islands import Island
-from gcs_mosaic.stitch.mosaic import Placement
 from gcs_mosaic.stitch.painted import Extent, Painted, TileKey
+from gcs_mosaic.stitch.placement import Placement
 
 
 @dataclass(slots=True)
@@ -118,7 +118,7 @@ class Recorder:
                 self.ledger.record_size(name, width, height)
             for name, (state, reason) in changes.states.items():
                 self.ledger.settle_frame(name, state, reason)
-            self.ledger.record_estimates(_estimate(placement) for placement in changes.placements.values())
+            self.ledger.record_estimates(estimate_of_placement(placement) for placement in changes.placements.values())
             for painted in changes.painted.values():
                 self.ledger.record_painted(painted)
         self._islands_known = len(islands)
@@ -151,7 +151,7 @@ class Recorder:
                 )
 
 
-def _estimate(placement: Placement) -> Estimate:
+def estimate_of_placement(placement: Placement) -> Estimate:
     return Estimate(
         name=placement.name,
         island=placement.island,

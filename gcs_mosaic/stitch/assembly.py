@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
 from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.observer import Observer
+from gcs_mosaic.stitch.placement import placement_of
 from gcs_mosaic.stitch.placing import Placing
 from gcs_mosaic.stitch.registration import Registration
 from gcs_mosaic.stitch.search import Search
@@ -20,7 +22,15 @@ BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched w
 class Assembly:
     """Puts frames on islands, and islands together. `islands`: all there have ever been, by number."""
 
-    def __init__(self, network: Network, search: Search, placing: Placing, bridges: Bridges, upkeep: Upkeep) -> None:
+    def __init__(
+        self,
+        network: Network,
+        search: Search,
+        placing: Placing,
+        bridges: Bridges,
+        upkeep: Upkeep,
+        observer: Observer | None = None,
+    ) -> None:
         self.islands: list[Island] = []
         self.waiting = WaitingFrames()
         self._network = network
@@ -28,6 +38,7 @@ class Assembly:
         self._placing = placing
         self._bridges = bridges
         self._upkeep = upkeep
+        self._observer = observer
         self._last_placed = 0
 
     def take_in(self, frame: int) -> bool:
@@ -56,6 +67,8 @@ class Assembly:
         self._network.put(frame, pose, island)
         self._last_placed = frame
         self._upkeep.grow(island)
+        if self._observer:
+            self._observer.placed(placement_of(self._network, frame))
 
     def _place_among_placed(self, frame: int) -> bool:
         links = self._search.first_links(frame, self._last_placed)
@@ -63,11 +76,14 @@ class Assembly:
 
     def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
         """Place a frame from its first link; False (and nothing kept) if the result is not to be believed."""
-        pose = self._placing.pose_beside(frame, other, registration)
-        if pose is not None:
-            self._settle(frame, pose, self._network.island_of(other))
+        found = self._placing.pose_beside(frame, other, registration)
+        if isinstance(found, Pose):
+            self._settle(frame, found, self._network.island_of(other))
             self._placing.note_relief(frame)
-        return pose is not None
+        elif self._observer:
+            name, beside = (self._network.frames[f].name for f in (frame, other))
+            self._observer.disbelieved(name, beside, found.reason)
+        return isinstance(found, Pose)
 
     def _found_with_waiting(self, frame: int) -> bool:
         """Two frames that match nothing but each other found an island."""

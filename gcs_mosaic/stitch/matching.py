@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-RATIO = 0.85  # of the distances to the best and second-best match; RANSAC follows, so a loose test loses nothing
 
+def match(descriptors_a: NDArray[np.uint8], descriptors_b: NDArray[np.uint8], ratio: float) -> NDArray[np.intp]:
+    """Index pairs (m, 2) of descriptors (n, d) and (k, d) that are each other's nearest, by Euclidean distance.
 
-def match(descriptors_a: NDArray[np.uint8], descriptors_b: NDArray[np.uint8], ratio: float = RATIO) -> NDArray[np.intp]:
-    """Index pairs (m, 2) of descriptors (n, d) and (k, d) that are each other's nearest, by Euclidean distance."""
+    ratio: of the distances to the best and second-best match, below which a match is kept.
+    """
     if len(descriptors_a) < 2 or len(descriptors_b) < 2:
         return np.empty((0, 2), np.intp)
     a, b = descriptors_a.astype(np.float32), descriptors_b.astype(np.float32)

@@ -17,17 +17,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.assembly import Assembly
 from gcs_mosaic.stitch.background import Worker
 from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.geometry import Array, Camera, Pose
+from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.observer import Observer, island_residuals
+from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting, placement_of
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration import RegistrationSettings
-from gcs_mosaic.stitch.relief import ReliefDisplacement
 from gcs_mosaic.stitch.search import Search, SearchSettings
 from gcs_mosaic.stitch.upkeep import Upkeep, UpkeepSettings
 
@@ -45,62 +45,32 @@ class StitchSettings:
     upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
 
 
-@dataclass(frozen=True, slots=True)
-class Placement:
-    """Where a frame lies on its island's canvas, and how well that is supported."""
-
-    name: str
-    island: int
-    pose: Pose
-    camera: Camera
-    relief: ReliefDisplacement | None  # what heights shift in this frame; None while nothing is known of them
-    inliers: int  # independent ones, over all neighbours
-    residual_px: float  # median over its matches, full-resolution pixels; NaN for a founder
-    neighbours: tuple[str, ...]  # the frames it is linked with
-    hops: int  # links between it and the root of its island, the frame that founded it
-    # Standard deviation of its least certain corner relative to the root, full-resolution pixels; infinite where the
-    # matches leave it open. It tells what noise of the matches does, not what hills do.
-    corner_deviation_px: float
-
-    @property
-    def canvas_from_frame(self) -> Array:
-        """The homography (3x3) from full-resolution pixels to the canvas that fits pose and lens best."""
-        return geometry.canvas_from_frame(self.pose, self.camera)
-
-
-@dataclass(frozen=True, slots=True)
-class Waiting:
-    """A frame that matches nothing yet; it is tried again when new ground is known."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class Rejection:
-    """A frame that will not be placed, and why."""
-
-    name: str
-    reason: str
-
-
 class Mosaic:
     """Places frames on one canvas per island, from their pixels alone.
 
     Large islands are adjusted by `worker` while frames go on being placed, without one in `adjust`. `punctual`: the same
-    frames always give the same map, however fast the worker is.
+    frames always give the same map, however fast the worker is. `observer` is told what decides where frames lie.
     """
 
     def __init__(
-        self, settings: StitchSettings | None = None, worker: Worker | None = None, *, punctual: bool = False
+        self,
+        settings: StitchSettings | None = None,
+        worker: Worker | None = None,
+        *,
+        punctual: bool = False,
+        observer: Observer | None = None,
     ) -> None:
         self.settings = settings or StitchSettings()
         adjustment = self.settings.adjustment
         self._network = Network(adjustment.focal_prior, adjustment.matches_per_pair)
-        self._search = Search(self._network, self.settings.search, self.settings.registration)
-        self._upkeep = Upkeep(self._network, self.settings.upkeep, adjustment, worker, punctual=punctual)
+        self._search = Search(self._network, self.settings.search, self.settings.registration, observer)
+        self._upkeep = Upkeep(
+            self._network, self.settings.upkeep, adjustment, worker, punctual=punctual, adjusted=self._tell_adjusted
+        )
+        self._observer = observer
         placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
         bridges = Bridges(self._network, self._search, self.settings.islands)
-        self._assembly = Assembly(self._network, self._search, placing, bridges, self._upkeep)
+        self._assembly = Assembly(self._network, self._search, placing, bridges, self._upkeep, observer)
         self._numbers: dict[str, int] = {}
 
     @property
@@ -118,7 +88,7 @@ class Mosaic:
             return Rejection(name, f"too little to see: {len(features)} features")
         frame = self._numbers[name] = self._network.append(name, features)
         self._search.take_in(features)
-        return self._placement(frame) if self._assembly.take_in(frame) else Waiting(name)
+        return placement_of(self._network, frame) if self._assembly.take_in(frame) else Waiting(name)
 
     def retry_waiting(self) -> None:
         """Try all that wait with whatever has become known since: for the end of a flight."""
@@ -148,7 +118,7 @@ class Mosaic:
         """
         moved = sorted(self._network.moved)
         self._network.moved.clear()
-        return [self._placement(frame) for frame in moved]
+        return [placement_of(self._network, frame) for frame in moved]
 
     def hold(self, name: str, pose: Pose, camera: Camera) -> None:
         """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
@@ -163,7 +133,7 @@ class Mosaic:
 
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
-        return [self._placement(frame) for frame in self._network.placed().tolist()]
+        return [placement_of(self._network, frame) for frame in self._network.placed().tolist()]
 
     def frame_counts(self) -> dict[int, int]:
         """Placed frames by island."""
@@ -177,17 +147,6 @@ class Mosaic:
         """Nothing more will come: what still waits is rejected."""
         return [Rejection(w.name, "matches no other frame") for w in self.waiting()]
 
-    def _placement(self, frame: int) -> Placement:
-        state, network = self._network.frames[frame], self._network
-        return Placement(
-            name=state.name,
-            island=network.island_of(frame),
-            pose=network.pose_of(frame),
-            camera=network.camera_of(frame),
-            relief=state.relief,
-            inliers=sum(state.inliers.values()),
-            residual_px=state.residual_px,
-            neighbours=tuple(network.frames[other].name for other in sorted(state.inliers)),
-            hops=state.hops,
-            corner_deviation_px=state.corner_deviation_px,
-        )
+    def _tell_adjusted(self, island: int) -> None:
+        if self._observer and (residuals := island_residuals(self._network, island)):
+            self._observer.adjusted(island, residuals)

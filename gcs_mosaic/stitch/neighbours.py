@@ -19,10 +19,10 @@ REGION_FACTOR = 3.0  # the paper's region of interest: the box of the last frame
 SECTORS = 6  # directions over which neighbours are spread
 
 
-def region_of_interest(box: Array, factor: float = REGION_FACTOR) -> Array:
+def region_of_interest(box: Array) -> Array:
     """The box enlarged about its centre."""
     centre, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
-    return np.concatenate([centre - factor * half, centre + factor * half])
+    return np.concatenate([centre - REGION_FACTOR * half, centre + REGION_FACTOR * half])
 
 
 def boxes_meet(box: Array, boxes: Array) -> NDArray[np.bool_]:

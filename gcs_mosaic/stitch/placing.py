@@ -35,6 +35,13 @@ class PlausibilitySettings:
     largest_zoom: float = 5.0  # change of height against a linked frame that is still believed
 
 
+@dataclass(frozen=True, slots=True)
+class Disbelief:
+    """A pose that is not to be believed, and why."""
+
+    reason: str
+
+
 class Placing:
     """Finds poses for the frames of a network."""
 
@@ -46,26 +53,30 @@ class Placing:
         self._plausibility = plausibility
         self._adjustment = adjustment
 
-    def pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | None:
+    def pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
         """The pose of a frame that was registered with a placed one, and its links with all that it overlaps.
 
-        None, and no links, if the result is not to be believed.
+        Links are kept only if the result is to be believed.
         """
         island = self._network.island_of(other)
         self._network.link(frame, other, registration)
-        pose = self._believable_pose(frame, self._rough_poses(frame, other, registration))
-        if pose:
-            links = {other: registration, **dict(self._search.neighbour_links(frame, pose, island))}
-            found = {neighbour: link for neighbour, link in links.items() if link is not None}
-            for neighbour, link in found.items():
+        found = self._believable_pose(frame, self._rough_poses(frame, other, registration))
+        if isinstance(found, Pose):
+            links = {other: registration, **dict(self._search.neighbour_links(frame, found, island))}
+            matched = {neighbour: link for neighbour, link in links.items() if link is not None}
+            for neighbour, link in matched.items():
                 self._network.link(frame, neighbour, link)
-            pose = self._believable_pose(frame, [pose])
-            matched = [link.pixels_a for link in found.values()]
-            if pose and confirmed_share(self._network, frame, pose, list(links), matched) <= MAJORITY:
-                pose = None
-        if pose is None:
+            found = self._believable_pose(frame, [found])
+            if isinstance(found, Pose):
+                found = self._borne_out(frame, found, list(links), list(matched.values()))
+        if isinstance(found, Disbelief):
             self._network.take_back(frame)
-        return pose
+        return found
+
+    def _borne_out(self, frame: int, pose: Pose, others: list[int], matched: list[Registration]) -> Pose | Disbelief:
+        """The pose, if what the other frames see around it was found in the frame."""
+        share = confirmed_share(self._network, frame, pose, others, [link.pixels_a for link in matched])
+        return pose if share > MAJORITY else Disbelief(f"only {share:.0%} of what it should show was found in it")
 
     def note_relief(self, frame: int) -> None:
         """Measure the relief displacement of a frame that has just been put at its pose."""
@@ -86,16 +97,17 @@ class Placing:
             *([tilted] if tilted else []),
         ]
 
-    def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | None:
+    def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | Disbelief:
         """The frame's best pose against its links from any of the rough ones, if it is to be believed."""
         found = [resect(self._network, frame, pose, self._adjustment) for pose in rough]
         best = min(found, key=lambda resected: resected.residual_px, default=None)
         if best is None:
-            return None
-        if self._is_believable(frame, best):
+            return Disbelief("what it has in common with the other lies above its horizon")
+        doubt = self._doubt(frame, best)
+        if not doubt:
             note_resected(self._network, frame, best.pose, best.corner_deviation_px)
             return best.pose
-        return self._pose_with_all_free(frame, best.pose)
+        return self._pose_with_all_free(frame, best.pose) or Disbelief(doubt)
 
     def _pose_with_all_free(self, frame: int, rough: Pose) -> Pose | None:
         """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
@@ -116,17 +128,21 @@ class Placing:
             network.put(member, pose, island)
         return None
 
-    def _is_believable(self, frame: int, resected: Resected) -> bool:
-        """Whether a pose fits its links, is determined by them, and is one that an aircraft can have."""
+    def _doubt(self, frame: int, resected: Resected) -> str:
+        """Why a pose does not fit its links, is not determined by them, or is none that an aircraft can have; or nothing."""
         settings, pose = self._plausibility, resected.pose
-        fits = resected.residual_px <= self._residual_limit(frame)
+        most_px = self._residual_limit(frame)
+        if not resected.residual_px <= most_px:
+            return f"misses its matches by {resected.residual_px:.1f} px, {most_px:.1f} allowed"
         most_deviation_px = settings.most_deviation * self._network.camera_of(frame).half_diagonal
-        sure = resected.cautious_deviation_px <= most_deviation_px
-        tilt = math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll)))
+        if not resected.cautious_deviation_px <= most_deviation_px:
+            return f"a corner is only known to {resected.cautious_deviation_px:.0f} px, {most_deviation_px:.0f} allowed"
+        tilt_deg = math.degrees(math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll))))
+        if not tilt_deg <= settings.steepest_tilt_deg:
+            return f"tilted by {tilt_deg:.0f} degrees"
         linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
-        zoom = max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0)
-        zoom_limit = math.log(settings.largest_zoom)
-        return bool(fits and sure and tilt <= math.radians(settings.steepest_tilt_deg) and zoom <= zoom_limit)
+        zoom = math.exp(max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0))
+        return "" if zoom <= settings.largest_zoom else f"change of height by {zoom:.1f}"
 
     def _residual_limit(self, frame: int) -> float:
         """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""

@@ -25,6 +25,9 @@ HYPOTHESES = 3  # homographies tried: the ground can be outdone by a thing that 
 class RegistrationSettings:
     """When two frames are believed to show the same ground."""
 
+    ratio: float = (
+        0.85  # of the distances to the best and second-best match; RANSAC follows: a loose test loses nothing
+    )
     threshold_px: float = 4.0  # how far relief and lens may carry an inlier, in pixels of the feature picture
     least_evidence: float = (
         8.0  # -log10 of chance agreements expected per pair: one in 3,000 flights of 1,000 frames (30 pairs each)
@@ -56,10 +59,12 @@ class Registration:
 
 @dataclass(frozen=True, slots=True)
 class NotRegistered:
-    """Two frames that do not overlap as far as can be seen, and why."""
+    """Two frames that do not overlap as far as can be seen, and why; the pixels that agreed all the same, (m, 2) each."""
 
     reason: str
     inliers: int
+    pixels_a: Array
+    pixels_b: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +95,7 @@ def register(
     seen_b: Mask | None = None,
 ) -> Registration | NotRegistered:
     """Find the common ground of two frames; `seen_a`, `seen_b` (n,) limit the search to some of their features."""
-    pair = _matched(a, b, seen_a, seen_b)
+    pair = _matched(a, b, seen_a, seen_b, settings.ratio)
     left = np.ones(len(pair.matches), bool)
     first_doubt: NotRegistered | None = None
     for _ in range(HYPOTHESES):
@@ -102,16 +107,18 @@ def register(
         doubt = _doubt(pair, homography, inlier, evidence, settings)
         if not doubt:
             return _in_full_resolution(pair, homography, inlier, independent, evidence, a.scale, b.scale)
-        first_doubt = first_doubt or NotRegistered(doubt, independent)
+        first_doubt = first_doubt or NotRegistered(
+            doubt, independent, pair.a[inlier] * a.scale, pair.b[inlier] * b.scale
+        )
         if evidence < settings.least_evidence:
             break  # what agrees best is chance: what is left will not do better
         left &= ~inlier
-    return first_doubt or NotRegistered("no common homography", 0)
+    return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
 
 
-def _matched(a: Features, b: Features, seen_a: Mask | None, seen_b: Mask | None) -> _Pair:
+def _matched(a: Features, b: Features, seen_a: Mask | None, seen_b: Mask | None, ratio: float) -> _Pair:
     chosen_a, chosen_b = _chosen(a, seen_a), _chosen(b, seen_b)
-    matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b])
+    matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b], ratio)
     return _Pair(
         all_a=a.points[chosen_a].astype(np.float64) / a.scale,
         all_b=b.points[chosen_b].astype(np.float64) / b.scale,

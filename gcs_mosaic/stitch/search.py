@@ -12,7 +12,8 @@ from gcs_mosaic.stitch import neighbours
 from gcs_mosaic.stitch.features import Features
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.network import Network, box_of, centres
-from gcs_mosaic.stitch.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.observer import Observer
+from gcs_mosaic.stitch.registration import NotRegistered, Registration, RegistrationSettings, register
 from gcs_mosaic.stitch.retrieval import RetrievalIndex
 
 
@@ -29,10 +30,17 @@ class SearchSettings:
 class Search:
     """Looks for links between the frames of a network."""
 
-    def __init__(self, network: Network, settings: SearchSettings, registration: RegistrationSettings) -> None:
+    def __init__(
+        self,
+        network: Network,
+        settings: SearchSettings,
+        registration: RegistrationSettings,
+        observer: Observer | None = None,
+    ) -> None:
         self._network = network
         self._settings = settings
         self._registration = registration
+        self._observer = observer
         self._retrieval = RetrievalIndex()
 
     def take_in(self, features: Features) -> None:
@@ -63,8 +71,7 @@ class Search:
     def register(self, frame: int, other: int) -> Registration | None:
         """Register two frames that may lie anywhere."""
         a, b = self._network.frames[frame].features, self._network.frames[other].features
-        found = register(a, b, self._registration)
-        return found if isinstance(found, Registration) else None
+        return self._told(frame, other, register(a, b, self._registration))
 
     def neighbour_links(self, frame: int, pose: Pose, island: int) -> Iterator[tuple[int, Registration | None]]:
         """Links of a frame at a rough pose with those it should overlap, spread over all directions; None where none is."""
@@ -108,7 +115,11 @@ class Search:
         view_a, view_b = (pose, network.camera_of(frame)), (network.pose_of(other), network.camera_of(other))
         seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
-        found = register(a, b, self._registration, seen_a, seen_b)
+        return self._told(frame, other, register(a, b, self._registration, seen_a, seen_b))
+
+    def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
+        if self._observer:
+            self._observer.registered(self._network.frames[frame].name, self._network.frames[other].name, found)
         return found if isinstance(found, Registration) else None
 
 

@@ -6,6 +6,7 @@ its frames. What comes back from the background is a few frames old: those are c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
@@ -29,7 +30,8 @@ class UpkeepSettings:
 
 class Upkeep:
     """Keeps the islands of a network adjusted. `punctual`: results are taken in after a fixed number of frames, waited for
-    if need be, so that the same frames always give the same map; otherwise as soon as they are there."""
+    if need be, so that the same frames always give the same map; otherwise as soon as they are there. `adjusted(island)` is
+    called when the frames of an island have been laid anew."""
 
     def __init__(
         self,
@@ -39,12 +41,14 @@ class Upkeep:
         worker: Worker | None = None,
         *,
         punctual: bool = False,
+        adjusted: Callable[[int], None] = lambda island: None,
     ) -> None:
         self._network = network
         self._settings = settings
         self._adjustment = adjustment
         self._worker = worker
         self._punctual = punctual
+        self._adjusted = adjusted
         self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
         self._task: IslandTask | None = None  # what the worker is at
         self._frames_since = 0  # since it was given that
@@ -89,6 +93,7 @@ class Upkeep:
     def _adjust_at_once(self, island: int) -> None:
         del self._grown[island]
         adjust_island(self._network, island, self._adjustment)
+        self._adjusted(island)
 
     def _begin(self, worker: Worker, island: int) -> None:
         task = island_task(self._network, island, self._adjustment)
@@ -115,5 +120,5 @@ class Upkeep:
             self.problem = f"{found.reason}; from now on frames wait while it is adjusted"
             self._worker = None
             self.grow(task.island, len(task.members))
-        else:
-            take_in(self._network, task, found)
+        elif take_in(self._network, task, found):
+            self._adjusted(task.island)

@@ -3,7 +3,9 @@
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.matching import RATIO, match
+from gcs_mosaic.stitch.matching import match
+
+RATIO = 0.85
 
 
 def descriptors(count, seed):
@@ -22,13 +24,13 @@ def test_it_agrees_with_the_exhaustive_matcher():
         for m, second in forward
         if m.distance < RATIO * second.distance and backward[m.trainIdx].trainIdx == m.queryIdx
     }
-    assert {tuple(pair) for pair in match(a, b)} == expected
+    assert {tuple(pair) for pair in match(a, b, RATIO)} == expected
     assert len(expected) >= 120
 
 
 def test_unrelated_descriptors_hardly_match():
-    assert len(match(descriptors(300, 4), descriptors(300, 5))) < 30
+    assert len(match(descriptors(300, 4), descriptors(300, 5), RATIO)) < 30
 
 
 def test_too_few_to_compare():
-    assert match(descriptors(1, 1), descriptors(9, 2)).shape == (0, 2)
+    assert match(descriptors(1, 1), descriptors(9, 2), RATIO).shape == (0, 2)

@@ -7,7 +7,8 @@ import pytest
 from stitch_ground import SMALL_CAMERA, map_error, photograph
 
 from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.mosaic import Mosaic, Placement, Rejection, Waiting
+from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 
 
 def line(x, y, count, step=130, **more):

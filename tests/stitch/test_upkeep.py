@@ -9,7 +9,8 @@ from stitch_ground import SMALL_CAMERA, map_error, photograph
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.background import Failed
 from gcs_mosaic.stitch.geometry import Pose, moved_by_similarity
-from gcs_mosaic.stitch.mosaic import Mosaic, Placement, StitchSettings
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.projection import pose_row
 from gcs_mosaic.stitch.solving import adjusted, island_task, take_in
 from gcs_mosaic.stitch.upkeep import UpkeepSettings

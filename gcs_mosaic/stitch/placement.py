@@ -1,0 +1,65 @@
+"""What became of a frame that was given to the mosaic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gcs_mosaic.stitch import geometry
+from gcs_mosaic.stitch.geometry import Array, Camera, Pose
+from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.relief import ReliefDisplacement
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a frame lies on its island's canvas, and how well that is supported."""
+
+    name: str
+    island: int
+    pose: Pose
+    camera: Camera
+    relief: ReliefDisplacement | None  # what heights shift in this frame; None while nothing is known of them
+    inliers: int  # independent ones, over all neighbours
+    residual_px: float  # median over its matches, full-resolution pixels; NaN for a founder
+    neighbours: tuple[str, ...]  # the frames it is linked with
+    hops: int  # links between it and the root of its island, the frame that founded it
+    # Standard deviation of its least certain corner relative to the root, full-resolution pixels; infinite where the
+    # matches leave it open. It tells what noise of the matches does, not what hills do.
+    corner_deviation_px: float
+
+    @property
+    def canvas_from_frame(self) -> Array:
+        """The homography (3x3) from full-resolution pixels to the canvas that fits pose and lens best."""
+        return geometry.canvas_from_frame(self.pose, self.camera)
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A frame that matches nothing yet; it is tried again when new ground is known."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """A frame that will not be placed, and why."""
+
+    name: str
+    reason: str
+
+
+def placement_of(network: Network, frame: int) -> Placement:
+    """How a placed frame of the network lies now."""
+    state = network.frames[frame]
+    return Placement(
+        name=state.name,
+        island=network.island_of(frame),
+        pose=network.pose_of(frame),
+        camera=network.camera_of(frame),
+        relief=state.relief,
+        inliers=sum(state.inliers.values()),
+        residual_px=state.residual_px,
+        neighbours=tuple(network.frames[other].name for other in sorted(state.inliers)),
+        hops=state.hops,
+        corner_deviation_px=state.corner_deviation_px,
+    )

@@ -1,0 +1,200 @@
+"""Do the results hang on a threshold? Every one of the stitching halved and doubled, one at a time, on known flights.
+
+    python -m tests.benchmarks.sweep DIR... [--only WORD]
+
+DIR: a folder of frames whose truth is known (known_flights.py). `--only`: thresholds whose name holds one of these words.
+Settings are found by walking through StitchSettings and modules' constants by CONSTANTS. Each row tells the map with one
+threshold changed, and its errors relative to the defaults; the mark in front says what breaks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gcs_mosaic.stitch.mosaic import StitchSettings
+from tests.benchmarks.known_flights import KnownFlight, Named, Result, document, features_in, known_flight, stitched
+
+WORSE = 1.3  # times the error of the defaults that count as broken
+PACKAGE = "gcs_mosaic.stitch"
+
+# Constants of modules that decide what is believed, tried or weighed. What only sets a pace (steps of a convergent
+# iteration, batches, where the dense solver takes over) is none of these.
+CONSTANTS = (
+    *("registration.HYPOTHESES", "evidence.PER_CELL", "evidence.COMPARABLE"),
+    *("neighbours.REGION_FACTOR", "neighbours.SECTORS", "neighbours.MARGIN", "search.PER_NEIGHBOUR"),
+    *(
+        "assembly.WAITING_TRIES",
+        "assembly.BRIDGE_TRIES",
+        "waiting.TURN_AFTER",
+        "placing.LENS_KNOWN",
+        "placing.UNKNOWN_LENS",
+        "placing.MAJORITY",
+    ),
+    *("witnesses.COLUMNS", "witnesses.ROWS", "witnesses.COMPARABLE", "witnesses.SHARPER"),
+    *("islands.AGREEMENT", "islands.LOG_AGREEMENT", "islands.LOG_BRIDGE", "islands.APART", "islands.MAJORITY"),
+    *("islands.WITNESSES", "islands.PAIRS_PER_WITNESS", "adjustment.TILT_PRIOR_REACH", "ground.ROUNDS"),
+    *("geometry.HORIZON_COSINE", "geometry.LEAST_LIKENESS"),
+    *("relief.STEEPEST", "relieving.FEWEST", "relieving.ROUNDS"),
+    *("retrieval.PER_FRAME", "retrieval.QUERY", "retrieval.BACKGROUND_RANK", "retrieval.WORDS", "retrieval.PROBES"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A field of StitchSettings or of what is nested in it: the fields' names down to it."""
+
+    path: tuple[str, ...]
+    value: float
+
+    def __str__(self) -> str:
+        return ".".join(self.path)
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A constant of a module."""
+
+    module: str
+    name: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.module}.{self.name}"
+
+
+Threshold = Setting | Constant
+
+
+def thresholds() -> list[Threshold]:
+    """All that is swept."""
+    return [*settings_of(StitchSettings()), *constants()]
+
+
+def settings_of(settings: Any, path: tuple[str, ...] = ()) -> Iterator[Setting]:
+    """Every number among the fields of a settings dataclass and of those nested in it."""
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from settings_of(value, (*path, field.name))
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            yield Setting((*path, field.name), value)
+
+
+def constants() -> Iterator[Constant]:
+    for where in CONSTANTS:
+        module, name = where.split(".")
+        yield Constant(module, name, getattr(importlib.import_module(f"{PACKAGE}.{module}"), name))
+
+
+def with_value(settings: Any, path: Sequence[str], value: float) -> Any:
+    """A copy of a settings dataclass in which the field at the end of `path` has another value."""
+    first, *rest = path
+    return dataclasses.replace(
+        settings, **{first: with_value(getattr(settings, first), rest, value) if rest else value}
+    )
+
+
+@contextmanager
+def constant_set(constant: Constant, value: float) -> Iterator[None]:
+    """Meanwhile the constant has another value. Only its own module is told: none of CONSTANTS is imported by another."""
+    module = importlib.import_module(f"{PACKAGE}.{constant.module}")
+    setattr(module, constant.name, value)
+    try:
+        yield
+    finally:
+        setattr(module, constant.name, constant.value)
+
+
+def changed(value: float, factor: float) -> float:
+    """A whole number stays one, and does not become 0."""
+    return max(1, round(value * factor)) if isinstance(value, int) else value * factor
+
+
+class Sweep:
+    """One flight, its features found once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._flight: KnownFlight = known_flight(folder)
+        self._frames = features_in(folder, StitchSettings().features)
+
+    def run(self, chosen: Sequence[Threshold]) -> None:
+        """Print a table, a row for each change of a threshold."""
+        default, seconds = self._result(None, 0)
+        print(f"\n{self._flight.name}, {len(self._frames)} frames")
+        print("errors in pixels of the median frame; x: relative to the defaults")
+        print(HEADER)
+        print(row("", "the defaults", default, default, 1.0))
+        for threshold in chosen:
+            for factor in (0.5, 2.0):
+                value = changed(threshold.value, factor)
+                if value != threshold.value:
+                    result, took = self._result(threshold, value)
+                    said = f"{threshold} {threshold.value:g} -> {value:g}"
+                    print(row(verdict(result, default), said, result, default, took / seconds), flush=True)
+
+    def _result(self, threshold: Threshold | None, value: float) -> tuple[Result, float]:
+        """How good the map is with one threshold changed, and the CPU seconds that it took."""
+        settings, frames = StitchSettings(), self._frames
+        if isinstance(threshold, Setting):
+            settings = with_value(settings, threshold.path, value)
+            frames = self._frames_with(settings)
+        start = time.process_time()
+        with constant_set(threshold, value) if isinstance(threshold, Constant) else nullcontext():
+            placements = stitched(frames, settings)
+        took = time.process_time() - start
+        return self._flight.judge(document(placements)), took
+
+    def _frames_with(self, settings: StitchSettings) -> list[Named]:
+        same = settings.features == StitchSettings().features
+        return self._frames if same else features_in(self._folder, settings.features)
+
+
+HEADER = (
+    f"{'':8} {'threshold':52} {'placed':>6} {'islands':>7} {'ortho':>8} {'x':>5}"
+    f" {'tracks':>7} {'95 %':>7} {'x':>5} {'x':>5} {'time x':>6}"
+)
+
+
+def row(mark: str, said: str, found: Result, default: Result, time_ratio: float) -> str:
+    return (
+        f"{mark:8} {said:52} {found.placed:6} {found.islands:7}"
+        f" {found.ortho_px:8.2f} {found.ortho_px / default.ortho_px:5.2f}"
+        f" {found.tracks_median_px:7.2f} {found.tracks_p95_px:7.2f}"
+        f" {found.tracks_median_px / default.tracks_median_px:5.2f} {found.tracks_p95_px / default.tracks_p95_px:5.2f}"
+        f" {time_ratio:6.2f}"
+    )
+
+
+def verdict(found: Result, default: Result) -> str:
+    """What breaks, in a word; nothing where the result holds."""
+    if found.placed < default.placed:
+        return "LOST"
+    if found.islands != default.islands:
+        return "ISLANDS"
+    if not found.ortho_px <= WORSE * default.ortho_px:
+        return "SHAPE"
+    ways = (found.tracks_median_px, default.tracks_median_px), (found.tracks_p95_px, default.tracks_p95_px)
+    return "SEAMS" if any(not now <= WORSE * before for now, before in ways) else ""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.sweep", allow_abbrev=False)
+    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="folders of frames whose truth is known")
+    parser.add_argument("--only", nargs="+", default=[""], metavar="WORD", help="thresholds whose name holds a WORD")
+    given = parser.parse_args()
+    chosen = [threshold for threshold in thresholds() if any(word in str(threshold) for word in given.only)]
+    for folder in given.folders:
+        Sweep(folder).run(chosen)
+
+
+if __name__ == "__main__":
+    main()
