@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
@@ -19,25 +20,40 @@ from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
 
+if TYPE_CHECKING:
+    from gcs_mosaic.debug.pictures import DebugPictures
+
 STAGES = ("decode", "features", "place", "paint", "write")
 
 
-def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console) -> Path:
-    """Stitch frames in the order of their names; returns the folder that holds the flight."""
+def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console, debug: Path | None = None) -> Path:
+    """Stitch frames in the order of their names; returns the folder that holds the flight. `debug`: folder for pictures."""
     count, found = frames_in(sources, config.frames)  # refused before anything is written
+    pictures = _debug_pictures(debug) if debug else None
     folder = open_flight_folder(out)
     console.print(folder.said)
     try:
         # Nobody writes into a finished folder any more, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
-        pipeline = Pipeline(folder.path, linking, lambda notice: _say(console, notice), punctual=True)
+        pipeline = Pipeline(
+            folder.path, linking, lambda notice: _say(console, notice), punctual=True, observer=pictures
+        )
         try:
             _stitch_into(pipeline, count, found, config, console)
+            if pictures:
+                pictures.write(pipeline.mosaic.placements(), lambda name: pipeline.load_original(name, reduction=1))
+                console.print(f"debug pictures: {debug}")
         finally:
             pipeline.close()
     finally:
         folder.close()
     return folder.path
+
+
+def _debug_pictures(folder: Path) -> DebugPictures:
+    from gcs_mosaic.debug.pictures import DebugPictures
+
+    return DebugPictures(folder)
 
 
 def _stitch_into(

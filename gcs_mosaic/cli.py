@@ -88,12 +88,15 @@ def stitch(words: Sequence[str]) -> None:
     parser = _parser("gcs-mosaic stitch")
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
     parser.add_argument("--scale", type=float, choices=[1, 0.5, 0.25], help="size at which frames are painted")
+    parser.add_argument(
+        "--debug", type=Path, metavar="DIR", help="new folder for pictures of matches, footprints, residuals"
+    )
     _add_output(parser)
     given = parser.parse_args(words)
     config = _config(given)
     if given.scale:
         config = replace(config, scale=given.scale)
-    batch.stitch(given.frames, Path(config.out), config, Console())
+    batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
 
 
 def benchmark(words: Sequence[str]) -> None:

@@ -20,6 +20,7 @@ from gcs_mosaic.prepare import Prepared, Unprepared, thumbnail
 from gcs_mosaic.recorder import Recorder
 from gcs_mosaic.stitch.background import WorkerProcess
 from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.painted import Painted, TileKey
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 
@@ -41,7 +42,7 @@ class Pipeline:
     """Owns the mosaic, the canvas and the output folder of one flight. Used by one thread.
 
     `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
-    the same frames always give the same map, however fast the machine is.
+    the same frames always give the same map, however fast the machine is. `observer` looks on while frames are placed.
     """
 
     def __init__(
@@ -52,12 +53,13 @@ class Pipeline:
         published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
         *,
         punctual: bool = False,
+        observer: Observer | None = None,
     ) -> None:
         self.recorder = Recorder(out, config, published)
         self._worker = WorkerProcess()
-        self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual)
+        self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observer)
         self.taken_in = 0  # files, whatever became of them
-        self._painter = Painter(self._load_original, self._note_painted, config.paint, scratch=out)
+        self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
         self._said_problems: dict[str, str | None] = {}
         self._reduction = config.reduction
         self._say = say
@@ -180,7 +182,7 @@ class Pipeline:
                 self._painter.paint_new(prepared.image, prepared.thumbnail, placement, order)
             )
             return
-        image = self._load_original(placement.name)
+        image = self.load_original(placement.name)
         if image is None:
             text = f"{placement.name} found its place, but its original is gone: it is not on the map"
             self._say(Notice(source="originals", level="error", text=text))
@@ -201,11 +203,12 @@ class Pipeline:
             self._say(Notice(source=source, level="warning", text=problem))
         self._said_problems[source] = problem
 
-    def _load_original(self, name: str) -> Image | None:
+    def load_original(self, name: str, reduction: int | None = None) -> Image | None:
+        """A frame as it came, reduced as in all of this flight or by another factor; None if it is gone or has changed."""
         path, content_hash = self._places[name]
         if not is_intact(path, content_hash):
             return None
-        image = load_image(path, reduction=self._reduction)
+        image = load_image(path, reduction=reduction or self._reduction)
         return None if isinstance(image, Unreadable) else image
 
     def _note_painted(self, painted: Painted) -> None:

@@ -20,6 +20,7 @@ ALLOWED = {
     "pairing": {"pairing", "link", "events", "errors"},
     "flight": {"flight", "stitch", "events", "errors"},
     "web": {"web", "flight", "stitch", "errors"},
+    "debug": {"debug", "stitch", "errors"},
     "prepare": {"frames", "stitch", "events"},
     "painter": {"stitch"},
     "config": {"link", "frames", "pairing", "flight", "painter", "stitch", "errors"},
@@ -29,7 +30,7 @@ ALLOWED = {
     "reporting": {"flight", "events"},
     "patience": {"flight", "events"},
     "sources": {"config", "link", "frames", "events"},
-    "batch": {"pipeline", "prepare", "config", "frames", "flight", "events"},
+    "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "events"},
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
         *("pipeline", "prepare", "logbook", "reporting", "patience", "sources", "config"),

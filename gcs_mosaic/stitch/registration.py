@@ -167,7 +167,7 @@ def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, se
 def _doubt(pair: _Pair, homography: Array, inlier: Mask, evidence: float, settings: RegistrationSettings) -> str:
     """Why this homography cannot be two views of one ground, or nothing."""
     if evidence < settings.least_evidence:
-        return f"evidence {evidence:.0f}, {settings.least_evidence:.0f} needed"
+        return f"evidence {evidence:.1f}, {settings.least_evidence:.1f} needed"
     area = _area_scale(homography, pair.a[inlier])
     if (area <= 0).any():
         return "the ground would be seen from below"

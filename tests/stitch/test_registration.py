@@ -69,7 +69,7 @@ def writing(other_ground) -> Features:
 def test_what_is_burnt_into_every_frame_is_no_common_ground(ground, writing):
     here, there = (with_writing(features_at(ground, pose), writing) for pose in (Pose(400, 400), Pose(1500, 1500)))
     refused = register(here, there, SETTINGS)
-    assert refused == NotRegistered(refused.reason, refused.inliers)
+    assert isinstance(refused, NotRegistered)
     assert "of the overlap agrees" in refused.reason
     assert isinstance(register(here, there, RegistrationSettings(least_confirmed=0)), Registration)
 
