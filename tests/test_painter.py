@@ -8,7 +8,7 @@ from painting_parts import SMALL, picture
 from gcs_mosaic import painter as painter_module
 from gcs_mosaic.painter import FRAMES_AT_ONCE, Painter, PaintSettings
 from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.mosaic import Placement
+from gcs_mosaic.stitch.placement import Placement
 
 APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
 

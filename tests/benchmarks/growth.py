@@ -1,6 +1,6 @@
 """How the cost of a frame and of an adjustment grows with the flight: 75, 300, 1,000 and 3,000 frames.
 
-    python tests/benchmarks/growth.py [FRAMES ...]
+    python -m tests.benchmarks.growth [FRAMES ...]
 
 One flight of marks (`flight_of_points`): a survey with 60 % side lap, wind, tilts to 15 degrees and climbs to three times the
 height. CPU seconds, so that a machine that does other things as well may be used; good for ratios. Nothing here says how
@@ -21,11 +21,12 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from flight_of_points import features_of_flight
 
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
-from gcs_mosaic.stitch.mosaic import Mosaic, Placement
+from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.solving import IslandTask, adjusted, island_task, take_in
+from tests.benchmarks.flight_of_points import features_of_flight
 
 T = TypeVar("T")
 
