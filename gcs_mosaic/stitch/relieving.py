@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 ROUNDS = 4  # of reweighting
+SIGHTINGS_AT_ONCE = 4096  # projected at a time: what fits into the cache
 FEWEST = 10  # points of a frame below which its grid would be guesswork
 
 
@@ -114,11 +115,14 @@ def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: Rel
     centres = np.array([camera.centre for _, camera in views])
     row = seen.row
     pixels = (seen.pixels - centres[row]) / half[row, None]
-    down = projection.canvas_from_pixels(poses[row], lenses[row], half[row], pixels)
-    places = np.where(down.valid[:, None], down.points, np.nan)
+    places, by_height = np.empty((2, len(row), 2))
+    for start in range(0, len(row), SIGHTINGS_AT_ONCE):  # millions on a long flight, each with all its derivatives
+        some = slice(start, start + SIGHTINGS_AT_ONCE)
+        down = projection.canvas_from_pixels(poses[row[some]], lenses[row[some]], half[row[some]], pixels[some])
+        places[some], by_height[some] = np.where(down.valid[:, None], down.points, np.nan), down.by_height
     deviations = np.exp(poses[:, 2]) * seen.scales * settings.loss_px
     height = float(np.median(np.exp(poses[:, 2] + lenses[:, 0]) * half))
-    return triangulate(places, down.by_height, deviations[row], seen.point, settings.sigma * height)
+    return triangulate(places, by_height, deviations[row], seen.point, settings.sigma * height)
 
 
 def _displacement(

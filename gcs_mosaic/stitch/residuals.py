@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch import projection
 from gcs_mosaic.stitch.parallax import whitening
 from gcs_mosaic.stitch.problem import COLUMNS, Problem
-from gcs_mosaic.stitch.projection import LENS_TERMS
+from gcs_mosaic.stitch.projection import LENS_TERMS, product
 
 Array = NDArray[np.float64]
 
@@ -84,11 +84,11 @@ def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array,
     for way, (source, target) in enumerate(((0, 1), (1, 0))):
         passage = _passage(problem, source, target)
         whiten = whitening_by_way[way]
-        residual[:, :, way] = (whiten @ passage.residual[:, :, None]).reshape(p, k, 2)
+        residual[:, :, way] = product(whiten, passage.residual[:, :, None])[:, :, 0].reshape(p, k, 2)
         valid[:, :, way] = passage.valid.reshape(p, k) & problem.present
         for columns, derivative in passage.derivatives:
-            jacobian[:, :, way, :, columns] = (whiten @ derivative).reshape(p, k, 2, -1)
-    residual, jacobian = np.nan_to_num(residual), np.nan_to_num(jacobian)
+            jacobian[:, :, way, :, columns] = product(whiten, derivative).reshape(p, k, 2, -1)
+    residual[~valid], jacobian[~valid] = 0, 0  # where there is nothing to see there may be no number
     return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, COLUMNS), valid.reshape(p, 2 * k)
 
 
@@ -112,10 +112,10 @@ def _passage(problem: Problem, source: int, target: int) -> _Passage:
     poses, lenses = (slice(0, 6), slice(6, 12)), (slice(12, 12 + LENS_TERMS), slice(12 + LENS_TERMS, COLUMNS))
     return _Passage(
         residual=(up.points - pixels[target]) * unit,
-        by_height=(by_place @ down.by_height[:, :, None])[:, :, 0] + up.by_height * unit,
+        by_height=product(by_place, down.by_height[:, :, None])[:, :, 0] + up.by_height * unit,
         derivatives=[
-            (poses[source], by_place @ down.by_pose),
-            (lenses[source], by_place @ down.by_lens),
+            (poses[source], product(by_place, down.by_pose)),
+            (lenses[source], product(by_place, down.by_lens)),
             (poses[target], up.by_pose * unit[:, :, None]),
             (lenses[target], up.by_lens * unit[:, :, None]),
         ],
