@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.evidence import SAMPLE
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.neighbours import boxes_meet, boxes_shared
 from gcs_mosaic.stitch.network import Network, box_of, centres
@@ -77,6 +78,8 @@ class Bridges:
 
     def add(self, newest: Bridge) -> list[Bridge]:
         """Keep a bridge; returns all that agree with it, the larger island's side first, if they prove the join."""
+        if not self._agree(newest, newest):
+            return []  # its own matches fit no similarity: the frames lie awry on their islands
         self._bridges.append(newest)
         sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
         stays, goes = sorted(sides, key=lambda island: (-len(self._network.members(island)), island))
@@ -165,7 +168,9 @@ class Bridges:
         return bool(np.linalg.norm(middles[0] - middles[1]) > APART * self._diagonal(one.frame_a))
 
     def _agree(self, first: Bridge, second: Bridge) -> bool:
-        """Whether two bridges put island b at the same place of island a."""
+        """Whether two bridges put island b at the same place of island a; what sees no ground agrees with nothing."""
+        if min(len(self._places(bridge)[0]) for bridge in (first, second)) < SAMPLE:
+            return False
         return all(
             self._misfit(self._similarity([bridge]), other) < AGREEMENT * self._diagonal(bridge.frame_a)
             for bridge, other in ((first, second), (second, first))

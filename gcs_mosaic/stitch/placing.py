@@ -10,7 +10,7 @@ import numpy as np
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.certainty import note_resected
-from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.registration import Registration
 from gcs_mosaic.stitch.relieving import note_relief
@@ -59,6 +59,7 @@ class Placing:
         Links are kept only if the result is to be believed.
         """
         island = self._network.island_of(other)
+        before = self._as_it_is(island)
         self._network.link(frame, other, registration)
         found = self._believable_pose(frame, self._rough_poses(frame, other, registration))
         if isinstance(found, Pose):
@@ -71,7 +72,19 @@ class Placing:
                 found = self._borne_out(frame, found, list(links), list(matched.values()))
         if isinstance(found, Disbelief):
             self._network.take_back(frame)
+            self._restore(island, before)
         return found
+
+    def _as_it_is(self, island: int) -> tuple[list[Camera], dict[int, Pose]]:
+        """Lenses and poses that a frame may change before it is believed: those of an island of a few frames."""
+        few = self._network.members(island).tolist() if self._network.count_members(island) < LENS_KNOWN else []
+        return list(self._network.cameras), {member: self._network.pose_of(member) for member in few}
+
+    def _restore(self, island: int, before: tuple[list[Camera], dict[int, Pose]]) -> None:
+        cameras, poses = before
+        self._network.cameras[:] = cameras
+        for member, pose in poses.items():
+            self._network.put(member, pose, island)
 
     def _borne_out(self, frame: int, pose: Pose, others: list[int], matched: list[Registration]) -> Pose | Disbelief:
         """The pose, if what the other frames see around it was found in the frame."""
@@ -113,30 +126,30 @@ class Placing:
         """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
         network = self._network
         island = network.island_of(next(iter(network.frames[frame].inliers)))
-        before = {member: network.pose_of(member) for member in network.members(island).tolist() if member != frame}
-        if len(before) >= LENS_KNOWN:
+        others = [member for member in network.members(island).tolist() if member != frame]
+        if len(others) >= LENS_KNOWN:
             return None
-        cameras = list(network.cameras)
         network.put(frame, rough, island)
         adjust_island(network, island, self._adjustment)
         state = network.frames[frame]
-        limit = self._plausibility.most_residual_px
-        if state.residual_px <= limit * state.features.scale:
-            return state.pose
-        network.cameras[:] = cameras
-        for member, pose in before.items():
-            network.put(member, pose, island)
-        return None
+        fits = state.residual_px <= self._plausibility.most_residual_px * state.features.scale
+        possible = not any(self._impossible(member, network.pose_of(member)) for member in [frame, *others])
+        return state.pose if fits and possible else None
 
     def _doubt(self, frame: int, resected: Resected) -> str:
         """Why a pose does not fit its links, is not determined by them, or is none that an aircraft can have; or nothing."""
-        settings, pose = self._plausibility, resected.pose
+        settings = self._plausibility
         most_px = self._residual_limit(frame)
         if not resected.residual_px <= most_px:
             return f"misses its matches by {resected.residual_px:.1f} px, {most_px:.1f} allowed"
         most_deviation_px = settings.most_deviation * self._network.camera_of(frame).half_diagonal
         if not resected.cautious_deviation_px <= most_deviation_px:
             return f"a corner is only known to {resected.cautious_deviation_px:.0f} px, {most_deviation_px:.0f} allowed"
+        return self._impossible(frame, resected.pose)
+
+    def _impossible(self, frame: int, pose: Pose) -> str:
+        """Why no aircraft can have been there, or nothing."""
+        settings = self._plausibility
         tilt_deg = math.degrees(math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll))))
         if not tilt_deg <= settings.steepest_tilt_deg:
             return f"tilted by {tilt_deg:.0f} degrees"

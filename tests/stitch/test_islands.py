@@ -1,0 +1,76 @@
+"""A bridge between islands is a hypothesis: it must fit itself, others on other ground, and what the islands should share."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stitch_ground import SMALL_CAMERA, photograph
+
+from gcs_mosaic.stitch.features import FeatureSettings, extract
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.islands import Bridge, Bridges, IslandSettings
+from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
+from gcs_mosaic.stitch.search import Search, SearchSettings
+
+PLACES = [(300, 300), (450, 300), (600, 300), (300, 480), (450, 480), (600, 480)]
+FIRST, SECOND = (0, 1, 2), (3, 4, 5)  # two lines side by side, each an island
+AWAY = 5000.0  # where the second island lies on its own canvas
+
+
+@pytest.fixture
+def search(ground):
+    network = Network(SMALL_CAMERA.focal, 24)
+    search = Search(network, SearchSettings(), RegistrationSettings())
+    for frame, (x, y) in enumerate(PLACES):
+        features = extract(photograph(ground, Pose(x, y), SMALL_CAMERA), FeatureSettings())
+        network.append(str(frame), features)
+        search.take_in(features)
+        network.put(frame, Pose(x + AWAY * (frame in SECOND), y), int(frame in SECOND))
+    return search
+
+
+@pytest.fixture
+def bridges(search):
+    return Bridges(search._network, search, IslandSettings())
+
+
+def bridge(search, a, b):
+    return Bridge(a, b, search.register(a, b))
+
+
+def matching(found: Registration, pixels_a: np.ndarray, pixels_b: np.ndarray) -> Registration:
+    return replace(found, pixels_a=pixels_a, pixels_b=pixels_b)
+
+
+def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(search, bridges):
+    proof = bridges.add(bridge(search, 3, 0))
+    assert len(proof) > 1
+    assert bridges.join(proof) == (0, 1)
+    network = search._network
+    assert network.frame_counts() == {0: 6}
+    for frame, place in enumerate(PLACES):
+        assert (network.pose_of(frame).x, network.pose_of(frame).y) == pytest.approx(place, abs=2)
+
+
+def test_bridges_that_share_their_ground_count_once(search, bridges, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.islands.PAIRS_PER_WITNESS", 0)
+    thing = search.register(3, 0)
+    assert not bridges.add(Bridge(3, 0, thing))
+    shifted = matching(thing, thing.pixels_a - [150, 0], thing.pixels_b - [150, 0])
+    assert not bridges.add(Bridge(4, 1, shifted))
+    assert bridges.add(bridge(search, 5, 2))
+
+
+def test_an_overlap_that_does_not_bear_it_out_refutes_any_number_of_bridges(search, bridges):
+    """Right matches on something alike, 80 px further: what should lie around it is not found."""
+    for a, b in ((3, 0), (4, 1), (5, 2)):
+        found = search.register(a, b)
+        one_thing = (np.abs(found.pixels_a - [240, 60]) < 50).all(axis=1)
+        wrong = matching(found, found.pixels_a[one_thing], found.pixels_b[one_thing] + [80, -120])
+        assert not bridges.add(Bridge(a, b, wrong))
+
+
+def test_a_bridge_whose_own_matches_disagree_is_none(search, bridges):
+    mess = matching(search.register(3, 0), *np.random.default_rng(1).uniform(0, 350, (2, 40, 2)))
+    assert bridges.add(Bridge(3, 0, mess)) == []
