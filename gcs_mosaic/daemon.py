@@ -25,7 +25,7 @@ from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
 from gcs_mosaic.sources import Inbox, Item, Source, listen, watching
-from gcs_mosaic.stitch.painted import TileKey
+from gcs_mosaic.stitch.painting.painted import TileKey
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer

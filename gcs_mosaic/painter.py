@@ -11,16 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.canvas import Canvas, CanvasSettings
-from gcs_mosaic.stitch.exposure import (
-    ExposureSettings,
-    Gain,
-    Observation,
-    OverlapMeans,
-    gain_beside,
-    overlap_means,
-    solve_gains,
-)
 from gcs_mosaic.stitch.geometry import (
     Array,
     Camera,
@@ -30,10 +20,20 @@ from gcs_mosaic.stitch.geometry import (
     pixels_from_canvas,
     reduced_view,
 )
-from gcs_mosaic.stitch.lattice import own_level
-from gcs_mosaic.stitch.painted import Painted, TileKey
+from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+from gcs_mosaic.stitch.painting.exposure import (
+    ExposureSettings,
+    Gain,
+    Observation,
+    OverlapMeans,
+    gain_beside,
+    overlap_means,
+    solve_gains,
+)
+from gcs_mosaic.stitch.painting.lattice import own_level
+from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.relief import ReliefDisplacement, on_plane
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
 
 Image = NDArray[np.uint8]
 LoadImage = Callable[[str], Image | None]

@@ -18,10 +18,10 @@ from gcs_mosaic.frames.load import Unreadable, load_image
 from gcs_mosaic.painter import Painter
 from gcs_mosaic.prepare import Prepared, Unprepared, thumbnail
 from gcs_mosaic.recorder import Recorder
-from gcs_mosaic.stitch.background import WorkerProcess
+from gcs_mosaic.stitch.adjusting.background import WorkerProcess
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.observer import Observer
-from gcs_mosaic.stitch.painted import Painted, TileKey
+from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 
 Image = NDArray[np.uint8]

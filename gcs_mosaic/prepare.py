@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.load import Unreadable, load_frame
-from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
 
 Image = NDArray[np.uint8]
 

@@ -19,9 +19,9 @@ from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.originals import NotKept, Originals
 from gcs_mosaic.flight.records import Accounts, Estimate, FlightRecord, FrameState
 from gcs_mosaic.flight.tiles import TileWriter
-from gcs_mosaic.stitch.canvas import Canvas
 from gcs_mosaic.stitch.islands import Island
-from gcs_mosaic.stitch.painted import Extent, Painted, TileKey
+from gcs_mosaic.stitch.painting.canvas import Canvas
+from gcs_mosaic.stitch.painting.painted import Extent, Painted, TileKey
 from gcs_mosaic.stitch.placement import Placement
 
 

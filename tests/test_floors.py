@@ -64,7 +64,7 @@ def test_a_room_imports_only_what_lies_below_it(path):
     assert inside <= ALLOWED[room(path)]
 
 
-@pytest.mark.parametrize("path", sorted((PACKAGE / "stitch").glob("*.py")), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", sorted((PACKAGE / "stitch").rglob("*.py")), ids=str)
 def test_stitching_needs_only_numbers_and_pictures(path):
     packages = {name.split(".")[0] for name in imports(path)} - {"gcs_mosaic"} - set(sys.stdlib_module_names)
     assert packages <= OUTSIDE_OF_STITCH

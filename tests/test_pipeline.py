@@ -16,8 +16,8 @@ from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.tiles import TileSettings, TileWriter
 from gcs_mosaic.frames.load import load_image
-from gcs_mosaic.stitch.canvas import Canvas
 from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.painting.canvas import Canvas
 from sitl.path import Plan
 
 QUIET = Console(quiet=True)

@@ -21,7 +21,7 @@ from gcs_mosaic.flight.pyramid import level_within, picture, pixel_bounds
 from gcs_mosaic.flight.records import Estimate, FrameState
 from gcs_mosaic.flight.tiles import encode
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixel_grid
-from gcs_mosaic.stitch.relief import on_plane
+from gcs_mosaic.stitch.relief.displacement import on_plane
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points a lens is straight to a hundredth of a pixel
 LARGEST_PICTURE = 100_000_000  # pixels, if no level is given; more than most programs open

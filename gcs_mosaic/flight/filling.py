@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.flight.tiles import read_mask, read_tile
-from gcs_mosaic.stitch.grid import TILE_SIZE, Tile, ancestor
-from gcs_mosaic.stitch.layers import full_coverage
-from gcs_mosaic.stitch.stack import TilePicture
+from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile, ancestor
+from gcs_mosaic.stitch.painting.layers import full_coverage
+from gcs_mosaic.stitch.painting.stack import TilePicture
 
 Image = NDArray[np.uint8]
 Opacity = NDArray[np.float32]

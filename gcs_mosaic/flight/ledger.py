@@ -43,7 +43,7 @@ from gcs_mosaic.flight.rows import (
     support_row,
 )
 from gcs_mosaic.stitch.geometry import Camera
-from gcs_mosaic.stitch.painted import Painted
+from gcs_mosaic.stitch.painting.painted import Painted
 
 
 class Ledger(LedgerFile):

@@ -11,7 +11,7 @@ from pathlib import Path
 from gcs_mosaic.flight.documents import FORMAT, Document, finite, iso_utc, write_json
 from gcs_mosaic.flight.records import Accounts, Estimate, FrameRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_frame
-from gcs_mosaic.stitch.grid import TILE_SIZE
+from gcs_mosaic.stitch.painting.grid import TILE_SIZE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.flight.filling import fade, filled_picture
 from gcs_mosaic.flight.tiles import encode, encode_jpeg, mask_path, tile_path
-from gcs_mosaic.stitch.grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
+from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
 
 Image = NDArray[np.uint8]
 FILLED_QUALITY = 90  # JPEG and WebP; what is made here is looked at and thrown away

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from gcs_mosaic.events import TriggerEvent
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 
 class EventState(StrEnum):

@@ -8,8 +8,8 @@ import sqlite3
 from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
 from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painted import Painted
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 EVENT_COLUMNS = (
     "vehicle, component, camera, source, sequence, received, source_time, clock, utc, result, file_hint, "

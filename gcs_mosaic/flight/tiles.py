@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.flight.disk import make_folder, write_beside
-from gcs_mosaic.stitch.grid import TILE_SIZE, Tile
-from gcs_mosaic.stitch.layers import full_coverage
-from gcs_mosaic.stitch.painted import TileKey
-from gcs_mosaic.stitch.stack import TilePicture
+from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
+from gcs_mosaic.stitch.painting.layers import full_coverage
+from gcs_mosaic.stitch.painting.painted import TileKey
+from gcs_mosaic.stitch.painting.stack import TilePicture
 
 Image = NDArray[np.uint8]
 MCU = 8  # px; the blocks of a JPEG without chroma subsampling

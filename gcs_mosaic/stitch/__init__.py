@@ -1,14 +1,14 @@
 """From frames to one map, by their pixels alone.
 
-In the order in which a frame meets them:
+`mosaic` is the door. In the order in which a frame meets them:
 
-* What is seen: `features`, `matching`, `evidence`, `registration`; `retrieval` and `search` choose with which frames.
-* Where it lies: `geometry` (a camera over a plane), `placing`, `network` (all that is known), `islands`, `mosaic` (the door).
-* Together: `problem`, `residuals`, `parallax`, `adjustment`, `solving`; `upkeep` and `background` say when, and in which
-  process; `deviation`, `covariance`, `certainty` how sure.
-* Below the plane: `ground` (points that several frames have seen), `relieving`, `relief`.
-* The picture: `grid`, `lattice`, `warping`, `view`, `exposure`, `blending`, `layers`, `stack`, `overviews`, `painted`,
-  `canvas`.
+* `matching`: what is seen, and whether two frames show the same ground; `search` and `neighbours` choose with which frames.
+* `geometry`: a camera over a plane; `projection`: the same for many points, with derivatives.
+* `placing`: from links to a pose that can be believed; `waiting`, `islands`: what is done where that fails.
+* `network`: all that is known of the frames, in one place.
+* `adjusting`: all poses and lenses from all matches together, when, in which process, and how sure they are.
+* `relief`: heights of the ground, and what they shift in each frame.
+* `painting`: the picture.
 
 Why it is done so, with sources: README, "The method".
 """

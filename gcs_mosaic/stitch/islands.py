@@ -14,13 +14,13 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.evidence import SAMPLE
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
+from gcs_mosaic.stitch.matching.evidence import SAMPLE
+from gcs_mosaic.stitch.matching.registration import Registration
+from gcs_mosaic.stitch.matching.witnesses import MAJORITY, confirmed_share
 from gcs_mosaic.stitch.neighbours import boxes_meet, boxes_shared
 from gcs_mosaic.stitch.network import Network, box_of, centres
-from gcs_mosaic.stitch.registration import Registration
 from gcs_mosaic.stitch.search import Search
-from gcs_mosaic.stitch.witnesses import MAJORITY, confirmed_share
 
 Array = NDArray[np.float64]
 Similarity = tuple[float, float, Array]  # scale, angle in radians, shift

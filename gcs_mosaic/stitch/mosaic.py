@@ -17,19 +17,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings
-from gcs_mosaic.stitch.assembly import Assembly
-from gcs_mosaic.stitch.background import Worker
-from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.adjusting.assembly import Assembly
+from gcs_mosaic.stitch.adjusting.background import Worker
+from gcs_mosaic.stitch.adjusting.upkeep import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.islands import Bridges, Island, IslandSettings
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.matching.registration import RegistrationSettings
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.observer import Observer, island_residuals
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting, placement_of
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
-from gcs_mosaic.stitch.registration import RegistrationSettings
 from gcs_mosaic.stitch.search import Search, SearchSettings
-from gcs_mosaic.stitch.upkeep import Upkeep, UpkeepSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,10 +12,10 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.features import Features
 from gcs_mosaic.stitch.geometry import Camera, Pose, footprint
-from gcs_mosaic.stitch.registration import Registration, well_spread
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.matching.registration import Registration, well_spread
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 Array = NDArray[np.float64]
 

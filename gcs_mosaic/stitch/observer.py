@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.geometry import canvas_from_pixels
+from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.registration import NotRegistered, Registration
-from gcs_mosaic.stitch.relief import on_plane
+from gcs_mosaic.stitch.relief.displacement import on_plane
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.geometry import Array, Camera, Pose
 from gcs_mosaic.stitch.network import Network
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.stitch import geometry
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings
-from gcs_mosaic.stitch.certainty import note_resected
+from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.adjusting.certainty import note_resected
+from gcs_mosaic.stitch.adjusting.solving import Resected, adjust_island, level_pose_over, resect
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.matching.registration import Registration
+from gcs_mosaic.stitch.matching.witnesses import MAJORITY, confirmed_share
 from gcs_mosaic.stitch.network import Network
-from gcs_mosaic.stitch.registration import Registration
-from gcs_mosaic.stitch.relieving import note_relief
+from gcs_mosaic.stitch.relief.estimation import note_relief
 from gcs_mosaic.stitch.search import Search
-from gcs_mosaic.stitch.solving import Resected, adjust_island, level_pose_over, resect
-from gcs_mosaic.stitch.witnesses import MAJORITY, confirmed_share
 
 LENS_KNOWN = 5  # frames after which a lens is known well enough to judge residuals
 UNKNOWN_LENS = 3.0  # how much larger residuals may be before that

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gcs_mosaic.stitch import neighbours
-from gcs_mosaic.stitch.features import Features
 from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.matching.retrieval import RetrievalIndex
 from gcs_mosaic.stitch.network import Network, box_of, centres
 from gcs_mosaic.stitch.observer import Observer
-from gcs_mosaic.stitch.registration import NotRegistered, Registration, RegistrationSettings, register
-from gcs_mosaic.stitch.retrieval import RetrievalIndex
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

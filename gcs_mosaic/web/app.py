@@ -16,7 +16,7 @@ from aiohttp import web
 
 from gcs_mosaic.flight.manifest import last_revision
 from gcs_mosaic.flight.pyramid import filled
-from gcs_mosaic.stitch.grid import FINEST_LEVEL, Tile
+from gcs_mosaic.stitch.painting.grid import FINEST_LEVEL, Tile
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Change, Feed
 from gcs_mosaic.web.guard import add_headers, host_check

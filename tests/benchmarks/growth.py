@@ -22,10 +22,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from gcs_mosaic.stitch.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
+from gcs_mosaic.stitch.adjusting.solving import IslandTask, adjusted, island_task, take_in
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.solving import IslandTask, adjusted, island_task, take_in
 from tests.benchmarks.flight_of_points import features_of_flight
 
 T = TypeVar("T")

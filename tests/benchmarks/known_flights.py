@@ -27,7 +27,7 @@ from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.prepare import Prepared, prepare
 from gcs_mosaic.recorder import estimate_of_placement
-from gcs_mosaic.stitch.features import Features, FeatureSettings
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.placement import Placement
 

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.flight.tiles import TileWriter
-from gcs_mosaic.stitch.canvas import INTERPOLATIONS, Canvas, CanvasSettings
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.grid import TILE_SIZE
-from gcs_mosaic.stitch.lattice import frame_lattice, own_level
-from gcs_mosaic.stitch.painted import Painted
-from gcs_mosaic.stitch.view import frame_view
+from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas, CanvasSettings
+from gcs_mosaic.stitch.painting.grid import TILE_SIZE
+from gcs_mosaic.stitch.painting.lattice import frame_lattice, own_level
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.painting.view import frame_view
 
 Image = NDArray[np.uint8]
 ROUNDS = 5

@@ -10,7 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 
-from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
 from sitl.flight import plan
 from sitl.path import Plan

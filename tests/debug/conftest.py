@@ -3,7 +3,7 @@ import pytest
 
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 CAMERA = Camera(400, 300)
 SHIFT = (0.05, 0.0)  # half-diagonals: 12.5 px to the right everywhere

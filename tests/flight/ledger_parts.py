@@ -8,7 +8,7 @@ from gcs_mosaic.events import CaptureResult, Frame, Position, Source, TriggerEve
 from gcs_mosaic.flight.originals import content_hash
 from gcs_mosaic.flight.records import Estimate
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painted import Painted
+from gcs_mosaic.stitch.painting.painted import Painted
 
 
 def an_event(sequence: int = 7, position: Position | None = None, file_hint: str | None = None) -> TriggerEvent:

@@ -15,8 +15,8 @@ from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painted import Painted
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -4,8 +4,8 @@ import pytest
 
 from gcs_mosaic.flight.pyramid import EncodedTile, filled, filled_picture, level_within, picture
 from gcs_mosaic.flight.tiles import mask_path, tile_path, write_tile
-from gcs_mosaic.stitch.grid import Tile, ancestor, tile_box
-from gcs_mosaic.stitch.stack import TilePicture
+from gcs_mosaic.stitch.painting.grid import Tile, ancestor, tile_box
+from gcs_mosaic.stitch.painting.stack import TilePicture
 
 TILE = Tile(16, 32768, 32768)
 

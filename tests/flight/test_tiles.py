@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.flight.tiles import TileWriter, mask_path, read_tile, tile_path
-from gcs_mosaic.stitch.grid import Tile
-from gcs_mosaic.stitch.stack import TilePicture
+from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.stitch.painting.stack import TilePicture
 
 TILE = Tile(16, 32768, 32767)
 

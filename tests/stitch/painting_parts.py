@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.lattice import own_level
-from gcs_mosaic.stitch.painted import Painted
-from gcs_mosaic.stitch.relief import ReliefDisplacement
+from gcs_mosaic.stitch.painting.lattice import own_level
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 SMALL = Camera(160, 120, focal=1.2, k1=-0.02)
 

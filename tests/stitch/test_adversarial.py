@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic, Placement
 from sitl.flight import plan
 from sitl.geometry import ground_from_pixels

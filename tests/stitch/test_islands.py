@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
-from gcs_mosaic.stitch.features import FeatureSettings, extract
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.islands import Bridge, Bridges, IslandSettings
+from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.stitch.matching.registration import Registration, RegistrationSettings
 from gcs_mosaic.stitch.network import Network
-from gcs_mosaic.stitch.registration import Registration, RegistrationSettings
 from gcs_mosaic.stitch.search import Search, SearchSettings
 
 PLACES = [(300, 300), (450, 300), (600, 300), (300, 480), (450, 480), (600, 480)]

@@ -122,7 +122,7 @@ def test_a_founder_that_nothing_joined_comes_home(ground):
 
 def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, monkeypatch):
     """Frames that wait compete for the two tries beside a new frame; whoever loses always is asked at the end."""
-    monkeypatch.setattr("gcs_mosaic.stitch.assembly.WAITING_TRIES", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)
     mosaic = Mosaic()
     fly(mosaic, ground, [Pose(300, 600), Pose(1000, 600), *line(430, 600, 4)])
     assert [w.name for w in mosaic.waiting()] == ["001"]

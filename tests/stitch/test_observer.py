@@ -5,11 +5,11 @@ import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
 from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.observer import island_residuals
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.placing import PlausibilitySettings
-from gcs_mosaic.stitch.registration import NotRegistered, Registration
 
 
 class Notes:

@@ -15,7 +15,7 @@ from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.records import Accounts, Estimate, EventAccount, FrameAccount, NoticeRecord
 from gcs_mosaic.flight.status import LastFrame, LinkStatus, Status, WatchStatus, status_document
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.grid import Tile
+from gcs_mosaic.stitch.painting.grid import Tile
 
 MIDDLE = 1 << 15  # the tile of level 16 whose top left corner is the canvas' origin (but for half a pixel)
 RED, GREEN, BLUE = (0, 0, 255), (0, 200, 0), (255, 0, 0)

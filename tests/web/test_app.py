@@ -10,7 +10,7 @@ import pytest
 from small_flight import MIDDLE, RED, SmallFlight
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.stitch.grid import Tile
+from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.web import app as app_module
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed

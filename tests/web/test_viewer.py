@@ -8,7 +8,7 @@ from browser import CHROMIUM, Page, open_browser
 from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 
 from gcs_mosaic.flight.manifest import IslandEntry
-from gcs_mosaic.stitch.grid import Tile
+from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer

@@ -1,0 +1,141 @@
+"""Joint adjustment of cameras over a plane: bundle adjustment without points.
+
+Unknowns are one pose per frame and one lens (focal length, two radial terms, principal point) per camera. A match of
+pixel a in one frame and b in another says that a, taken down to the plane and up into the other frame, should fall on b,
+and the other way round. Residuals are measured in the frames (in the plane they would reward a shrinking map). The normal
+matrix has one block per frame and per linked pair of frames, so it stays sparse however long the flight is.
+
+Levenberg-Marquardt with iteratively reweighted least squares, after Triggs et al., "Bundle Adjustment - A Modern
+Synthesis", 2000; Cauchy loss, because relief gives the residuals heavy tails.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcs_mosaic.stitch.adjusting.normal import assembled, solve, unknowns
+from gcs_mosaic.stitch.adjusting.problem import Problem
+from gcs_mosaic.stitch.adjusting.residuals import parts, weighed, whitenings
+from gcs_mosaic.stitch.projection import LENS_TERMS
+from gcs_mosaic.stitch.relief.displacement import ReliefSettings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdjustmentSettings:
+    """How poses and lenses are estimated from all matches together."""
+
+    matches_per_pair: int = 24  # matches that are used of a pair, well spread; 40 gave the same map
+    loss_px: float = 1.0  # Cauchy loss: where a residual begins to count less, in pixels of the feature picture
+    focal_prior: float = (
+        1.5  # focal length expected of a camera, in half-diagonals: a common field of view (67 degrees across)
+    )
+    focal_prior_log_sigma: float = 0.3  # how far it may be off, as log: a factor of 1.35
+    k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
+    k2_prior_sigma: float = 0.05  # the second radial term
+    shift_prior_sigma: float = 0.02  # principal point off the middle of the frame, half-diagonals
+    tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
+    steps: int = 30  # most steps of an adjustment; a warm start needs 2-5
+    step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
+    relief: ReliefSettings = field(default_factory=ReliefSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    poses: Array  # (n, 6)
+    lenses: Array  # (c, 5)
+    residuals_px: Array  # (p, k), the larger of both ways, pixels of the feature picture; NaN where there is no match
+    normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
+    steps: int
+
+
+def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
+    """Best poses and lenses for the matches and the priors."""
+    state = _evaluate(problem, settings, [whitenings(part) for part in parts(problem)])
+    damping, steps, fall = 1e-4, 0, math.inf
+    while steps < settings.steps and fall >= settings.step_tolerance:
+        candidate, damping = _descend(state, settings, damping)
+        if candidate is None:
+            break
+        fall = (state.cost - candidate.cost) / max(state.cost, 1e-12)
+        state, steps = candidate, steps + 1
+    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, steps)
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    problem: Problem
+    whitenings: list[Array]  # of each of its parts; they hold for the whole adjustment, see `residuals.whitenings`
+    cost: float
+    normal: sparse.csc_matrix  # over the free unknowns
+    gradient: Array
+    residuals_px: Array
+
+
+def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State | None, float]:
+    """One accepted step and the damping for the next, or None where no step lowers the cost any more."""
+    for _ in range(6):
+        step = solve(state.normal, state.gradient, damping)
+        candidate = _evaluate(_stepped(state.problem, step), settings, state.whitenings)
+        if candidate.cost < state.cost:
+            return candidate, max(damping / 5, 1e-9)
+        damping *= 8
+    return None, damping
+
+
+def _stepped(problem: Problem, step: Array) -> Problem:
+    _, pose_unknowns = unknowns(problem)
+    poses, lenses = problem.poses.copy(), problem.lenses.copy()
+    poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
+    if problem.lens_free:
+        lenses += step[pose_unknowns:].reshape(-1, LENS_TERMS)
+    return replace(problem, poses=poses, lenses=lenses)
+
+
+def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array]) -> _State:
+    some = [weighed(*part, settings.loss_px) for part in zip(parts(problem), by_part, strict=True)]
+    blocks = np.concatenate([part.blocks for part in some])
+    slopes = np.concatenate([part.slopes for part in some])
+    residuals_px = np.concatenate([part.residuals_px for part in some])
+    normal, gradient = assembled(problem, blocks, slopes)
+    prior_cost, prior_normal, prior_gradient = _priors(problem, settings)
+    return _State(
+        problem=problem,
+        whitenings=by_part,
+        cost=sum(part.cost for part in some) + prior_cost,
+        normal=normal + sparse.diags(prior_normal, format="csc"),
+        gradient=gradient + prior_gradient,
+        residuals_px=residuals_px,
+    )
+
+
+def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Array, Array]:
+    """Cost, diagonal and gradient of what is believed before any match: nearly level flight, an ordinary lens."""
+    tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
+    # Cauchy again: a frame that really is oblique must be allowed to be.
+    tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
+    tilt_weight = 1 / (1 + tilt_size2[:, None])
+    diagonal, gradient = np.zeros((len(tilt), 6)), np.zeros((len(tilt), 6))
+    diagonal[:, 4:] = tilt_weight / settings.tilt_prior_sigma**2
+    gradient[:, 4:] = tilt_weight * tilt / settings.tilt_prior_sigma
+    cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
+    if not problem.lens_free:
+        return float(cost), diagonal.ravel(), gradient.ravel()
+    shift = settings.shift_prior_sigma
+    sigma = np.array([settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift])
+    lens = (problem.lenses - [np.log(settings.focal_prior), 0.0, 0.0, 0.0, 0.0]) / sigma
+    cost += (lens**2).sum()
+    return (
+        float(cost),
+        np.concatenate([diagonal.ravel(), np.broadcast_to(1 / sigma**2, lens.shape).ravel()]),
+        np.concatenate([gradient.ravel(), (lens / sigma).ravel()]),
+    )
+
+
+TILT_PRIOR_REACH = 3.0  # sigmas within which the tilt prior is quadratic

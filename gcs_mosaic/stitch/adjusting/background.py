@@ -1,0 +1,111 @@
+"""A process of its own that adjusts whole islands while frames go on being placed.
+
+A process, not a thread: an adjustment is thousands of short array operations that would take turns with the placing for
+the interpreter. It runs at low priority, ends with the program, and is started anew should it die.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Protocol
+
+from gcs_mosaic.stitch.adjusting.solving import AdjustedIsland, IslandTask, adjusted
+
+NICENESS = 5  # of 19: placing and painting come first
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The adjustment has come to nothing, and why."""
+
+    reason: str
+
+
+class Worker(Protocol):
+    """Whoever adjusts an island meanwhile: one task at a time."""
+
+    def begin(self, task: IslandTask) -> None:
+        """Start on a task; whether that is possible at all shows in `result`."""
+
+    def is_ready(self) -> bool:
+        """Whether `result` would not wait."""
+
+    def result(self) -> AdjustedIsland | Failed:
+        """What became of the task; waits for it."""
+
+
+class WorkerProcess:
+    """A worker in a process of its own, started with its first task."""
+
+    def __init__(self) -> None:
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+        self._sender: threading.Thread | None = None
+
+    def begin(self, task: IslandTask) -> None:
+        # From a thread: a process that has just been started takes a second before it reads, and a large task fills the pipe.
+        self._sender = threading.Thread(target=_send, args=(self._started(), task), name="adjust", daemon=True)
+        self._sender.start()
+
+    def is_ready(self) -> bool:
+        return self._pipe is None or self._pipe.poll()
+
+    def result(self) -> AdjustedIsland | Failed:
+        if self._pipe is None:
+            return Failed("no process is adjusting the map")
+        try:
+            found = self._pipe.recv()
+        except (EOFError, OSError):
+            self.close()
+            return Failed("the process that adjusts the map has died")
+        assert isinstance(found, AdjustedIsland | Failed)
+        return found
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        if self._process is not None and self._pipe is not None:
+            self._process.kill()
+            self._process.join()
+            if self._sender is not None:
+                self._sender.join()  # nobody reads any more, so it has failed; before that the pipe is in use
+            self._pipe.close()
+        self._process = self._pipe = self._sender = None
+
+    def _started(self) -> Connection:
+        if self._pipe is None:
+            context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_work, args=(theirs,), name="adjust", daemon=True)
+            self._process.start()
+            theirs.close()
+        return self._pipe
+
+
+def _send(pipe: Connection, task: IslandTask) -> None:
+    with contextlib.suppress(OSError):  # nobody reads any more: `result` finds out
+        pipe.send(task)
+
+
+def _work(pipe: Connection) -> None:
+    """Tasks in, results out, until the other end is closed: that happens at the latest when the program ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which ends this process itself
+    os.nice(NICENESS)
+    try:
+        while True:
+            pipe.send(_tried(pipe.recv()))
+    except (EOFError, OSError):
+        return
+
+
+def _tried(task: IslandTask) -> AdjustedIsland | Failed:
+    try:
+        return adjusted(task)
+    except Exception as error:  # said by whoever asked; the process goes on with the next task
+        return Failed(f"the map could not be adjusted ({error!r})")

@@ -1,0 +1,1 @@
+"""What a frame shows, and whether two frames show the same ground."""

@@ -1,0 +1,1 @@
+"""Frames at their poses, painted on tiles."""

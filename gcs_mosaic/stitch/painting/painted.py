@@ -1,0 +1,119 @@
+"""Which frames are painted, where, and in what order: the list that a mosaic's tiles are a function of."""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
+
+from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+
+TileKey = tuple[int, Tile]  # island, tile
+Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Painted:
+    """A frame as it is (to be) painted. `gain` multiplies blue, green and red; `level` is usually `own_level(pose, camera)`."""
+
+    name: str
+    order: int  # capture order
+    island: int
+    pose: Pose
+    camera: Camera
+    relief: ReliefDisplacement | None = None
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    level: int
+
+    @property
+    def turn(self) -> Turn:
+        return self.order, self.name
+
+
+class Extent(NamedTuple):
+    """How much there is of an island."""
+
+    box: Box  # canvas, around whole tiles
+    coarsest: int  # level
+    finest: int  # level
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    painted: Painted
+    tiles: tuple[Tile, ...]
+    box: Box | None
+
+
+class PaintedFrames:
+    """The painted frames by name, by tile and by island; pure bookkeeping."""
+
+    def __init__(self) -> None:
+        self._entries: dict[str, _Entry] = {}
+        self._turns: dict[TileKey, list[Turn]] = {}
+        self._islands: dict[int, dict[str, None]] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._entries
+
+    def __getitem__(self, name: str) -> Painted:
+        return self._entries[name].painted
+
+    def add(self, painted: Painted, tiles: Iterable[Tile]) -> set[TileKey]:
+        """Take a frame in, in place of what it was before; returns the tiles it touches now."""
+        self.remove(painted.name)
+        touched = tuple(tiles)
+        entry = _Entry(painted, touched, _box_of_tiles(touched) if touched else None)
+        self._entries[painted.name] = entry
+        self._islands.setdefault(painted.island, {})[painted.name] = None
+        for tile in entry.tiles:
+            insort(self._turns.setdefault((painted.island, tile), []), painted.turn)
+        return self.tiles_of(painted.name)
+
+    def remove(self, name: str) -> set[TileKey]:
+        """Forget a frame; returns the tiles it touched."""
+        keys = self.tiles_of(name)
+        entry = self._entries.pop(name, None)
+        if entry is not None:
+            del self._islands[entry.painted.island][name]
+            for key in keys:
+                self._turns[key].remove(entry.painted.turn)
+                if not self._turns[key]:
+                    del self._turns[key]
+        return keys
+
+    def tiles_of(self, name: str) -> set[TileKey]:
+        entry = self._entries.get(name)
+        return set() if entry is None else {(entry.painted.island, tile) for tile in entry.tiles}
+
+    def on(self, key: TileKey) -> list[Painted]:
+        """The frames that touch a tile, in capture order."""
+        return [self[name] for _, name in self._turns.get(key, ())]
+
+    def is_last(self, painted: Painted, key: TileKey) -> bool:
+        return self._turns[key][-1] == painted.turn
+
+    def next_after(self, turn: Turn | None, keys: Iterable[TileKey]) -> Painted | None:
+        """Of the frames that touch any of these tiles, the first one captured after `turn`."""
+        later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
+        found = min(later, default=None)
+        return None if found is None else self[found[1]]
+
+    def extent(self, island: int) -> Extent | None:
+        """The box around an island's tiles and the levels that its frames are painted at; None if it has no tiles."""
+        entries = [self._entries[name] for name in self._islands.get(island, ())]
+        extents = [Extent(e.box, e.painted.level, e.painted.level) for e in entries if e.box is not None]
+        return reduce(_joined, extents) if extents else None
+
+
+def _joined(a: Extent, b: Extent) -> Extent:
+    return Extent(join(a.box, b.box), min(a.coarsest, b.coarsest), max(a.finest, b.finest))
+
+
+def _box_of_tiles(tiles: tuple[Tile, ...]) -> Box:
+    level, xs, ys = tiles[0].z, [t.x for t in tiles], [t.y for t in tiles]
+    return join(tile_box(Tile(level, min(xs), min(ys))), tile_box(Tile(level, max(xs), max(ys))))

@@ -1,0 +1,75 @@
+"""A frame's pixels on one tile."""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.stitch.painting.lattice import LATTICE, LATTICE_STEP, FrameLattice, Lattice
+
+NOWHERE = -1e4  # px; outside every frame, and small enough for the fixed-point coordinates of cv2.remap
+
+Image = NDArray[np.uint8]
+
+
+class _Scratch(threading.local):
+    """Half a megabyte that would else be taken from the system and given back twice per tile, at twice the cost."""
+
+    def __init__(self) -> None:
+        side = LATTICE * LATTICE_STEP
+        self.one = np.empty((side, side), np.float32)
+        self.two = np.empty((side, side, 2), np.float32)
+
+
+_scratch = _Scratch()
+
+
+def upscale(values: Lattice) -> Lattice:
+    """Values at a tile's lattice points (17, 17[, 2]) to its pixel centres (256, 256[, 2]), bilinear.
+
+    What comes back is overwritten by this thread's next call for the same number of channels.
+    """
+    size, rim = LATTICE * LATTICE_STEP, LATTICE_STEP // 2
+    wide = _scratch.one if values.ndim == 2 else _scratch.two
+    cv2.resize(values, (size, size), dst=wide, interpolation=cv2.INTER_LINEAR)
+    return wide[rim:-rim, rim:-rim]
+
+
+def tile_picture(lattice: FrameLattice, image: Image, tile: Tile, interpolation: int) -> tuple[Image, Image | None]:
+    """A frame's part of a tile: colour (256, 256, 3), 0 where there is none, and coverage (256, 256), 0 or 255, None where
+    the tile is full. `interpolation` is OpenCV's constant."""
+    window = lattice.window(tile)
+    pixels = upscale(lattice.pixels[window])
+    coverage = _coverage(lattice, pixels, window)
+    if coverage is None:
+        return _remap(image, pixels, interpolation), None
+    if np.isnan(lattice.pixels[window]).any():
+        pixels = np.nan_to_num(pixels, nan=NOWHERE)
+    return np.asarray(cv2.copyTo(_remap(image, pixels, interpolation), coverage), dtype=np.uint8), coverage
+
+
+def _coverage(lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice]) -> Image | None:
+    if _well_inside(lattice, window):
+        return None
+    width, height = lattice.camera.width, lattice.camera.height
+    coverage = cv2.inRange(pixels, (-0.5, -0.5), (width - 0.5, height - 0.5))
+    if lattice.useful is not None:
+        coverage[~(upscale(lattice.useful[window]) > 0)] = 0
+    return np.asarray(coverage, dtype=np.uint8)
+
+
+def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:
+    """Whether all of a tile is in the frame, told from its lattice points (bilinear values lie between those)."""
+    limits = np.array([lattice.camera.width, lattice.camera.height]) - 0.5
+    corners = lattice.pixels[window]
+    within = bool(((corners > -0.5) & (corners < limits)).all())
+    return within and (lattice.useful is None or bool((lattice.useful[window] > 0).all()))
+
+
+def _remap(image: Image, pixels: Lattice, interpolation: int) -> Image:
+    # Replicated, not black, beyond the border: the outermost half pixel belongs to the frame.
+    return cv2.remap(image, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore

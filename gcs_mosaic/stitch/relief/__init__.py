@@ -1,0 +1,1 @@
+"""Heights of the ground, and what they shift in each frame."""

@@ -1,0 +1,215 @@
+import random
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+from painting_parts import hilly, painted, picture
+
+from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
+from gcs_mosaic.stitch.painting.stack import TilePicture
+
+MIDDLE = 1 << 15
+
+
+def originals(name: str):
+    return picture(int(name.removesuffix(".jpg")))
+
+
+@pytest.fixture
+def canvas():
+    """Makes canvases, and closes them in the end."""
+    with ExitStack() as stack:
+        yield lambda load=originals, load_tile=None, **settings: stack.enter_context(
+            Canvas(load, CanvasSettings(**settings), load_tile=load_tile)
+        )
+
+
+def paint(c: Canvas, *frames) -> set:
+    return set().union(*(c.paint(originals(frame.name), frame) for frame in frames))
+
+
+def random_frame(rng: random.Random, order: int):
+    x, y, gsd = rng.uniform(-400, 400), rng.uniform(-300, 300), rng.choice([1.0, 1.0, 2.2, 5.0])
+    gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
+    relief = rng.choice([None, hilly(rng.randrange(9))])
+    yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
+    return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, gain=gain, relief=relief)
+
+
+def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
+    box, coarsest, finest = c.extent(0)
+    tiles = (tile for level in range(coarsest - 2, finest + 2) for tile in tiles_over(box, level))
+    return {tile: shown for tile in tiles if (shown := c.tile(0, tile)) is not None}
+
+
+def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) -> None:
+    assert one.keys() == other.keys()
+    for tile, shown in one.items():
+        np.testing.assert_array_equal(shown.colour, other[tile].colour)
+        np.testing.assert_array_equal(shown.coverage, other[tile].coverage)
+
+
+@pytest.mark.parametrize(("blend", "seed"), [("edge", 0), ("edge", 1), ("edge", 2), ("newest", 3), ("first", 4)])
+def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas, blend: str, seed: int) -> None:
+    rng = random.Random(seed)
+    step_by_step, final = canvas(blend=blend, memory_mb=2), {}
+    for _ in range(20):
+        frame, action = random_frame(rng, rng.randrange(12)), rng.random()
+        if action < 0.6 or frame.name not in final:
+            paint(step_by_step, frame)
+            final[frame.name] = frame
+        elif action < 0.85:
+            step_by_step.move([frame])
+            final[frame.name] = frame
+        else:
+            step_by_step.remove([frame.name])
+            del final[frame.name]
+        for _, _ in zip(range(rng.randrange(4)), step_by_step.repaint(), strict=False):
+            pass
+    list(step_by_step.repaint())
+    rebuilt = canvas(blend=blend)
+    paint(rebuilt, *sorted(final.values(), key=lambda frame: frame.order))
+    assert (step_by_step.behind, rebuilt.behind) == (0, 0)
+    assert_same(all_tiles(step_by_step), all_tiles(rebuilt))
+
+
+def test_frames_painted_in_order_need_no_repaint(canvas) -> None:
+    c = canvas()
+    paint(c, *(painted(i, 30.0 * i, 10.0 * i) for i in range(6)))
+    assert c.behind == 0
+
+
+def test_paint_tells_of_every_tile_that_changed(canvas) -> None:
+    c, rng = canvas(), random.Random(5)
+    paint(c, random_frame(rng, 0))
+    for order in range(1, 8):
+        before = all_tiles(c)
+        told = paint(c, random_frame(rng, order))
+        for tile, after in all_tiles(c).items():
+            assert (0, tile) in told or np.array_equal(after.colour, before[tile].colour)
+
+
+def test_a_late_frame_is_shown_at_once_and_set_right_by_a_repaint(canvas) -> None:
+    c = canvas(blend="newest")
+    paint(c, painted(2, 100, 100))
+    newest = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+    paint(c, painted(1, 100, 100))
+    assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, newest)
+    assert c.behind == 1
+    list(c.repaint())
+    np.testing.assert_array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, newest)
+
+
+def test_no_half_made_tile_is_shown_while_repainting(canvas) -> None:
+    c = canvas()
+    paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(5)))
+    before = all_tiles(c)
+    c.move([painted(0, 90, 100)])
+    steps = c.repaint()
+    assert [next(steps) for _ in range(5)] == [set()] * 5
+    assert_same(all_tiles(c), before)
+    told = next(steps)
+    assert (0, Tile(16, MIDDLE, MIDDLE)) in told
+    assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before[Tile(16, MIDDLE, MIDDLE)].colour)
+
+
+def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
+    c, rebuilt = canvas(), canvas()
+    paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(4)))
+    c.move([painted(2, 140, 100)])
+    steps = c.repaint()
+    for _ in range(2):
+        next(steps)
+    c.move([painted(0, 90, 90)])
+    paint(c, painted(4, 80, 100))
+    list(steps)
+    paint(
+        rebuilt,
+        painted(0, 90, 90),
+        painted(1, 105, 100),
+        painted(2, 140, 100),
+        painted(3, 115, 100),
+        painted(4, 80, 100),
+    )
+    assert_same(all_tiles(c), all_tiles(rebuilt))
+
+
+def test_a_repaint_decodes_each_original_once(canvas) -> None:
+    asked = []
+    c = canvas(lambda name: asked.append(name) or originals(name))
+    frames = [painted(i, 100 + 40.0 * i, 100) for i in range(5)]
+    paint(c, *frames)
+    assert c.move(frames) == 0
+    c.move([painted(2, 170, 110)])
+    list(c.repaint())
+    assert asked == [frame.name for frame in frames]
+
+
+def test_what_is_removed_vanishes_from_all_levels(canvas) -> None:
+    c = canvas()
+    told = paint(c, painted(0, 100, 100))
+    c.remove(["0.jpg"])
+    assert told <= set().union(*c.repaint())
+    assert all(c.tile(*key) is None for key in told)
+    assert c.extent(0) is None
+
+
+def test_an_original_that_is_gone_leaves_its_tiles_as_they_are(canvas) -> None:
+    c = canvas(lambda name: None if name == "0.jpg" else originals(name))
+    paint(c, painted(0, 100, 100), painted(1, 110, 100))
+    before = all_tiles(c)
+    c.move([painted(1, 115, 100)])
+    list(c.repaint())
+    assert (c.behind, c.gone) == (0, {"0.jpg"})
+    assert_same(all_tiles(c), before)
+
+
+def test_a_flight_goes_on_from_tiles_on_disk_and_ends_up_the_same(canvas) -> None:
+    rng = random.Random(8)
+    frames = [random_frame(rng, order) for order in range(6)]
+    whole, earlier = canvas(), canvas()
+    paint(whole, *frames)
+    paint(earlier, *frames[:5])
+    resumed = canvas(load_tile=earlier.tile)
+    resumed.resume(frames[:5])
+    shown = all_tiles(earlier)
+    assert all(resumed.tile(0, tile) is not None for tile in shown)
+    paint(resumed, frames[5])
+    assert resumed.behind > 0
+    list(resumed.repaint())
+    assert_same(all_tiles(resumed), all_tiles(whole))
+
+
+def test_islands_do_not_touch_each_other(canvas) -> None:
+    c = canvas()
+    paint(c, painted(0, 100, 100))
+    before = all_tiles(c)
+    assert {island for island, _ in paint(c, painted(1, 100, 100, island=1))} == {1}
+    assert_same(all_tiles(c), before)
+
+
+def test_a_frame_that_sees_no_ground_paints_nothing(canvas) -> None:
+    c = canvas()
+    assert paint(c, painted(0, roll=3.1, level=16)) == set()
+    assert c.extent(0) is None
+
+
+def test_an_image_of_another_size_is_refused_and_changes_nothing(canvas) -> None:
+    c = canvas()
+    with pytest.raises(ValueError, match=r"0\.jpg is \(100, 160, 3\)"):
+        c.paint(originals("0.jpg")[:100], painted(0))
+    assert c.extent(0) is None
+
+
+def test_an_unknown_blend_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ValueError, match="'egde' is not one of edge, newest, first"):
+        CanvasSettings(blend="egde")
+
+
+def test_a_uniform_scene_stays_uniform_across_frames_tiles_and_levels(canvas) -> None:
+    c = canvas()
+    for i in range(8):
+        c.paint(np.full((120, 160, 3), 90, np.uint8), painted(i, 60.0 * i, 25.0 * i, gsd=1 + 0.4 * i, yaw=i))
+    for shown in all_tiles(c).values():
+        assert set(np.unique(shown.colour[shown.coverage > 0])) == {90}
