@@ -27,24 +27,23 @@ PACKAGE = "gcs_mosaic.stitch"
 
 # Constants of modules that decide what is believed, tried or weighed. What only sets a pace (steps of a convergent
 # iteration, batches, where the dense solver takes over) is none of these.
-CONSTANTS = (
-    *("registration.HYPOTHESES", "evidence.PER_CELL", "evidence.COMPARABLE"),
-    *("neighbours.REGION_FACTOR", "neighbours.SECTORS", "neighbours.MARGIN", "search.PER_NEIGHBOUR"),
-    *(
-        "assembly.WAITING_TRIES",
-        "assembly.BRIDGE_TRIES",
-        "waiting.TURN_AFTER",
-        "placing.LENS_KNOWN",
-        "placing.UNKNOWN_LENS",
-        "placing.MAJORITY",
-    ),
-    *("witnesses.COLUMNS", "witnesses.ROWS", "witnesses.COMPARABLE", "witnesses.SHARPER"),
-    *("islands.AGREEMENT", "islands.LOG_AGREEMENT", "islands.LOG_BRIDGE", "islands.APART", "islands.MAJORITY"),
-    *("islands.WITNESSES", "islands.PAIRS_PER_WITNESS", "adjustment.TILT_PRIOR_REACH", "ground.ROUNDS"),
-    *("geometry.HORIZON_COSINE", "geometry.LEAST_LIKENESS"),
-    *("relief.STEEPEST", "relieving.FEWEST", "relieving.ROUNDS"),
-    *("retrieval.PER_FRAME", "retrieval.QUERY", "retrieval.BACKGROUND_RANK", "retrieval.WORDS", "retrieval.PROBES"),
-)
+CONSTANTS = {
+    "matching.registration": ("HYPOTHESES",),
+    "matching.evidence": ("PER_CELL", "COMPARABLE"),
+    "matching.witnesses": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER"),
+    "matching.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
+    "neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
+    "search": ("PER_NEIGHBOUR",),
+    "placing": ("LENS_KNOWN", "UNKNOWN_LENS", "MAJORITY"),
+    "waiting": ("TURN_AFTER",),
+    "islands": ("AGREEMENT", "LOG_AGREEMENT", "LOG_BRIDGE", "APART", "MAJORITY", "WITNESSES", "PAIRS_PER_WITNESS"),
+    "adjusting.assembly": ("WAITING_TRIES", "BRIDGE_TRIES"),
+    "adjusting.adjustment": ("TILT_PRIOR_REACH",),
+    "relief.points": ("ROUNDS",),
+    "relief.displacement": ("STEEPEST",),
+    "relief.estimation": ("FEWEST", "ROUNDS"),
+    "geometry": ("HORIZON_COSINE", "LEAST_LIKENESS"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,9 +88,9 @@ def settings_of(settings: Any, path: tuple[str, ...] = ()) -> Iterator[Setting]:
 
 
 def constants() -> Iterator[Constant]:
-    for where in CONSTANTS:
-        module, name = where.split(".")
-        yield Constant(module, name, getattr(importlib.import_module(f"{PACKAGE}.{module}"), name))
+    for module, names in CONSTANTS.items():
+        values = vars(importlib.import_module(f"{PACKAGE}.{module}"))
+        yield from (Constant(module, name, values[name]) for name in names)
 
 
 def with_value(settings: Any, path: Sequence[str], value: float) -> Any:
