@@ -165,7 +165,8 @@ def _front(matrix: sparse.csc_matrix, own: Indices, first: int, common: Indices,
         dense[np.ix_(at, at)] += front.update
         front.update = None
     o = len(own)
-    inverse = linalg.cho_solve(linalg.cho_factor(dense[:o, :o]), np.eye(o))
+    # A cut of the map that nothing overlaps has no unknowns of its own; older scipy cannot solve nothing.
+    inverse = linalg.cho_solve(linalg.cho_factor(dense[:o, :o]), np.eye(o)) if o else np.zeros((0, 0))
     gain = inverse @ dense[:o, o:]
     return _Front(own, border, inverse, gain, below, dense[o:, o:] - dense[o:, :o] @ gain)
 
