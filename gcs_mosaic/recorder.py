@@ -36,7 +36,12 @@ class Changes:
     tiles: list[set[TileKey]] = field(default_factory=list)  # one set for each frame that was painted
 
     def __bool__(self) -> bool:
-        return any((self.states, self.sizes, self.placements, self.painted, self.tiles))
+        return self.is_public or any((self.sizes, self.painted))
+
+    @property
+    def is_public(self) -> bool:
+        """Whether the documents tell of any of it."""
+        return any((self.states, self.placements, self.tiles))
 
 
 class Recorder:
@@ -94,6 +99,9 @@ class Recorder:
             return
         self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
         self._save_ledger(islands)
+        if not self.changes.is_public and self.ledger.accounts() == self._told:
+            self.changes = Changes()
+            return
         contents = self._contents(list(self._entries(canvas, islands, frames_on)))
         revision = self._manifest.write(contents)
         self._told = contents.accounts

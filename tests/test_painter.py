@@ -6,7 +6,7 @@ import pytest
 from painting_parts import SMALL, picture
 
 from gcs_mosaic import painter as painter_module
-from gcs_mosaic.painter import FRAMES_AT_ONCE, Painter, PaintSettings
+from gcs_mosaic.painter import CHECKED_AT_ONCE, Painter, PaintSettings
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.placement import Placement
 
@@ -86,11 +86,11 @@ def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
     looked = []
     measure = painter_module._displacement
     monkeypatch.setattr(painter_module, "_displacement", lambda *args: looked.append(1) or measure(*args))
-    there = [placement(k, 400.0 * k) for k in range(FRAMES_AT_ONCE + 20)]
+    there = [placement(k, 400.0 * k) for k in range(CHECKED_AT_ONCE + 20)]
     paint(painter, there)
     painter.follow(there)
     assert looked == []
     painter.repaint_some()
-    assert len(looked) == FRAMES_AT_ONCE
+    assert len(looked) == CHECKED_AT_ONCE
     repainted(painter)
     assert len(looked) == len(there)

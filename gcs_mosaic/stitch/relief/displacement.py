@@ -19,6 +19,7 @@ from gcs_mosaic.stitch.geometry import Camera
 Array = NDArray[np.float64]
 
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
+CONVERGED_PX = 0.01  # a point whose last step was shorter stays where it is; the next would be a quarter of it at most
 STEEPEST = 0.25  # change of the shift per cell at most: no place is seen twice, and inverting converges
 
 
@@ -82,10 +83,13 @@ def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) ->
     if relief is None:
         return pixels
     nowhere = np.asarray(np.isnan(pixels).any(axis=1))
-    aims = np.where(nowhere[:, None], 0.0, pixels)
-    found = aims
+    found = np.where(nowhere[:, None], np.nan, pixels)
+    going = np.flatnonzero(~nowhere)
     for _ in range(STEPS):
-        previous, found = found, aims - relief.at(camera, found)
-        if np.abs(found - previous).max(initial=0.0) < 1e-3:
+        better = pixels[going] - relief.at(camera, found[going])
+        far = np.logical_or(*(np.abs(better - found[going]) > CONVERGED_PX).T)
+        found[going] = better
+        going = going[far]
+        if not going.size:
             break
-    return np.where(nowhere[:, None], np.nan, found)
+    return found
