@@ -28,9 +28,8 @@ from gcs_mosaic.stitch.mosaic import StitchSettings
 class Config:
     """What `gcs-mosaic` runs with. Paths are relative to where it is started."""
 
-    mavlink: tuple[str, ...] = (
-        "udp:14550",
-    )  # links to listen on, such as udp:14445, tcp:HOST:PORT, serial:/dev/ttyACM0:57600
+    # links to listen on, such as udp:14445, tcp:HOST:PORT, serial:/dev/ttyACM0:57600
+    mavlink: tuple[str, ...] = ("udp:14550",)
     watch: str = "frames"  # folder in which the camera's files appear
     out: str = "mosaic"  # folder for tiles, ledger and originals
     http: str | None = "127.0.0.1:8470"  # where the page is served; null for none

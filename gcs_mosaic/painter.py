@@ -76,9 +76,8 @@ class Painter:
         self._thumbnails: dict[str, Image] = {}
         self._overlaps: list[tuple[str, str, OverlapMeans]] = []
         self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
-        self._stale: dict[
-            str, tuple[float, Placement]
-        ] = {}  # those that moved too far, and how far in their own pixels
+        # Those that moved too far, and how far in their own pixels.
+        self._stale: dict[str, tuple[float, Placement]] = {}
         self._repainting: Iterator[set[TileKey]] | None = None
 
     @property

@@ -26,15 +26,14 @@ Array = NDArray[np.float64]
 Similarity = tuple[float, float, Array]  # scale, angle in radians, shift
 
 AGREEMENT = 0.1  # of a footprint's diagonal: how far two bridges may put the same ground apart
-LOG_AGREEMENT = 4.0  # -log10 of the chance that two wrong bridges agree so: 0.007 in place (3 x 3 footprints), 0.06 in
-# heading (0.2 radians either way), 0.1 in scale (20 % of a factor of 5 either way)
-LOG_BRIDGE = (
-    2.0  # most that one bridge counts for, in decades: none of 1,900 registered pairs of the recorded flights was
-)
-# wrong, but over halls of one make one unrelated pair in five is registered
-APART = (
-    0.25  # of a footprint's diagonal: nearer than this, the matches of two bridges may lie on one and the same thing
-)
+# -log10 of the chance that two wrong bridges agree so: 0.007 in place (3 x 3 footprints), 0.06 in heading (0.2 radians
+# either way), 0.1 in scale (20 % of a factor of 5 either way).
+LOG_AGREEMENT = 4.0
+# Most that one bridge counts for, in decades: none of 1,900 registered pairs of the recorded flights was wrong, but over
+# halls of one make one unrelated pair in five is registered.
+LOG_BRIDGE = 2.0
+# Of a footprint's diagonal: nearer than this, the matches of two bridges may lie on one and the same thing.
+APART = 0.25
 WITNESSES = 3  # frames of the smaller island for which the overlap is looked into
 PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched with
 
@@ -43,9 +42,8 @@ PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched w
 class IslandSettings:
     """When islands are joined."""
 
-    least_evidence: float = (
-        6.0  # -log10 of wrong agreements expected: two bridges that agree give 8, one whatever its matches 2
-    )
+    # -log10 of wrong agreements expected: two bridges that agree give 8, one whatever its matches 2
+    least_evidence: float = 6.0
 
 
 @dataclass(slots=True)

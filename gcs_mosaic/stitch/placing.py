@@ -27,9 +27,8 @@ class PlausibilitySettings:
     """What is not believed of a placement."""
 
     least_features: int = 40  # a picture with fewer shows nothing to hold on to
-    most_residual_px: float = (
-        4.0  # median residual above which a placement is not believed, pixels of the feature picture
-    )
+    # median residual above which a placement is not believed, pixels of the feature picture
+    most_residual_px: float = 4.0
     most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
     steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
     largest_zoom: float = 5.0  # change of height against a linked frame that is still believed

@@ -16,6 +16,9 @@ from gcs_mosaic.stitch.matching.retrieval import RetrievalIndex
 from gcs_mosaic.stitch.network import Network, box_of, centres
 from gcs_mosaic.stitch.observer import Observer
 
+# Frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ.
+PER_NEIGHBOUR = 4
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSettings:
@@ -121,8 +124,3 @@ class Search:
         if self._observer:
             self._observer.registered(self._network.frames[frame].name, self._network.frames[other].name, found)
         return found if isinstance(found, Registration) else None
-
-
-PER_NEIGHBOUR = (
-    4  # frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ
-)

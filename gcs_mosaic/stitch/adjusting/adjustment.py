@@ -33,9 +33,8 @@ class AdjustmentSettings:
 
     matches_per_pair: int = 24  # matches that are used of a pair, well spread; 40 gave the same map
     loss_px: float = 1.0  # Cauchy loss: where a residual begins to count less, in pixels of the feature picture
-    focal_prior: float = (
-        1.5  # focal length expected of a camera, in half-diagonals: a common field of view (67 degrees across)
-    )
+    # focal length expected of a camera, in half-diagonals: a common field of view (67 degrees across)
+    focal_prior: float = 1.5
     focal_prior_log_sigma: float = 0.3  # how far it may be off, as log: a factor of 1.35
     k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
     k2_prior_sigma: float = 0.05  # the second radial term

@@ -19,6 +19,7 @@ from typing import Protocol
 from gcs_mosaic.stitch.adjusting.solving import AdjustedIsland, IslandTask, adjusted
 
 NICENESS = 5  # of 19: placing and painting come first
+MOST_S = 900.0  # longest wait for a result that is due: 3,000 frames take half a minute on a core of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +39,14 @@ class Worker(Protocol):
         """Whether `result` would not wait."""
 
     def result(self) -> AdjustedIsland | Failed:
-        """What became of the task; waits for it."""
+        """What became of the task; waits for it, but not for ever."""
 
 
 class WorkerProcess:
     """A worker in a process of its own, started with its first task."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_s: float = MOST_S) -> None:
+        self._most_s = most_s
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
         self._sender: threading.Thread | None = None
@@ -61,6 +63,9 @@ class WorkerProcess:
         if self._pipe is None:
             return Failed("no process is adjusting the map")
         try:
+            if not self._pipe.poll(self._most_s):
+                self.close()
+                return Failed(f"the map was not adjusted within {self._most_s:g} s")
             found = self._pipe.recv()
         except (EOFError, OSError):
             self.close()

@@ -20,12 +20,10 @@ class UpkeepSettings:
     """When islands are adjusted as a whole."""
 
     per_doubling: int = 16  # an island is adjusted whenever it has grown by one part in so many
-    background_from: int = (
-        100  # frames of an island that is adjusted in the background: smaller ones take no longer than a frame
-    )
-    meanwhile: int = (
-        64  # a folder's island of n frames takes in its adjustment n / meanwhile frames later, on any machine
-    )
+    # frames of an island that is adjusted in the background: smaller ones take no longer than a frame
+    background_from: int = 100
+    # a folder's island of n frames takes in its adjustment n / meanwhile frames later, on any machine
+    meanwhile: int = 64
 
 
 class Upkeep:

@@ -25,16 +25,13 @@ HYPOTHESES = 3  # homographies tried: the ground can be outdone by a thing that 
 class RegistrationSettings:
     """When two frames are believed to show the same ground."""
 
-    ratio: float = (
-        0.85  # of the distances to the best and second-best match; RANSAC follows: a loose test loses nothing
-    )
+    # of the distances to the best and second-best match; RANSAC follows: a loose test loses nothing
+    ratio: float = 0.85
     threshold_px: float = 4.0  # how far relief and lens may carry an inlier, in pixels of the feature picture
-    least_evidence: float = (
-        8.0  # -log10 of chance agreements expected per pair: one in 3,000 flights of 1,000 frames (30 pairs each)
-    )
-    least_confirmed: float = (
-        0.25  # share of the overlap that inliers bear out; true pairs 0.3 and more, copies of one house 0.2 and less
-    )
+    # -log10 of chance agreements expected per pair: one in 3,000 flights of 1,000 frames (30 pairs each)
+    least_evidence: float = 8.0
+    # share of the overlap that inliers bear out; true pairs 0.3 and more, copies of one house 0.2 and less
+    least_confirmed: float = 0.25
     cell_px: float = 16.0  # inliers nearer than this, in pixels of the feature picture, count as one
     largest_zoom: float = 5.0  # change of scale between two frames that is still believed
 

@@ -24,9 +24,8 @@ from gcs_mosaic.stitch.network import Network
 
 COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features where there is anything to see
 COMPARABLE = 3  # features below which a cell says nothing
-MAJORITY = (
-    0.5  # of what is expected must be found: 0.73 and more at true places, 0.5 and less where only a hall looked alike
-)
+# of what is expected must be found: 0.73 and more at true places, 0.5 and less where only a hall looked alike
+MAJORITY = 0.5
 SHARPER = 2.0  # times; SIFT bridges more, but finds less and less in common
 
 

@@ -56,6 +56,14 @@ def test_a_process_that_is_killed_is_told_and_begun_anew(task, worker):
     assert isinstance(worker.result(), AdjustedIsland)
 
 
+def test_a_process_that_stands_still_is_given_up(task):
+    worker = WorkerProcess(most_s=0.5)
+    worker.begin(task)
+    os.kill(worker._process.pid, signal.SIGSTOP)
+    assert worker.result() == Failed("the map was not adjusted within 0.5 s")
+    assert worker._process is None
+
+
 def test_closing_ends_the_process_whatever_it_does(task, worker):
     worker.begin(task)
     process = worker._process
