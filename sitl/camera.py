@@ -18,6 +18,7 @@ from sitl.geometry import (
     sinking_views,
 )
 from sitl.ground.raster import Field, Image
+from sitl.targets import Target, paint_targets
 from sitl.world import World
 
 HAZE = np.array([222, 208, 196], np.float32)  # BGR of the air towards the horizon
@@ -31,10 +32,17 @@ class Camera:
     """The lens and what the sensor adds; the defaults are a small, decent camera."""
 
     lens: Lens = field(default_factory=Lens)
-    vignetting: float = 0.12  # share of light lost in the corners
+    vignetting: float = 0.12  # share of light lost in the corners, by the square of the distance from the middle
     exposure: float = 0.0  # deviation of the exposure between frames, in log
+    exposure_step: float = 1.0  # factor by which automatic exposure darkens every other run of frames
+    step_every: int = 5  # frames in such a run
     noise: float = 1.5  # deviation of the sensor noise, in grey levels of 255
     quality: int = 92  # of the JPEG
+
+    def gain(self, index: int, rng: np.random.Generator) -> float:
+        """The exposure of frame number `index`, 1 as planned."""
+        darker = index // self.step_every % 2 == 1
+        return float(np.exp(rng.normal(0, self.exposure))) / (self.exposure_step if darker else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +56,7 @@ class Scene:
     camera: Camera
     relief: float = 0.0
     seed: int = 1
+    targets: tuple[Target, ...] = ()
 
     def surface(self, x: Array, y: Array) -> Array:
         """Heights in metres of places x, y of any shape."""
@@ -64,8 +73,15 @@ class Scene:
 
     def picture(self, state: CameraState, index: int) -> Image:
         """(height, width, 3) BGR: what the camera sees in this state; index seeds this frame's own noise."""
-        rng = np.random.default_rng([self.seed, 4, index])
-        return expose(self.camera, self.light(state), rng)
+        rng = self.chance(index)
+        return expose(self.camera, self.light(state), self.camera.gain(index, rng), rng)
+
+    def gain(self, index: int) -> float:
+        """The exposure of a frame: what its light is multiplied by."""
+        return self.camera.gain(index, self.chance(index))
+
+    def chance(self, index: int) -> np.random.Generator:
+        return np.random.default_rng([self.seed, 4, index])
 
     def light(self, state: CameraState) -> Field:
         """(height, width, 3): the picture before the sensor."""
@@ -73,6 +89,7 @@ class Scene:
         east, south, down = sinking_views(state, rays)
         x, y = ground_of_rays(state, rays, self.surface if self.relief else None)
         colours = self.world.colours(x, y, octave(self, state, down))
+        paint_targets(colours, self.targets, state, self.pixels_from_ground)
         horizon_near = down < 0.25 * np.sqrt(east * east + south * south)
         if horizon_near.any():
             veil(colours, state, (east, south, down))
@@ -107,12 +124,11 @@ def veil(colours: Field, state: CameraState, views: tuple[Array, Array, Array]) 
     colours += haze * (air - colours)
 
 
-def expose(camera: Camera, light: Field, rng: np.random.Generator) -> Image:
+def expose(camera: Camera, light: Field, gain: float, rng: np.random.Generator) -> Image:
     """Vignetting, exposure and sensor noise."""
-    gain = np.float32(np.exp(rng.normal(0, camera.exposure)))
     radius2 = (rays_of_picture(camera.lens) ** 2).sum(-1)
     fall_off = 1 - np.float32(camera.vignetting) * radius2 / radius2.max()
-    seen = light * (gain * fall_off)[..., None]
+    seen = light * (np.float32(gain) * fall_off)[..., None]
     if camera.noise:
         seen += rng.standard_normal(seen.shape, np.float32) * np.float32(camera.noise)
     return np.asarray(np.clip(seen + 0.5, 0, 255), np.uint8)

@@ -14,6 +14,7 @@ import numpy as np
 from sitl.camera import Camera, Scene
 from sitl.geometry import CameraState, Lens, ground_from_pixels
 from sitl.path import SCENARIOS, Plan, fly
+from sitl.targets import Crowd, spread
 from sitl.truth import Truth, counting, grid_of, true_frame, write
 from sitl.world import COUNTRY, make_world
 
@@ -34,8 +35,10 @@ class Flight:
     folder: Path | None = None
 
     def truth(self) -> Truth:
-        frames = (true_frame(self.scene, state, name) for state, name in zip(self.states, self.names, strict=True))
-        return Truth(lens=self.scene.camera.lens, frames=tuple(frames))
+        rows = enumerate(zip(self.states, self.names, strict=True))
+        frames = tuple(true_frame(self.scene, state, name, index) for index, (state, name) in rows)
+        camera = self.scene.camera
+        return Truth(lens=camera.lens, frames=frames, targets=self.scene.targets, vignetting=camera.vignetting)
 
     def pictures(self) -> Iterator[bytes]:
         """The JPEG files in order of capture, the next few rendered ahead on threads."""
@@ -55,7 +58,7 @@ class Options(TypedDict, total=False):
     seed: of the ground, the wind and the noise. cache: a folder in which painted worlds are kept. ground: one of GROUNDS.
     relief: share of the heights that is seen, 0 for a plane. camera: its lens keeps focal and k1, its size gives way.
     world_size: pixels of 0.1 m; without it the smallest of WORLD_SIZES that holds the flight. route: frames, height,
-    overlaps; its seed gives way.
+    overlaps; its seed gives way. crowd: how many people, vehicles and marks there are.
     """
 
     seed: int
@@ -65,6 +68,7 @@ class Options(TypedDict, total=False):
     camera: Camera
     world_size: int
     route: Plan
+    crowd: Crowd
 
 
 def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[Options]) -> Flight:
@@ -75,10 +79,12 @@ def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[O
     seed = options.get("seed", 1)
     camera = options.get("camera", Camera())
     camera = replace(camera, lens=replace(camera.lens, width=size[0], height=size[1]))
-    states = fly(scenario, camera.lens, replace(options.get("route", Plan()), seed=seed))
+    route = replace(options.get("route", Plan()), seed=seed)
+    states = fly(scenario, camera.lens, route)
     world_size = options.get("world_size") or world_size_for(states, camera.lens)
     world = make_world(seed, world_size, cache=options.get("cache"), ground=options.get("ground", COUNTRY))
-    scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed)
+    targets = spread(options.get("crowd", Crowd()), camera.lens, states, route.height, seed)
+    scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed, targets=targets)
     return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states))))
 
 

@@ -17,6 +17,7 @@ def parser() -> argparse.ArgumentParser:
         prog="python -m sitl", description="Fly a simulated flight against the real gcs-mosaic.", epilog=EPILOG
     )
     what(parsed.add_argument_group("what is flown"))
+    seen(parsed.add_argument_group("what the camera sees, and how"))
     link(parsed.add_argument_group("the vehicle and its link"))
     where(parsed.add_argument_group("the program that listens"))
     return parsed
@@ -35,6 +36,19 @@ def what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--frames", type=Path, metavar="DIR", help="fly these photographs instead, in name order")
     group.add_argument("--interval", type=positive, metavar="S", help="between pictures (the route's own, or EXIF)")
     group.add_argument("--speed", type=positive, default=1.0, metavar="X", help="times as fast (1)")
+
+
+def seen(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--people", type=count, default=0, metavar="N", help="who walk about between the frames (0)")
+    group.add_argument("--vehicles", type=count, default=0, metavar="N", help="that drive about (0)")
+    group.add_argument("--marks", type=count, default=0, metavar="N", help="that lie still, 6x6 px (0)")
+    group.add_argument(
+        "--exposure-step", type=positive, default=1.0, metavar="X", help="every other run of frames so much darker (1)"
+    )
+    group.add_argument("--step-every", type=positive_int, default=5, metavar="N", help="frames in a run (5)")
+    group.add_argument(
+        "--vignetting", type=share, default=0.12, metavar="V", help="share of light lost in the corners (0.12)"
+    )
 
 
 def link(group: argparse._ArgumentGroup) -> None:
@@ -71,6 +85,13 @@ def positive(text: str) -> float:
 
 def positive_int(text: str) -> int:
     return int(positive(str(int(text))))
+
+
+def count(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} came where a number from 0 on is wanted")
+    return value
 
 
 def share(text: str) -> float:

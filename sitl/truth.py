@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from sitl.camera import Scene
 from sitl.geometry import CameraState, Lens, resolution
+from sitl.targets import Sighting, Target, sightings
 
-FORMAT = 1
+FORMAT = 2
 COLUMNS, ROWS = 9, 7  # grid points of a frame, its corners included
 COARSEST = 4.0  # a point counts while a pixel there is at most so many times the frame's best; beyond lies the horizon
 
@@ -21,7 +22,8 @@ COARSEST = 4.0  # a point counts while a pixel there is at most so many times th
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueFrame:
     """grid_px, grid_ground: (63, 2) row by row, metres, NaN for sky; grid_height: (63,) metres of the surface seen;
-    grid_used: (63,) points that count; gsd: metres per pixel in the middle of the picture, or of its best point."""
+    grid_used: (63,) points that count; gsd: metres per pixel in the middle of the picture, or of its best point; gain: its
+    exposure, 1 as planned; sightings: the targets that lie wholly in it."""
 
     name: str
     gsd: float
@@ -30,12 +32,18 @@ class TrueFrame:
     grid_ground: NDArray[np.float64]
     grid_height: NDArray[np.float64]
     grid_used: NDArray[np.bool_]
+    gain: float = 1.0
+    sightings: tuple[Sighting, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
+    """vignetting: share of light lost in the corners, by the square of the distance from the middle."""
+
     lens: Lens
     frames: tuple[TrueFrame, ...]
+    targets: tuple[Target, ...] = ()
+    vignetting: float = 0.0
 
     @property
     def gsd(self) -> float:
@@ -43,7 +51,8 @@ class Truth:
         return float(np.median([frame.gsd for frame in self.frames]))
 
 
-def true_frame(scene: Scene, state: CameraState, name: str) -> TrueFrame:
+def true_frame(scene: Scene, state: CameraState, name: str, index: int = 0) -> TrueFrame:
+    """What is known of frame number `index`."""
     lens = scene.camera.lens
     grid = grid_of(lens)
     ground = scene.ground_from_pixels(state, grid)
@@ -57,6 +66,8 @@ def true_frame(scene: Scene, state: CameraState, name: str) -> TrueFrame:
         grid_ground=np.asarray(ground, np.float64),
         grid_height=np.asarray(heights, np.float64),
         grid_used=counting(lens, state, grid) & scene.world.contains(ground),
+        gain=scene.gain(index),
+        sightings=tuple(sightings(scene.targets, lens, state, scene.pixels_from_ground)),
     )
 
 
@@ -84,10 +95,16 @@ def write(truth: Truth, path: Path) -> None:
             "grid_ground": with_nulls(frame.grid_ground),
             "grid_height": with_nulls(frame.grid_height),
             "grid_used": frame.grid_used.tolist(),
+            "gain": frame.gain,
+            "sightings": [
+                {"target": one.target, "px": one.px.tolist(), "ground": one.ground.tolist()} for one in frame.sightings
+            ],
         }
         for frame in truth.frames
     ]
-    path.write_text(json.dumps({"format": FORMAT, "lens": asdict(truth.lens), "frames": frames}))
+    of_all = {"lens": asdict(truth.lens), "vignetting": truth.vignetting}
+    targets = [asdict(target) for target in truth.targets]
+    path.write_text(json.dumps({"format": FORMAT, **of_all, "targets": targets, "frames": frames}))
 
 
 def read(path: Path) -> Truth:
@@ -96,7 +113,12 @@ def read(path: Path) -> Truth:
         data = json.loads(path.read_text())
         if data["format"] != FORMAT:
             raise ValueError(f"format {data['format']}, wanted {FORMAT}")
-        return Truth(lens=Lens(**data["lens"]), frames=tuple(frame_of(entry) for entry in data["frames"]))
+        return Truth(
+            lens=Lens(**data["lens"]),
+            frames=tuple(frame_of(entry) for entry in data["frames"]),
+            targets=tuple(target_of(entry) for entry in data["targets"]),
+            vignetting=float(data["vignetting"]),
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is not a truth.json of a simulated flight: {error}") from error
 
@@ -110,7 +132,16 @@ def frame_of(entry: dict[str, Any]) -> TrueFrame:
         grid_ground=np.array(entry["grid_ground"], np.float64),
         grid_height=np.array(entry["grid_height"], np.float64),
         grid_used=np.array(entry["grid_used"], np.bool_),
+        gain=float(entry["gain"]),
+        sightings=tuple(
+            Sighting(target=int(one["target"]), px=np.array(one["px"]), ground=np.array(one["ground"]))
+            for one in entry["sightings"]
+        ),
     )
+
+
+def target_of(entry: dict[str, Any]) -> Target:
+    return Target(**{**entry, "colour": tuple(entry["colour"])})
 
 
 def with_nulls(values: NDArray[np.float64]) -> Any:

@@ -85,6 +85,22 @@ def test_exposure_varies_only_when_asked(scene: Scene) -> None:
     assert np.std([wild.picture(NORTH, k).mean() for k in range(4)]) > 5
 
 
+def test_automatic_exposure_darkens_every_other_run_of_frames_by_its_step(scene: Scene) -> None:
+    camera = Camera(lens=Lens(width=160, height=120), noise=0, exposure_step=2, step_every=3)
+    stepping = replace(scene, camera=camera)
+    assert [stepping.gain(k) for k in range(8)] == [1, 1, 1, 0.5, 0.5, 0.5, 1, 1]
+    bright, dark = (stepping.picture(NORTH, k).astype(float) for k in (0, 3))
+    assert bright.mean() / dark.mean() == pytest.approx(2, abs=0.02)
+
+
+def test_the_gain_told_is_the_gain_of_the_picture(scene: Scene) -> None:
+    wild = replace(scene, camera=Camera(lens=Lens(width=160, height=120), noise=0, exposure=0.2))
+    steady = replace(wild, camera=replace(wild.camera, exposure=0.0)).picture(NORTH, 0).mean()
+    told = [wild.gain(k) for k in range(4)]
+    assert [wild.picture(NORTH, k).mean() / steady for k in range(4)] == pytest.approx(told, rel=0.02)
+    assert np.std(told) > 0.05
+
+
 def test_the_file_is_a_jpeg_of_the_picture(scene: Scene) -> None:
     decoded = cv2.imdecode(np.frombuffer(scene.encoded(NORTH, 0), np.uint8), cv2.IMREAD_COLOR)
     assert np.abs(decoded.astype(float) - scene.picture(NORTH, 0)).mean() < 4

@@ -106,9 +106,28 @@ def test_a_folder_without_pictures_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "there are no pictures" in capsys.readouterr().out
 
 
+def test_targets_and_exposure_are_as_asked(tmp_path: Path) -> None:
+    words = ["--count", "2", "--size", "160x120", "--interval", "0.1", "--no-daemon", "--port", "9"]
+    looks = ["--people", "2", "--marks", "1", "--vignetting", "0.4", "--exposure-step", "2", "--step-every", "1"]
+    with patch.dict(os.environ, XDG_CACHE_HOME=str(tmp_path / "cache")):
+        assert main([*words, *looks, "--watch", str(tmp_path / "w"), "--truth", str(tmp_path / "t.json")]) == DONE
+    truth = read(tmp_path / "t.json")
+    assert [target.kind for target in truth.targets] == ["person", "person", "mark"]
+    assert truth.vignetting == 0.4
+    assert [frame.gain for frame in truth.frames] == [1, 0.5]
+
+
 @pytest.mark.parametrize(
     "words",
-    [["--speed", "0"], ["--drop", "2"], ["--size", "9x9"], ["--manner", "dji"], ["--scenario", "x"], ["--count", "0"]],
+    [
+        ["--people", "-1"],
+        ["--speed", "0"],
+        ["--drop", "2"],
+        ["--size", "9x9"],
+        ["--manner", "dji"],
+        ["--scenario", "x"],
+        ["--count", "0"],
+    ],
 )
 def test_bad_words_end_with_2(words: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:

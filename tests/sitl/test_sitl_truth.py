@@ -10,23 +10,33 @@ import pytest
 from sitl.camera import Scene
 from sitl.flight import Flight
 from sitl.geometry import CameraState, pixels_from_ground
+from sitl.targets import Crowd, spread
 from sitl.truth import COLUMNS, ROWS, Truth, read, true_frame, write
 
 OBLIQUE = CameraState(time=2, x=0, y=40, height=40, yaw=0.2, pitch=np.radians(72))
 
 
 def test_what_is_written_is_read(flight: Flight, scene: Scene, tmp_path: Path) -> None:
-    truth = flight.truth()
+    crowd = spread(Crowd(people=3, marks=1), flight.scene.camera.lens, flight.states, 60, seed=3)
+    camera = replace(flight.scene.camera, exposure_step=2, vignetting=0.3)
+    truth = replace(flight, scene=replace(flight.scene, camera=camera, targets=crowd)).truth()
     truth = replace(truth, frames=(*truth.frames, true_frame(scene, OBLIQUE, "oblique.jpg")))
     write(truth, tmp_path / "truth.json")
     again = read(tmp_path / "truth.json")
     assert again.lens == truth.lens
     assert again.gsd == truth.gsd
+    assert again.targets == truth.targets == crowd
+    assert again.vignetting == 0.3
     for one, other in zip(again.frames, truth.frames, strict=True):
         assert one.name == other.name
         assert one.state == other.state
         assert np.array_equal(one.grid_ground, other.grid_ground, equal_nan=True)
         assert np.array_equal(one.grid_used, other.grid_used)
+        assert one.gain == other.gain
+        assert [(s.target, *s.px, *s.ground) for s in one.sightings] == [
+            (s.target, *s.px, *s.ground) for s in other.sightings
+        ]
+    assert sum(len(frame.sightings) for frame in again.frames) >= 4
 
 
 def test_the_file_is_plain_json_row_by_row(flight: Flight, tmp_path: Path) -> None:
@@ -63,7 +73,7 @@ def test_sky_and_the_far_country_do_not_count(scene: Scene) -> None:
     assert frame.grid_used.sum() < (~sky).sum()
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 2}', '{"format": 1, "lens": {}, "frames": [{}]}'])
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 1}', '{"format": 2, "lens": {}, "frames": [{}]}'])
 def test_another_file_is_refused_in_a_sentence(text: str, tmp_path: Path) -> None:
     (tmp_path / "truth.json").write_text(text)
     with pytest.raises(ValueError, match=r"truth\.json is not a truth"):
