@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.painting.lattice import Lattice
-from gcs_mosaic.stitch.painting.layers import Layer, make_layer
+from gcs_mosaic.stitch.painting.layers import Bands, Layer, make_layer
 from gcs_mosaic.stitch.painting.warping import upscale
 
 Image = NDArray[np.uint8]
@@ -105,9 +105,18 @@ def mix(shown: Layer, new: Layer, new_share: Lattice) -> Layer:
     if not new.is_full:
         share[new.coverage == 0] = 0
     coverage = None if shown.is_full or new.is_full else np.maximum(shown.coverage, new.coverage)
-    mixed = make_layer(_weighted(new.colour, shown.colour, share), coverage, np.maximum(shown.weight, new.weight))
+    weight = np.maximum(shown.weight, new.weight)
+    mixed = make_layer(_weighted(new.colour, shown.colour, share), coverage, weight, _mixed_bands(shown, new, share))
     assert mixed is not None, "two pictures that cover something cannot cover nothing together"
     return mixed
+
+
+def _mixed_bands(shown: Layer, new: Layer, share: Image) -> Bands | None:
+    """The bands of both in the shares that their colours have; None if nobody wants them."""
+    if shown.bands is None or new.bands is None:
+        return None
+    of_new = share[..., None].astype(np.uint32)
+    return np.asarray((new.bands * of_new + shown.bands * (255 - of_new) + 127) // 255).astype(new.bands.dtype)
 
 
 def _weighted(a: Image, b: Image, share_a: Image) -> Image:

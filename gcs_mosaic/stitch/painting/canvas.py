@@ -15,19 +15,17 @@ from pathlib import Path
 from typing import Literal, Self
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.painting.blending import BLENDS
+from gcs_mosaic.stitch.painting.display import Bands
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import FrameLattice, frame_lattice
 from gcs_mosaic.stitch.painting.layers import LayerKey, LayerStore
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, PaintedFrames, TileKey, Turn
 from gcs_mosaic.stitch.painting.stack import AT_ONCE, LoadTile, TilePicture, TileStack, chunks, top_level
-from gcs_mosaic.stitch.painting.view import FrameView, frame_view
+from gcs_mosaic.stitch.painting.view import FrameView, KeepBands, frame_view
 
-Image = NDArray[np.uint8]
-LoadImage = Callable[[str], Image | None]
+LoadImage = Callable[[str], Bands | None]
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
 BLOCK = 64  # tiles a side that are repainted together: so many that most frames are decoded once
 
@@ -51,7 +49,8 @@ class Canvas:
     """All tiles of all islands. Used by one thread; the work on tiles is spread over a few of its own.
 
     `load_image(name)` gives a frame's original, or None if it is gone for good; `load_tile` a tile that an earlier run wrote
-    (for `resume`); `scratch` is a folder for the tiles that do not fit into memory.
+    (for `resume`); `scratch` is a folder for the tiles that do not fit into memory. `keep_bands`: whether tiles have, besides
+    what is shown, all bands of the frames, which then must have the same ones.
     """
 
     def __init__(
@@ -61,10 +60,12 @@ class Canvas:
         *,
         load_tile: LoadTile | None = None,
         scratch: Path | None = None,
+        keep_bands: KeepBands = "none",
     ) -> None:
         self._settings = settings or CanvasSettings()
         self._blend = BLENDS[self._settings.blend]
         self._load_image = load_image
+        self._keep_bands = keep_bands
         self._pool = ThreadPoolExecutor(self._settings.threads, thread_name_prefix="paint")
         self._store = LayerStore(self._settings.memory_mb << 20, scratch)
         self._stack = TileStack(self._store, self._pool, load_tile)
@@ -72,7 +73,7 @@ class Canvas:
         self._behind: dict[TileKey, float] = {}  # with how urgent each is
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
-    def paint(self, image: Image, painted: Painted) -> set[TileKey]:
+    def paint(self, image: Bands, painted: Painted) -> set[TileKey]:
         """Add a frame; returns the tiles that may look different now (all levels).
 
         A frame that is not the last in capture order is laid on top all the same, and its tiles are behind.
@@ -158,8 +159,9 @@ class Canvas:
         lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         return self._frames.add(painted, () if lattice is None else lattice.tiles())
 
-    def _view(self, image: Image, painted: Painted, lattice: FrameLattice) -> FrameView:
-        return frame_view(image, painted, lattice, INTERPOLATIONS[self._settings.interpolation])
+    def _view(self, image: Bands, painted: Painted, lattice: FrameLattice) -> FrameView:
+        flag = INTERPOLATIONS[self._settings.interpolation]
+        return frame_view(image, painted, lattice, flag, self._keep_bands)
 
     def _lay_over(self, view: FrameView, keys: Iterable[TileKey], kind: Literal["own", "fresh"]) -> None:
         for some in chunks(sorted(keys), AT_ONCE):

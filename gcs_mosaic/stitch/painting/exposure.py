@@ -18,9 +18,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
+from gcs_mosaic.stitch.painting.warping import warped
+
 Image = NDArray[np.uint8]
+Levels = NDArray[np.uint8] | NDArray[np.float32]
 Array = NDArray[np.float64]
-Gain = tuple[float, float, float]
+Gain = tuple[float, ...]  # one for each band
 
 DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and says nothing about exposure
 
@@ -38,7 +41,7 @@ class ExposureSettings:
 
 @dataclass(frozen=True, slots=True)
 class OverlapMeans:
-    """Mean colours (b, g, r) of the ground two frames share, and how many thumbnail pixels that is."""
+    """Mean levels of each band over the ground two frames share, and how many thumbnail pixels that is."""
 
     mean_i: Gain
     mean_j: Gain
@@ -48,27 +51,32 @@ class OverlapMeans:
 Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, what they see of each other
 
 
-def overlap_means(small_i: Image, small_j: Image, j_from_i: Callable[[Array], Array]) -> OverlapMeans | None:
-    """Mean colours over the common ground of two thumbnails (h, w, 3); None if they share nothing that is not clipped.
+def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], Array]) -> OverlapMeans | None:
+    """Means over the common ground of two thumbnails (h, w, bands) in grey levels; None if they have other bands, or share
+    nothing that is not clipped.
 
     `j_from_i` maps pixels (n, 2) of thumbnail i to pixels of thumbnail j, NaN for nowhere.
     """
+    if small_i.shape[2] != small_j.shape[2]:
+        return None
     height, width = small_i.shape[:2]
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
     there = np.nan_to_num(j_from_i(grid.reshape(-1, 2)).reshape(height, width, 2), nan=-1e4).astype(np.float32)
     limits = np.array([small_j.shape[1], small_j.shape[0]]) - 1
-    seen_from_i = cv2.remap(small_j, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    seen_from_i = warped(small_j, there, cv2.INTER_LINEAR)
     usable = ((there >= 0) & (there <= limits)).all(axis=-1) & _unclipped(small_i) & _unclipped(seen_from_i)
     if not usable.any():
         return None
     return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()))
 
 
-def solve_gains(count: int, seen: Sequence[Observation], settings: ExposureSettings | None = None) -> list[Gain]:
-    """Gains (b, g, r) of `count` frames such that `gain_i * mean_i` and `gain_j * mean_j` agree; 1 for unseen frames."""
+def solve_gains(
+    count: int, seen: Sequence[Observation], settings: ExposureSettings | None = None, bands: int = 3
+) -> list[Gain]:
+    """Gains of `count` frames of so many bands such that `gain_i * mean_i` and `gain_j * mean_j` agree; 1 for unseen frames."""
     settings = settings or ExposureSettings()
     if not seen:
-        return [(1.0, 1.0, 1.0)] * count
+        return [(1.0,) * bands] * count
     i, j = np.array([s[0] for s in seen]), np.array([s[1] for s in seen])
     trust = np.array([_trust(s[2], settings) for s in seen])
     wanted = np.array([_log_ratio(s[2]) for s in seen])
@@ -78,14 +86,16 @@ def solve_gains(count: int, seen: Sequence[Observation], settings: ExposureSetti
     ).tocsr()
     weighted = difference.T @ diags(trust)
     normal = weighted @ difference + diags(np.full(count, settings.gain_sigma**-2.0))
-    return [_bounded(row, settings) for row in spsolve(normal.tocsc(), weighted @ wanted).reshape(count, 3)]
+    return [_bounded(row, settings) for row in spsolve(normal.tocsc(), weighted @ wanted).reshape(count, bands)]
 
 
-def gain_beside(seen: Sequence[tuple[OverlapMeans, Gain]], settings: ExposureSettings | None = None) -> Gain:
+def gain_beside(
+    seen: Sequence[tuple[OverlapMeans, Gain]], settings: ExposureSettings | None = None, bands: int = 3
+) -> Gain:
     """The gain of one new frame i beside frames j whose gains stay as they are; 1 if it overlaps none."""
     settings = settings or ExposureSettings()
     trust = np.array([_trust(means, settings) for means, _ in seen])
-    wanted = np.array([_log_ratio(means) + np.log(gain) for means, gain in seen]).reshape(-1, 3)
+    wanted = np.array([_log_ratio(means) + np.log(gain) for means, gain in seen]).reshape(-1, bands)
     return _bounded(trust @ wanted / (trust.sum() + settings.gain_sigma**-2.0), settings)
 
 
@@ -98,13 +108,12 @@ def apply_gain(image: Image, gain: Gain) -> Image:
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 
 
-def _unclipped(image: Image) -> NDArray[np.bool_]:
+def _unclipped(image: Levels) -> NDArray[np.bool_]:
     return np.asarray(((image >= DARKEST) & (image <= BRIGHTEST)).all(axis=-1))
 
 
-def _mean(pixels: Image) -> Gain:
-    blue, green, red = pixels.mean(axis=0).tolist()
-    return blue, green, red
+def _mean(pixels: Levels) -> Gain:
+    return tuple(pixels.mean(axis=0).tolist())
 
 
 def _trust(means: OverlapMeans, settings: ExposureSettings) -> float:
@@ -117,5 +126,4 @@ def _log_ratio(means: OverlapMeans) -> Array:
 
 
 def _bounded(log_gain: Array, settings: ExposureSettings) -> Gain:
-    blue, green, red = np.clip(np.exp(log_gain), settings.least_gain, settings.most_gain).tolist()
-    return blue, green, red
+    return tuple(np.clip(np.exp(log_gain), settings.least_gain, settings.most_gain).tolist())

@@ -8,7 +8,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
 
 Image = NDArray[np.uint8]
+Bands = NDArray[Any]
 
 
 @cache
@@ -32,12 +33,14 @@ class Layer:
     """A square picture; never changed in place, so it may be handed to other threads.
 
     `colour` (n, n, 3) BGR, 0 where there is none; `coverage` (n, n), 0 to 255; `weight` (n / 16 + 1, n / 16 + 1) at the
-    lattice points, 0 where nothing is sure and 1 in the middle of a frame.
+    lattice points, 0 where nothing is sure and 1 in the middle of a frame; `bands` (n, n, bands) uint8 or uint16, the frames'
+    own bands mixed as the colour is, only where somebody wants them (an export).
     """
 
     colour: Image
     coverage: Image
     weight: Lattice
+    bands: Bands | None = None
 
     @property
     def side(self) -> int:
@@ -49,15 +52,16 @@ class Layer:
 
     @property
     def nbytes(self) -> int:
-        return self.colour.nbytes + self.weight.nbytes + (0 if self.is_full else self.coverage.nbytes)
+        parts = (self.colour, self.weight, None if self.is_full else self.coverage, self.bands)
+        return sum(0 if part is None else part.nbytes for part in parts)
 
 
-def make_layer(colour: Image, coverage: Image | None, weight: Lattice) -> Layer | None:
+def make_layer(colour: Image, coverage: Image | None, weight: Lattice, bands: Bands | None = None) -> Layer | None:
     """A layer of these parts (`coverage` None: full); None if nothing is covered."""
     side = colour.shape[0]
     if coverage is None or int(coverage.min()) == 255:
-        return Layer(colour, full_coverage(side), weight)
-    return Layer(colour, coverage, weight) if coverage.any() else None
+        return Layer(colour, full_coverage(side), weight, bands)
+    return Layer(colour, coverage, weight, bands) if coverage.any() else None
 
 
 class LayerKey(NamedTuple):
@@ -70,6 +74,8 @@ class _Record(NamedTuple):
     offset: int
     size: int
     side: int
+    bands: int
+    kind: np.dtype[Any]  # of the bands
 
 
 class LayerStore:
@@ -98,7 +104,7 @@ class LayerStore:
         record = self._spilled.get(key)
         if record is None:
             return None
-        layer = _unpacked(os.pread(self._file.fileno(), record.size, record.offset), record.side)
+        layer = _unpacked(os.pread(self._file.fileno(), record.size, record.offset), record)
         self._keep(key, layer)
         return layer
 
@@ -152,20 +158,27 @@ class LayerStore:
         if holes:
             holes.pop()
         self._end = max(self._end, offset + len(data))
-        return _Record(offset, len(data), layer.side)
+        bands = np.empty((1, 1, 0), np.uint8) if layer.bands is None else layer.bands
+        return _Record(offset, len(data), layer.side, bands.shape[2], bands.dtype)
 
 
 def _packed(layer: Layer) -> bytes:
     coverage = b"" if layer.is_full else layer.coverage.tobytes()
-    return layer.colour.tobytes() + layer.weight.tobytes() + coverage
+    bands = b"" if layer.bands is None else layer.bands.tobytes()
+    return layer.colour.tobytes() + layer.weight.tobytes() + bands + coverage
 
 
-def _unpacked(data: bytes, side: int) -> Layer:
-    points = side // LATTICE_STEP + 1
+def _unpacked(data: bytes, record: _Record) -> Layer:
+    side, points = record.side, record.side // LATTICE_STEP + 1
     weight_at = 3 * side * side
-    coverage_at = weight_at + 4 * points * points
+    bands_at = weight_at + 4 * points * points
+    coverage_at = bands_at + side * side * record.bands * record.kind.itemsize
     colour = np.frombuffer(data, np.uint8, weight_at).reshape(side, side, 3)
     weight = np.frombuffer(data, np.float32, points * points, weight_at).reshape(points, points)
+    bands = None
+    if record.bands:
+        bands = np.frombuffer(data[bands_at:coverage_at], record.kind).reshape(side, side, record.bands)
     if coverage_at == len(data):
-        return Layer(colour, full_coverage(side), weight)
-    return Layer(colour, np.frombuffer(data, np.uint8, side * side, coverage_at).reshape(side, side), weight)
+        return Layer(colour, full_coverage(side), weight, bands)
+    coverage = np.frombuffer(data, np.uint8, side * side, coverage_at).reshape(side, side)
+    return Layer(colour, coverage, weight, bands)

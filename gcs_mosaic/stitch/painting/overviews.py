@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.painting.blending import mix
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE
 from gcs_mosaic.stitch.painting.lattice import LATTICE
-from gcs_mosaic.stitch.painting.layers import Layer, make_layer
+from gcs_mosaic.stitch.painting.layers import Bands, Layer, make_layer
 
 FEATHER = 0.1  # weight (share of the way from a frame's border to its middle) at which the finer picture stands alone
 
@@ -20,13 +20,14 @@ FEATHER = 0.1  # weight (share of the way from a frame's border to its middle) a
 def shrink(layer: Layer) -> Layer | None:
     """A layer at half size: the mean of each 2 x 2 pixels over what is covered; None if nothing is left of it."""
     weight = np.ascontiguousarray(layer.weight[::2, ::2])
+    bands = None if layer.bands is None else _shrunk_bands(layer.bands, None if layer.is_full else layer.coverage)
     if layer.is_full:
-        return make_layer(_halved(layer.colour).astype(np.uint8), None, weight)
+        return make_layer(_halved(layer.colour).astype(np.uint8), None, weight, bands)
     seen = _halved(layer.coverage.astype(np.float32))
     total = _halved(np.multiply(layer.colour, cv2.merge([layer.coverage] * 3), dtype=np.uint16)).astype(np.float32)
     mean = np.asarray(cv2.divide(total, cv2.merge([np.maximum(seen, 1)] * 3), dtype=cv2.CV_8U), dtype=np.uint8)
     coverage = np.rint(seen).astype(np.uint8)
-    return make_layer(np.asarray(cv2.copyTo(mean, coverage), dtype=np.uint8), coverage, weight)
+    return make_layer(np.asarray(cv2.copyTo(mean, coverage), dtype=np.uint8), coverage, weight, bands)
 
 
 def assemble(quarters: Sequence[Layer | None]) -> Layer | None:
@@ -37,15 +38,23 @@ def assemble(quarters: Sequence[Layer | None]) -> Layer | None:
     colour = np.zeros((TILE_SIZE, TILE_SIZE, 3), np.uint8)
     coverage = np.zeros((TILE_SIZE, TILE_SIZE), np.uint8)
     weight = np.zeros((LATTICE, LATTICE), np.float32)
+    bands: Bands | None = None
     for i, quarter in enumerate(quarters):
         if quarter is not None:
             y, x = divmod(i, 2)
             place = slice(y * half, (y + 1) * half), slice(x * half, (x + 1) * half)
             colour[place], coverage[place] = quarter.colour, quarter.coverage
+            if quarter.bands is not None:
+                bands = (
+                    np.zeros((TILE_SIZE, TILE_SIZE, quarter.bands.shape[2]), quarter.bands.dtype)
+                    if bands is None
+                    else bands
+                )
+                bands[place] = quarter.bands
             # Quarters share the lattice points on their common edge.
             shared = weight[y * points : (y + 1) * points + 1, x * points : (x + 1) * points + 1]
             np.maximum(shared, quarter.weight, out=shared)
-    return make_layer(colour, coverage, weight)
+    return make_layer(colour, coverage, weight, bands)
 
 
 def composite(own: Layer | None, finer: Layer | None) -> Layer | None:
@@ -53,6 +62,15 @@ def composite(own: Layer | None, finer: Layer | None) -> Layer | None:
     if own is None or finer is None:
         return finer if own is None else own
     return mix(own, finer, np.minimum(finer.weight / FEATHER, 1))
+
+
+def _shrunk_bands(bands: Bands, coverage: NDArray[np.uint8] | None) -> Bands:
+    """The mean of each 2 x 2 pixels over what is covered (None: everywhere), as of the colours."""
+    if coverage is None:
+        return _halved(bands).reshape(len(bands) // 2, len(bands) // 2, -1)
+    share = coverage.astype(np.float32)[..., None]
+    mean = _halved(bands * share).reshape(*_halved(coverage).shape, -1) / np.maximum(_halved(share), 1)[..., None]
+    return np.asarray(np.rint(mean), dtype=bands.dtype)
 
 
 def _halved(picture: NDArray[Any]) -> NDArray[Any]:

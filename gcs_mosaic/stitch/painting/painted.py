@@ -9,6 +9,7 @@ from functools import reduce
 from typing import NamedTuple
 
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
@@ -18,7 +19,8 @@ Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then na
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Painted:
-    """A frame as it is (to be) painted. `gain` multiplies blue, green and red; `level` is usually `own_level(pose, camera)`."""
+    """A frame as it is (to be) painted. `gain` multiplies what each of its bands has above the display's black; `level` is
+    usually `own_level(pose, camera)`."""
 
     name: str
     order: int  # capture order
@@ -26,7 +28,8 @@ class Painted:
     pose: Pose
     camera: Camera
     relief: ReliefDisplacement | None = None
-    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+    display: Display = PLAIN
     level: int
 
     @property

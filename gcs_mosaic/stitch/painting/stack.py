@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.painting.grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over
 from gcs_mosaic.stitch.painting.lattice import LATTICE, Lattice
-from gcs_mosaic.stitch.painting.layers import Layer, LayerKey, LayerStore, make_layer
+from gcs_mosaic.stitch.painting.layers import Bands, Layer, LayerKey, LayerStore, make_layer
 from gcs_mosaic.stitch.painting.overviews import assemble, composite, shrink
 from gcs_mosaic.stitch.painting.painted import Extent, TileKey
 
@@ -26,10 +26,12 @@ UNKNOWN_WEIGHT = 0.5  # of what an earlier run painted, until it is painted anew
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TilePicture:
-    """A tile as it is shown: `colour` (256, 256, 3) BGR and `coverage` (256, 256), from 0, nothing seen, to 255, all."""
+    """A tile as it is shown: `colour` (256, 256, 3) BGR and `coverage` (256, 256), from 0, nothing seen, to 255, all; `bands`
+    (256, 256, bands) of a canvas that keeps them."""
 
     colour: Image
     coverage: Image
+    bands: Bands | None = None
 
 
 LoadTile = Callable[[int, Tile], TilePicture | None]
@@ -73,7 +75,7 @@ class TileStack:
     def shown(self, key: TileKey) -> TilePicture | None:
         """All there is of a tile."""
         layer = composite(self.own(key), assemble(self._quarters(key)))
-        return None if layer is None else TilePicture(layer.colour, layer.coverage)
+        return None if layer is None else TilePicture(layer.colour, layer.coverage, layer.bands)
 
     def refresh(self, painted: Iterable[TileKey], extents: dict[int, Extent | None]) -> set[TileKey]:
         """Bring what is above the painted tiles up to date; returns all tiles that may show something else now.

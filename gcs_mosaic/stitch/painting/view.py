@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.painting.blending import Blend, NewPart, edge_density
+from gcs_mosaic.stitch.painting.display import Bands
 from gcs_mosaic.stitch.painting.exposure import apply_gain
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import FrameLattice, Lattice
@@ -17,21 +19,25 @@ from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.painting.warping import NOWHERE, tile_picture
 
 Image = NDArray[np.uint8]
+KeepBands = Literal["none", "raw", "gained"]  # of the frames' bands on tiles: as the camera wrote them, or with gains
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameView:
-    """A frame's pixels with its gain applied, its lattice, and the density of its edges at the lattice points."""
+    """A frame as it is shown, with its gain applied; its lattice; the density of its edges at the lattice points; and all its
+    bands if somebody wants them."""
 
     lattice: FrameLattice
     image: Image
     density: Lattice
     interpolation: int
+    bands: Bands | None = None
 
     def layer(self, tile: Tile) -> Layer | None:
         """What the frame alone shows of a tile; None if nothing."""
         colour, coverage = tile_picture(self.lattice, self.image, tile, self.interpolation)
-        return make_layer(colour, coverage, self.lattice.weight[self.lattice.window(tile)])
+        bands = None if self.bands is None else tile_picture(self.lattice, self.bands, tile, self.interpolation)[0]
+        return make_layer(colour, coverage, self.lattice.weight[self.lattice.window(tile)], bands)
 
     def over(self, shown: Layer | None, tile: Tile, blend: Blend) -> Layer | None:
         """One step of the fold that makes a tile: the frame laid over what is shown."""
@@ -41,12 +47,20 @@ class FrameView:
         return blend(shown, NewPart(self.lattice.weight[window], self.density[window], lambda: self.layer(tile)))
 
 
-def frame_view(image: Image, painted: Painted, lattice: FrameLattice, interpolation: int) -> FrameView:
-    """ValueError if the image is not (height, width, 3) uint8 of the camera's size."""
-    wanted = (painted.camera.height, painted.camera.width, 3)
-    if image.shape != wanted or image.dtype != np.uint8:
-        raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8")
-    return FrameView(lattice, apply_gain(image, painted.gain), _density_at(image, lattice), interpolation)
+def frame_view(
+    image: Bands, painted: Painted, lattice: FrameLattice, interpolation: int, keep: KeepBands = "none"
+) -> FrameView:
+    """`image`: (h, w, bands) uint8 or uint16, ValueError if that is not what the frame's camera and display tell of."""
+    size, display = (painted.camera.height, painted.camera.width), painted.display
+    if image.shape[:2] != size or not display.fits(image) or image.dtype not in (np.uint8, np.uint16):
+        wanted = (*size, len(display.black))
+        raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8 or uint16")
+    shown = display.picture(image)
+    gained = apply_gain(shown, display.of_shown(painted.gain))
+    bands = {"none": None, "raw": image, "gained": None}[keep]
+    if keep == "gained":
+        bands = gained if shown is image else display.gained(image, painted.gain)
+    return FrameView(lattice, gained, _density_at(shown, lattice), interpolation, bands)
 
 
 def _density_at(image: Image, lattice: FrameLattice) -> Lattice:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,7 +14,10 @@ from gcs_mosaic.stitch.painting.lattice import LATTICE, LATTICE_STEP, FrameLatti
 
 NOWHERE = -1e4  # px; outside every frame, and small enough for the fixed-point coordinates of cv2.remap
 
+AT_ONCE = 4  # bands that cv2.remap takes
+
 Image = NDArray[np.uint8]
+Bands = NDArray[Any]
 
 
 class _Scratch(threading.local):
@@ -39,17 +43,17 @@ def upscale(values: Lattice) -> Lattice:
     return wide[rim:-rim, rim:-rim]
 
 
-def tile_picture(lattice: FrameLattice, image: Image, tile: Tile, interpolation: int) -> tuple[Image, Image | None]:
-    """A frame's part of a tile: colour (256, 256, 3), 0 where there is none, and coverage (256, 256), 0 or 255, None where
-    the tile is full. `interpolation` is OpenCV's constant."""
+def tile_picture(lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int) -> tuple[Bands, Image | None]:
+    """A frame's part of a tile: its bands (256, 256, bands), 0 where there is none, and coverage (256, 256), 0 or 255, None
+    where the tile is full. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is OpenCV's constant."""
     window = lattice.window(tile)
     pixels = upscale(lattice.pixels[window])
     coverage = _coverage(lattice, pixels, window)
     if coverage is None:
-        return _remap(image, pixels, interpolation), None
+        return warped(image, pixels, interpolation), None
     if np.isnan(lattice.pixels[window]).any():
         pixels = np.nan_to_num(pixels, nan=NOWHERE)
-    return np.asarray(cv2.copyTo(_remap(image, pixels, interpolation), coverage), dtype=np.uint8), coverage
+    return _masked(warped(image, pixels, interpolation), coverage), coverage
 
 
 def _coverage(lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice]) -> Image | None:
@@ -70,6 +74,21 @@ def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:
     return within and (lattice.useful is None or bool((lattice.useful[window] > 0).all()))
 
 
-def _remap(image: Image, pixels: Lattice, interpolation: int) -> Image:
+def warped(image: Bands, pixels: Lattice, interpolation: int) -> Bands:
+    """An image (h, w, bands) at pixels (r, c, 2): (r, c, bands), all of them taken at the same places with the same weights."""
     # Replicated, not black, beyond the border: the outermost half pixel belongs to the frame.
-    return cv2.remap(image, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    if image.shape[2] in (3, 4):
+        return cv2.remap(image, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    out = np.empty((*pixels.shape[:2], image.shape[2]), image.dtype)
+    for first in range(0, image.shape[2], AT_ONCE):
+        group = np.ascontiguousarray(image[..., first : first + AT_ONCE])
+        warped = cv2.remap(group, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+        out[..., first : first + AT_ONCE] = warped.reshape(*pixels.shape[:2], -1)
+    return out
+
+
+def _masked(bands: Bands, coverage: Image) -> Bands:
+    if bands.shape[2] == 3:
+        return np.asarray(cv2.copyTo(bands, coverage), dtype=bands.dtype)
+    bands[coverage == 0] = 0
+    return bands
