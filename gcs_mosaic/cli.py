@@ -69,6 +69,13 @@ def fly(words: Sequence[str]) -> None:
     parser.add_argument("--from", dest="oldest", metavar="now|start|30m", help="how old a file may be at the start")
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
     _add_output(parser)
+    parser.add_argument(
+        "--record",
+        nargs="?",
+        const=True,
+        metavar="FILE",
+        help="keep what is heard as FILE (.tlog), or as flight.tlog in the output folder",
+    )
     page = parser.add_mutually_exclusive_group()
     page.add_argument("--http", metavar="HOST:PORT", help="where the page is served")
     page.add_argument("--no-http", action="store_true", help="serve no page")
@@ -200,6 +207,8 @@ def _flight_config(given: argparse.Namespace) -> Config:
         config = replace(config, watch=given.watch)
     if given.oldest:
         config = replace(config, frames=replace(config.frames, from_age_s=parse_from(given.oldest)))
+    if given.record:
+        config = replace(config, record=given.record)
     if given.vehicle is not None:
         config = replace(config, link=replace(config.link, vehicle=given.vehicle))
     if given.http or given.no_http:

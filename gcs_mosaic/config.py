@@ -34,6 +34,8 @@ class Config:
     out: str = "mosaic"  # folder for tiles, ledger and originals
     http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
+    # what is heard is kept as FILE.tlog, or with true as flight.tlog in the output folder, for replay; false: it is not
+    record: bool | str = False
     finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
     link: LinkSettings = field(default_factory=LinkSettings)
     frames: FolderSettings = field(default_factory=FolderSettings)
@@ -96,7 +98,8 @@ def _value(kind: Any, value: object, where: str) -> Any:
     if origin in (types.UnionType, typing.Union):
         if value is None and type(None) in arguments:
             return None
-        return _value(next(a for a in arguments if a is not type(None)), value, where)
+        wanted = [argument for argument in arguments if argument is not type(None)]
+        return _value(next((kind for kind in wanted if type(value) is kind), wanted[-1]), value, where)
     if origin is typing.Literal:
         if value not in arguments:
             raise UsageError(f"{where}: expected one of {', '.join(map(str, arguments))}, got {value!r}.")

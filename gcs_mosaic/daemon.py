@@ -24,7 +24,7 @@ from gcs_mosaic.patience import Patience
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
-from gcs_mosaic.sources import Inbox, Item, Source, listen, watching
+from gcs_mosaic.sources import Inbox, Item, Source, listen, record, watching
 from gcs_mosaic.stitch.painting.painted import TileKey
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
@@ -51,15 +51,18 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
-        sources = listen(config, ending.stop, stack)
+        sources, recording = listen(config, ending.stop, stack)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
         refuse_watching_ourselves(watched, folder.path)
+        recorded = record(config, recording, folder.path)
         feed, page = _serve(address, folder, stack)
         sources.append(watching(config, ending.stop))
         daemon = _Daemon(config, folder, console, ending, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
+        if recorded:
+            daemon.say(recorded)
         if page:
             daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
         daemon.run(sources)

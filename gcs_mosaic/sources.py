@@ -11,9 +11,11 @@ from pathlib import Path
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
+from gcs_mosaic.flight.folder import RECORDING_NAME
 from gcs_mosaic.frames.directory import watch
 from gcs_mosaic.link.address import connection_string, parse_address
 from gcs_mosaic.link.listener import VehicleChoice
+from gcs_mosaic.link.recording import Recording
 from gcs_mosaic.link.triggers import triggers
 
 Report = LinkReport | FolderReport
@@ -32,16 +34,27 @@ class Source:
     failed: Report
 
 
-def listen(config: Config, stop: threading.Event, stack: ExitStack) -> list[Source]:
-    """The links, opened; `stack` gives them back. Raises UsageError."""
+def listen(config: Config, stop: threading.Event, stack: ExitStack) -> tuple[list[Source], Recording]:
+    """The links, opened, and what records them once it is opened; `stack` gives them back. Raises UsageError."""
+    recording = Recording()
+    stack.callback(recording.close)
     choice = VehicleChoice(config.link.vehicle)
     sources = []
     for address in map(parse_address, config.mavlink):
         failed = LinkReport(address=connection_string(address), state="failed", last_heard_utc=None)
-        items = triggers(address, stop, config.link, choice)
+        items = triggers(address, stop, config.link, choice, recording)
         stack.callback(_close, items)
         sources.append(Source(items, failed))
-    return sources
+    return sources, recording
+
+
+def record(config: Config, recording: Recording, out: Path) -> Notice | None:
+    """Begin the recording that the settings ask for, `out` being the flight's folder. Raises UsageError."""
+    if not config.record:
+        return None
+    if config.record is True:
+        return recording.open(out / RECORDING_NAME, ours=True)
+    return recording.open(Path(config.record), ours=False)
 
 
 def watching(config: Config, stop: threading.Event) -> Source:

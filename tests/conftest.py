@@ -1,5 +1,8 @@
 """What tests of several rooms share."""
 
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,3 +17,17 @@ settings.load_profile("patient")
 def world_cache(tmp_path_factory) -> Path:
     """Where painted worlds of the simulated flights are kept during one run of the tests."""
     return tmp_path_factory.mktemp("worlds")
+
+
+@pytest.fixture
+def tiny_disk(tmp_path: Path) -> Iterator[Path]:
+    """A real file system of one megabyte."""
+    if sys.platform != "linux":
+        pytest.skip("a file system of its own is mounted on Linux only")
+    place = tmp_path / "tiny"
+    place.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", place], capture_output=True, text=True)
+    if mounted.returncode != 0:
+        pytest.skip(f"mounting a small file system is not permitted here: {mounted.stderr.strip()}")
+    yield place
+    subprocess.run(["umount", "--lazy", place], check=True)

@@ -29,7 +29,7 @@ ALLOWED = {
     "logbook": {"link", "pairing", "flight", "events"},
     "reporting": {"flight", "events"},
     "patience": {"flight", "events"},
-    "sources": {"config", "link", "frames", "events"},
+    "sources": {"config", "link", "frames", "flight", "events"},
     "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "events"},
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {

@@ -11,7 +11,11 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.lock import LOCK_NAME, FolderLock, try_lock
 
 LEDGER_NAME = "flight.sqlite"
-OUR_NAMES = (LEDGER_NAME, "mosaic.json", "placements.json", "status.json", "tiles", "masks", "frames")
+RECORDING_NAME = "flight.tlog"
+OUR_NAMES = (
+    *(LEDGER_NAME, "mosaic.json", "placements.json", "status.json", RECORDING_NAME),
+    *("tiles", "masks", "frames"),
+)
 MOST_FLIGHTS = 1000  # beside each other; more than that is a mistake in a script
 
 

@@ -15,7 +15,7 @@ from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.decode import MavMessage
 from gcs_mosaic.link.wire import MARKERS, decode_packet, packet_length
 
-_TIME = struct.Struct(">Q")
+TIME = struct.Struct(">Q")
 _CHUNK = 1 << 16
 _LONGEST_GAP_S = 86400.0  # a recording does not pause for longer: a damaged time
 _AT_ONCE = 256
@@ -52,17 +52,17 @@ def read_tlog(file: BufferedReader) -> Iterator[tuple[float, MavMessage]]:
     while chunk := file.read(_CHUNK):
         buffer += chunk
         position = 0
-        while marker := MARKERS.search(buffer, position + _TIME.size):
+        while marker := MARKERS.search(buffer, position + TIME.size):
             start = marker.start()
             end = start + packet_length(buffer, start)
             if end > len(buffer):
                 break
             message = decode_packet(buffer[start:end])
             if message:
-                yield _TIME.unpack_from(buffer, start - _TIME.size)[0] / 1e6, message
-            position = end if message else start + 1 - _TIME.size
-        keep_from = marker.start() if marker else max(position + _TIME.size, len(buffer))
-        buffer = buffer[keep_from - _TIME.size :]
+                yield TIME.unpack_from(buffer, start - TIME.size)[0] / 1e6, message
+            position = end if message else start + 1 - TIME.size
+        keep_from = marker.start() if marker else max(position + TIME.size, len(buffer))
+        buffer = buffer[keep_from - TIME.size :]
 
 
 def _on_one_clock(recorded: Iterator[tuple[float, MavMessage]], start: float) -> Iterator[Arrival]:
