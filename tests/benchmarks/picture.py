@@ -1,0 +1,173 @@
+"""How good the picture of each blending mode is: detail, steps across seams, moving people, small still things.
+
+    python -m tests.benchmarks.picture [FOLDER ...] [--scale 0.25] [--without-gains] [--modes edge,newest]
+
+FOLDER: a recorded flight, of which detail and steps are told. Without one, a simulated flight with people and vehicles that
+move, marks of 6x6 px, automatic exposure in steps of 2x and vignetting; there all is told. Beside the modes stand the mean of
+all frames and the paper's own alpha blend.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.painter import PaintSettings
+from gcs_mosaic.stitch.painting.blending import BLENDS
+from gcs_mosaic.stitch.painting.painted import Painted
+from sitl.camera import Camera
+from sitl.flight import Flight, plan
+from sitl.path import Plan
+from sitl.targets import Crowd
+from tests.benchmarks.painted_flights import PlacedFlight, Window, painted_map, recorded, shown, simulated
+from tests.benchmarks.picture_measures import (
+    HALF_SHOWN,
+    Detail,
+    all_detail,
+    contrast,
+    contrast_kept,
+    detail,
+    seam_steps,
+    shown_share,
+    transparent_share,
+)
+from tests.benchmarks.picture_places import CORE, Frames, Sight, frames_alone, sights, squares
+from tests.benchmarks.picture_references import REFERENCES
+
+Colours = NDArray[Any]
+SQUARES = 40  # of 512 px: enough that another choice of them changes no figure's second digit by much
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """detail: of overlaps. steps: (n,) grey levels. movers: of each person and vehicle, the greatest share of its contrast
+    shown anywhere; half, transparent: how many of `places` where one was seen show it by half, and with the ground shining
+    through. marks: contrast kept of each still mark."""
+
+    detail: Detail
+    steps: NDArray[np.float64]
+    movers: NDArray[np.float64]
+    places: int
+    half: int
+    transparent: int
+    marks: NDArray[np.float64]
+
+    def __str__(self) -> str:
+        told = f"detail {self.detail.kept:6.1%} (worst cells {self.detail.kept_by_worst:6.1%})"
+        if len(self.steps):
+            told += f"  steps {self.steps.mean():5.2f}, 95 % {np.quantile(self.steps, 0.95):5.2f} (n={len(self.steps)})"
+        if len(self.movers):
+            told += f"  movers {(self.movers >= HALF_SHOWN[1]).sum()}/{len(self.movers)} shown, worst {self.movers.min():4.0%}"
+            told += f"; half there {self.half}, transparent {self.transparent} of {self.places} places"
+        if len(self.marks):
+            told += f"  marks {self.marks.min():4.0%} at least, median {np.median(self.marks):4.0%}"
+        return told
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.picture", allow_abbrev=False)
+    parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
+    parser.add_argument("--scale", type=float, choices=(1, 0.5, 0.25), default=1, help="size of recorded frames (1)")
+    parser.add_argument("--modes", default=",".join(BLENDS), help=f"some of these ({','.join(BLENDS)})")
+    parser.add_argument("--without-gains", action="store_true", help="brightness as the camera left it")
+    parser.add_argument(
+        "--registered", action="store_true", help="the simulated flight as it is stitched, not by its truth"
+    )
+    parser.add_argument("--relief", type=float, default=0.0, help="of the simulated flight (0)")
+    given = parser.parse_args()
+    settings = without_gains(PaintSettings()) if given.without_gains else PaintSettings()
+    flights = [recorded(folder, round(1 / given.scale)) for folder in given.folders] or [
+        simulated(busy_flight(given.relief), registered=given.registered)
+    ]
+    for flight in flights:
+        for mode, quality in measured(flight, given.modes.split(","), settings).items():
+            print(f"{flight.name:10} {mode:14} {quality}", flush=True)
+
+
+def busy_flight(relief: float = 0.0, size: tuple[int, int] = (1200, 900), frames: int = 24) -> Flight:
+    """People, vehicles and marks below a camera whose exposure steps and whose corners are dark."""
+    camera = Camera(exposure_step=2.0, step_every=4, vignetting=0.3)
+    crowd = Crowd(people=40, vehicles=6, marks=20)
+    return plan("survey", size, route=Plan(frames=frames, height=100), camera=camera, crowd=crowd, relief=relief)
+
+
+def without_gains(settings: PaintSettings) -> PaintSettings:
+    return replace(settings, exposure=replace(settings.exposure, least_gain=1.0, most_gain=1.0))
+
+
+def measured(
+    flight: PlacedFlight, modes: Sequence[str], settings: PaintSettings, count: int = SQUARES
+) -> dict[str, Quality]:
+    """The quality of each of these modes and of all references."""
+    found: dict[str, Quality] = {}
+    known: dict[str, Painted] = {}
+    for mode in modes:
+        chosen = replace(settings, canvas=replace(settings.canvas, blend=mode))
+        with painted_map(flight, chosen) as painted:
+            if painted.frames != known:  # most modes paint the same frames with the same gains
+                known = painted.frames
+                seen = sights(flight.truth, known) if flight.truth else []
+                windows = squares(known, count)
+                frames = frames_alone(flight, known, chosen, [*windows, *(sight.window for sight in seen)], seen)
+            maps: dict[Window, Colours] = {at: shown(painted.canvas, at).colour for at in frames.by_window}
+        found[mode] = judged(maps, frames, windows, seen)
+    for name, reference in REFERENCES.items():
+        maps = {window: reference([one for _, one in alone]) for window, alone in frames.by_window.items()}
+        found[name] = judged(maps, frames, windows, seen)
+    return found
+
+
+def judged(maps: dict[Window, Colours], frames: Frames, windows: Sequence[Window], seen: Sequence[Sight]) -> Quality:
+    """The quality of a map of which these windows are known."""
+    details, steps = [], []
+    for window in windows:
+        alone = [one for _, one in frames.by_window[window]]
+        colours, covered = [one.colour for one in alone], [one.covered for one in alone]
+        details.append(detail(maps[window], colours, covered, [one.weight for one in alone]))
+        steps.append(seam_steps(maps[window], colours, covered))
+    movers, half, transparent = moving(maps, frames, [one for one in seen if one.kind != "mark" and one.alone])
+    return Quality(
+        detail=all_detail(details),
+        steps=np.concatenate(steps),
+        movers=np.array(list(movers.values())),
+        places=sum(one.kind != "mark" and one.alone for one in seen),
+        half=half,
+        transparent=transparent,
+        marks=still(maps, frames, [one for one in seen if one.kind == "mark" and one.alone]),
+    )
+
+
+def moving(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -> tuple[dict[int, float], int, int]:
+    """Of each target the greatest share shown anywhere; how many places show one by half; how many transparently."""
+    best: dict[int, float] = {}
+    half = transparent = 0
+    for sight in seen:
+        frame = dict(frames.by_window[sight.window])[sight.frame].colour
+        parts = maps[sight.window], frame, frames.bare[sight].colour
+        share = shown_share(*parts)
+        best[sight.target] = max(share, best.get(sight.target, 0.0))
+        half += HALF_SHOWN[0] < share < HALF_SHOWN[1]
+        transparent += transparent_share(*parts) > 0.5
+    return best, half, transparent
+
+
+def still(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -> NDArray[np.float64]:
+    """Of each mark the contrast that the map keeps, relative to the frame that sees it best, alone."""
+    kept: dict[int, tuple[float, float]] = {}
+    for sight in seen:
+        frame = dict(frames.by_window[sight.window])[sight.frame]
+        weight = float(frame.weight[round(sight.middle[1]), round(sight.middle[0])])
+        radius = CORE * sight.frame_pixel
+        one, other = (contrast(picture, sight.middle, radius) for picture in (maps[sight.window], frame.colour))
+        kept[sight.target] = max(kept.get(sight.target, (-1.0, 0.0)), (weight, contrast_kept(one, other)))
+    return np.array([share for _, share in kept.values()])
+
+
+if __name__ == "__main__":
+    main()
