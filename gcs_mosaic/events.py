@@ -84,12 +84,26 @@ class Notice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Refusals:
+    """Packets that were not believed because of their signature; all are 0 where no key is set."""
+
+    unsigned: int = 0
+    forged: int = 0  # signed, but not with our key, or changed on the way
+    replayed: int = 0  # signed with our key, but not newer than what was heard before
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkReport:
     """How a link is; said when it changes, and about each second while something is heard."""
 
     address: str
     state: Literal["listening", "heard", "silent", "failed"]
-    last_heard_utc: float | None  # seconds since 1970
+    last_heard_utc: float | None = None  # seconds since 1970: a moment, never an age, for a file does not grow older
+    silences: int = 0  # how often it has fallen silent
+    followed: int | None = None  # MAVLink system id of the aircraft whose triggers count
+    others: tuple[tuple[int, int], ...] = ()  # (system id, triggers left out), the busiest first
+    refused: Refusals = Refusals()
+    sent: int = 0  # packets; 0 unless announcing was asked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

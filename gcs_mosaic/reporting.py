@@ -8,6 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from gcs_mosaic.events import LinkReport, Notice
 from gcs_mosaic.flight.disk import DiskFull, overwrite, write_beside
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.flight.status import DaemonState, LastFrame, LinkStatus, Status, WatchStatus, status_document
+from gcs_mosaic.flight.status import DaemonState, LastFrame, Status, WatchStatus, status_document
 
 STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
@@ -34,7 +35,7 @@ class Reporter:
         self._flight, self._ledger, self._console = flight, ledger, console
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
         self._written = 0.0
-        self._links: dict[str, LinkStatus] = {}
+        self._links: dict[str, LinkReport] = {}
         self.watch: WatchStatus | None = None
         self.last_frame: LastFrame | None = None
 
@@ -58,7 +59,7 @@ class Reporter:
         """How a link is; when it was heard last stays known."""
         before = self._links.get(report.address)
         heard = report.last_heard_utc or (before.last_heard_utc if before else None)
-        self._links[report.address] = LinkStatus(address=report.address, state=report.state, last_heard_utc=heard)
+        self._links[report.address] = replace(report, last_heard_utc=heard)
 
     def write(
         self, state: DaemonState, queue: int, revision: int, accounts: Callable[[], Accounts], *, now: bool = False

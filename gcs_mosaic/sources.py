@@ -41,7 +41,7 @@ def listen(config: Config, stop: threading.Event, stack: ExitStack) -> tuple[lis
     choice = VehicleChoice(config.link.vehicle)
     sources = []
     for address in map(parse_address, config.mavlink):
-        failed = LinkReport(address=connection_string(address), state="failed", last_heard_utc=None)
+        failed = LinkReport(address=connection_string(address), state="failed")
         items = triggers(address, stop, config.link, choice, recording)
         stack.callback(_close, items)
         sources.append(Source(items, failed))

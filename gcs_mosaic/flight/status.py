@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.events import LinkReport
 from gcs_mosaic.flight.documents import FORMAT, Document, finite, iso_utc
 from gcs_mosaic.flight.folder import find_flight
 from gcs_mosaic.flight.records import Accounts, NoticeRecord
@@ -19,15 +21,6 @@ HUNG_AFTER_S = 8.0  # a running daemon writes its status each two seconds or mor
 # listening: no frame yet; flying: frames come; idle: none for a while; settling: the last frames and the final
 # painting; stopped: everything is written.
 DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkStatus:
-    """One MAVLink address. Times are moments (UTC, seconds since 1970), never ages: a file does not grow older."""
-
-    address: str
-    state: Literal["listening", "heard", "silent", "failed"]
-    last_heard_utc: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +52,7 @@ class Status:
     updated_utc: float
     started_utc: float
     revision: int = 0
-    mavlink: tuple[LinkStatus, ...] = ()
+    mavlink: tuple[LinkReport, ...] = ()
     watch: WatchStatus | None = None
     frames_in_queue: int = 0
     last_frame: LastFrame | None = None
@@ -87,9 +80,17 @@ def status_document(status: Status) -> Document:
     }
 
 
-def link_entry(link: LinkStatus) -> Document:
-    heard = None if link.last_heard_utc is None else iso_utc(link.last_heard_utc)
-    return {"address": link.address, "state": link.state, "last_heard": heard}
+def link_entry(link: LinkReport) -> Document:
+    return {
+        "address": link.address,
+        "state": link.state,
+        "last_heard": None if link.last_heard_utc is None else iso_utc(link.last_heard_utc),
+        "silences": link.silences,
+        "followed": link.followed,
+        "other_triggers": {str(system): count for system, count in link.others},
+        "refused": asdict(link.refused),
+        "sent": link.sent,
+    }
 
 
 def last_frame_entry(frame: LastFrame) -> Document:
@@ -137,9 +138,23 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         f"frames: {counted(document['frames'])}; {document['frames_in_queue']} in the queue",
         f"triggers: {counted(document['events'])}",
         *([f"last frame: {last['name']}, {last['outcome']} at {last['time']}"] if last else []),
-        *[f"MAVLink {link['address']}: {link['state']}" for link in document["mavlink"]],
+        *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
+
+
+def link_words(link: dict[str, Any]) -> Iterator[str]:
+    """How a link is, and what about it is out of the ordinary."""
+    yield link["state"]
+    if link["silences"]:
+        yield f"{link['silences']} silences"
+    if link["other_triggers"]:
+        left_out = ", ".join(f"{count} of system {system}" for system, count in link["other_triggers"].items())
+        yield f"triggers left out, as system {link['followed']} is followed: {left_out}"
+    if any(link["refused"].values()):
+        yield f"packets refused: {counted(link['refused'])}"
+    if link["sent"]:
+        yield f"{link['sent']} packets sent"
 
 
 def counted(account: dict[str, int]) -> str:

@@ -6,14 +6,17 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
-from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, Refusals, TriggerEvent
 from gcs_mosaic.link.address import LinkAddress, connection_string
 from gcs_mosaic.link.decode import MavMessage, decode
 from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.link.utc import VehicleTimes
 
 LinkState = Literal["listening", "heard", "silent", "failed"]
 
 REPORT_EVERY_S = 1.0
+MOST_NAMED = 8  # other aircraft that are named; system ids can be forged, and the status must stay small
+NO_REFUSALS = Refusals()
 MAV_TYPE_GCS = 6
 GROUND_STATION_PORT = 14550  # where every ground station listens unless told otherwise
 _AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
@@ -25,8 +28,6 @@ class VehicleChoice:
 
     def __init__(self, wanted: int | None = None) -> None:
         self.wanted = wanted
-        self.others: Counter[int] = Counter()
-        """Triggers of other aircraft, by MAVLink system id."""
         self._chosen: dict[str, int] = {} if wanted is None else {"id": wanted}
 
     @property
@@ -37,10 +38,7 @@ class VehicleChoice:
     def follows(self, event: TriggerEvent) -> bool:
         """Whether `event` comes from the followed aircraft; the first one asked about is chosen if none was wanted."""
         # One dictionary call, because links on several threads may ask at once.
-        if self._chosen.setdefault("id", event.vehicle) == event.vehicle:
-            return True
-        self.others[event.vehicle] += 1
-        return False
+        return self._chosen.setdefault("id", event.vehicle) == event.vehicle
 
 
 class Listener:
@@ -56,7 +54,9 @@ class Listener:
         self._utc_of_zero = utc_of_zero
         self._noise, self._noise_at = 0, started  # as it was when the last message came
         self._reported: tuple[LinkReport, float] | None = None
-        self._silent = False
+        self._silent, self._silences = False, 0
+        self._others: Counter[int] = Counter()  # triggers of other aircraft, by MAVLink system id
+        self._times = VehicleTimes()
         self._first_vehicle: float | None = None
         self._systems: set[int] = set()
         self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
@@ -74,25 +74,26 @@ class Listener:
         yield from self._back_again(received)
         if message.get_type() == "HEARTBEAT":
             yield from self._heartbeat(message, received)
-        event = decode(message, received)
-        if event and self._choice.follows(event):
-            yield event
-        elif event and self._choice.others[event.vehicle] == 1:
-            yield self._notice("warning", _not_followed(event.vehicle, self._choice))
+        self._times.hear(message, received)
+        if event := decode(message, received):
+            yield from self._trigger(self._times.dated(event))
 
-    def tick(self, now: float, *, working: bool = True, noise: int = 0) -> Iterator[Notice | LinkReport]:
+    def tick(
+        self, now: float, *, working: bool = True, noise: int = 0, refused: Refusals = NO_REFUSALS, sent: int = 0
+    ) -> Iterator[Notice | LinkReport]:
         """What the passing of time means.
 
-        `working` is false while the link cannot be opened; `noise` counts the bytes so far that were no MAVLink.
+        `working` is false while the link cannot be opened; `noise` counts the bytes so far that were no MAVLink,
+        `refused` and `sent` packets.
         """
         if self._noise_at != self._last_heard:
             self._noise, self._noise_at = noise, self._last_heard
-        report = self._report(working)
+        report = self._report(working, refused, sent)
         if self._is_news(report, now):
             self._reported = (report, now)
             yield report
         if not self._silent and now - self._last_heard > self._settings.silent_after_s:
-            self._silent = True
+            self._silent, self._silences = True, self._silences + 1
             but = " but bytes that are not MAVLink (is the speed right?)" if noise > self._noise else ""
             seconds = f"{self._settings.silent_after_s:g} s"
             yield self._notice("warning", f"{self._name} is silent: nothing for {seconds}{but}")
@@ -103,11 +104,20 @@ class Listener:
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
 
-    def _report(self, working: bool) -> LinkReport:
+    def _report(self, working: bool, refused: Refusals, sent: int) -> LinkReport:
         heard_utc = self._last_heard + self._utc_of_zero if self._ever_heard else None
         heard: LinkState = "silent" if self._silent else "heard"
         state: LinkState = "failed" if not working else heard if self._ever_heard else "listening"
-        return LinkReport(address=self._name, state=state, last_heard_utc=heard_utc)
+        return LinkReport(
+            address=self._name,
+            state=state,
+            last_heard_utc=heard_utc,
+            silences=self._silences,
+            followed=self._choice.followed,
+            others=tuple(self._others.most_common(MOST_NAMED)),
+            refused=refused,
+            sent=sent,
+        )
 
     def _is_news(self, report: LinkReport, now: float) -> bool:
         if self._reported is None or report.state != self._reported[0].state:
@@ -120,6 +130,14 @@ class Listener:
         if self._silent:
             self._silent = False
             yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")
+
+    def _trigger(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
+        if self._choice.follows(event):
+            yield event
+            return
+        self._others[event.vehicle] += 1
+        if self._others[event.vehicle] == 1:
+            yield self._notice("warning", _not_followed(event.vehicle, self._choice))
 
     def _heartbeat(self, message: MavMessage, received: float) -> Iterator[Notice]:
         system = message.get_srcSystem()

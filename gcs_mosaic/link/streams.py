@@ -16,25 +16,32 @@ from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.wire import PacketReader
 
 _CHUNK = 4096
+_KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # seconds, seconds, questions: gone after 25 s
 
 Opener = Callable[[], io.RawIOBase | None]
 """Opens the stream; None if there is nobody yet, OSError if it cannot be opened now."""
 
 
 class StreamChannel:
-    """Reads a stream and opens it again when it is lost; both are said once, not at every try."""
+    """Reads a stream and opens it again when it is lost; both are said once, not at every try.
+
+    Only a stream that has brought something counts as one that works: where somebody takes the call and hangs up, or a
+    device opens and fails, the waits grow too.
+    """
 
     def __init__(self, name: str, opener: Opener, settings: LinkSettings) -> None:
         self.ended, self.working = False, True
         self._name, self._open, self._settings = name, opener, settings
         self._stream: io.RawIOBase | None = None
         self._reader = PacketReader(datagrams=False)
-        self._trouble: str | None = None
+        self._trouble: str | None = None  # the last one that was said
+        self._brought, self._hangs_up = False, False  # this connection something; the one before nothing
+        self._skipped_before = 0  # bytes, by the connections before
         self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
 
     @property
     def skipped_bytes(self) -> int:
-        return self._reader.skipped_bytes
+        return self._skipped_before + self._reader.skipped_bytes
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         if self._stream is None:
@@ -44,11 +51,12 @@ class StreamChannel:
         try:
             data = self._stream.read(_CHUNK)
         except OSError as error:
-            return [self._lost(error.strerror or str(error))]
+            return self._lost(error.strerror or str(error))
         if not data:
-            return [self._lost("the other side has closed it")]
+            return self._lost("the other side has closed it")
         received = time.monotonic()
-        return [Arrival(message, received) for message in self._reader.feed(data)]
+        arrivals = [Arrival(message, received) for message in self._reader.feed(data)]
+        return [*self._works(), *arrivals]
 
     def close(self) -> None:
         if self._stream is not None:
@@ -68,29 +76,40 @@ class StreamChannel:
             return self._not_yet(error.strerror or str(error))
         if self._stream is None:
             return []
+        self._skipped_before += self._reader.skipped_bytes
         self._reader = PacketReader(datagrams=False)
-        self.working = True
+        self.working, self._brought = True, False
+        return [] if self._hangs_up else [self._connected()]
+
+    def _works(self) -> list[Arrival | Notice]:
+        """Something has come: troubles are over."""
+        news = [self._connected()] if self._hangs_up else []
+        self._brought, self._hangs_up = True, False
         self._trouble, self._wait_s = None, self._settings.reconnect_first_s
-        return [Notice(source=self._name, level="info", text=f"{self._name} is connected")]
+        return [*news]
+
+    def _connected(self) -> Notice:
+        return Notice(source=self._name, level="info", text=f"{self._name} is connected")
 
     def _not_yet(self, reason: str) -> list[Arrival | Notice]:
-        self.working = False
-        self._next_try = time.monotonic() + self._wait_s
-        self._wait_s = min(2 * self._wait_s, self._settings.reconnect_longest_s)
-        if reason == self._trouble:
-            return []
-        self._trouble = reason
-        text = f"{self._name} cannot be opened ({reason}); trying again until it can"
-        return [Notice(source=self._name, level="warning", text=text)]
+        return self._later(f"{self._name} cannot be opened ({reason}); trying again until it can")
 
-    def _lost(self, reason: str) -> Notice:
+    def _lost(self, reason: str) -> list[Arrival | Notice]:
         if self._stream is not None:
             self._stream.close()
             self._stream = None
+        self._hangs_up = not self._brought
+        return self._later(f"{self._name} is lost ({reason}); opening it again")
+
+    def _later(self, trouble: str) -> list[Arrival | Notice]:
+        """Try again in a while; what is wrong is said if that is news."""
         self.working = False
-        self._next_try = time.monotonic() + self._settings.reconnect_first_s
-        text = f"{self._name} is lost ({reason}); opening it again"
-        return Notice(source=self._name, level="warning", text=text)
+        self._next_try = time.monotonic() + self._wait_s
+        self._wait_s = min(2 * self._wait_s, self._settings.reconnect_longest_s)
+        if trouble == self._trouble:
+            return []
+        self._trouble = trouble
+        return [Notice(source=self._name, level="warning", text=trouble)]
 
 
 def tcp_client(address: LinkAddress, settings: LinkSettings) -> Opener:
@@ -99,9 +118,18 @@ def tcp_client(address: LinkAddress, settings: LinkSettings) -> Opener:
     def connect() -> io.RawIOBase:
         where = (address.host, address.port)
         with socket.create_connection(where, timeout=settings.connect_timeout_s) as connection:
+            notice_when_gone(connection)
             return connection.makefile("rb", buffering=0)  # keeps the connection open after the socket object is gone
 
     return connect
+
+
+def notice_when_gone(connection: socket.socket) -> None:
+    """Let the kernel ask now and then: whoever only listens never learns that the other side was switched off."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _KEEPALIVE.items():
+        if option := getattr(socket, name, None):  # not every system lets us choose
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 class TcpServer:
@@ -117,6 +145,7 @@ class TcpServer:
         except TimeoutError:
             return None
         with connection:
+            notice_when_gone(connection)
             return connection.makefile("rb", buffering=0)
 
     def close(self) -> None:

@@ -7,16 +7,17 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.events import LinkReport, Refusals
 from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.records import Accounts, EventAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, LinkStatus, Status, WatchStatus, read_status, status_document
+from gcs_mosaic.flight.status import LastFrame, Status, WatchStatus, read_status, status_document, status_lines
 
 STATUS = Status(
     flight="today",
     state="flying",
     updated_utc=1714564800.0,
     started_utc=1714564000.0,
-    mavlink=(LinkStatus(address="udp:14550", state="heard", last_heard_utc=1714564799.5),),
+    mavlink=(LinkReport(address="udp:14550", state="heard", last_heard_utc=1714564799.5),),
     watch=WatchStatus(folder="frames", state="watching"),
     last_frame=LastFrame(name="a.jpg", outcome="placed", island=0, utc=1714564799.0, seconds_to_tile=float("nan")),
     accounts=Accounts(events=EventAccount(missing=1)),
@@ -51,6 +52,26 @@ def test_status_is_read_for_people(tmp_path: Path) -> None:
     assert "triggers: 1 missing" in text
     assert "MAVLink udp:14550: heard" in text
     assert "killed" not in text
+
+
+def test_what_a_link_left_out_is_told(tmp_path: Path) -> None:
+    link = LinkReport(
+        address="udp:1",
+        state="heard",
+        silences=2,
+        followed=3,
+        others=((4, 20), (9, 1)),
+        refused=Refusals(unsigned=5, replayed=1),
+        sent=7,
+    )
+    document = status_document(replace(STATUS, mavlink=(link,)))["mavlink"][0]
+    assert (document["other_triggers"], document["followed"], document["sent"]) == ({"4": 20, "9": 1}, 3, 7)
+    assert document["refused"] == {"unsigned": 5, "forged": 0, "replayed": 1}
+    (line,) = (line for line in status_lines(status_document(replace(STATUS, mavlink=(link,))), 0) if "MAVLink" in line)
+    assert line == (
+        "MAVLink udp:1: heard; 2 silences; triggers left out, as system 3 is followed: 20 of system 4, 1 of system 9; "
+        "packets refused: 5 unsigned, 1 replayed; 7 packets sent"
+    )
 
 
 def test_killed_daemon_is_not_read_as_flying_on(tmp_path: Path) -> None:

@@ -1,12 +1,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mavlink_peer import feedback
+from mavlink_peer import received as heard
 
-from gcs_mosaic.link.clock import OffsetClock, clock_of, plausible_utc
+from gcs_mosaic.events import TriggerEvent
+from gcs_mosaic.link.clock import DRIFT, FEEDBACK_WRAP_S, JUMP_S, OffsetClock, SourceClocks, clock_of, plausible_utc
+from gcs_mosaic.link.decode import decode
 
 delays = st.lists(st.floats(0, 3), min_size=3, max_size=30)
 
@@ -43,6 +48,35 @@ def test_a_clock_that_leaps_is_followed_after_three_messages(leap: float, delays
     for second in range(len(delays), len(delays) + 3):
         moment = clock.moment(second + leap, second)
     assert abs(moment - second) <= 5.01
+
+
+@given(st.floats(0, 20_000), st.lists(st.tuples(st.floats(0.5, 300), st.floats(0, 3)), min_size=1, max_size=20))
+def test_feedback_that_wraps_after_71_minutes_is_never_misdated(boot: float, shots: list[tuple[float, float]]) -> None:
+    clocks, now = SourceClocks(), 0.0
+    for gap, delay in [(0.0, 0.0), *shots]:
+        now += gap
+        event = feedback_of((boot + now) % FEEDBACK_WRAP_S, now + delay)
+        assert clocks.moment(event) == pytest.approx(now, abs=DRIFT * now + 0.001)
+
+
+@given(st.floats(1, 1e5), st.floats(0, 60), st.floats(5, 120), delays)
+def test_after_a_reboot_moments_are_right_from_the_third_message_on(
+    uptime: float, booted: float, down: float, delays: list[float]
+) -> None:
+    clocks = SourceClocks()
+    for second in range(3):
+        clocks.moment(feedback_of((uptime + second) % FEEDBACK_WRAP_S, second))
+    for second, delay in enumerate(delays):
+        happened = 3.0 + down + 2 * second
+        moment = clocks.moment(feedback_of(booted + 2 * second + 0.001, happened + 0.1 * delay))
+        if second >= 2:
+            assert abs(moment - happened) <= JUMP_S + 0.31
+
+
+def feedback_of(source_time: float, received: float) -> TriggerEvent:
+    event = decode(heard(feedback(1, time_usec=1)), received)
+    assert event is not None
+    return replace(event, source_time=source_time)
 
 
 def test_one_message_that_was_held_up_changes_nothing() -> None:

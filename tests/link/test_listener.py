@@ -2,10 +2,11 @@ from __future__ import annotations
 
 from mavlink_peer import heartbeat, received, trigger
 
-from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, Refusals, TriggerEvent
 from gcs_mosaic.link.address import parse_address
 from gcs_mosaic.link.listener import Listener, VehicleChoice
 from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.link.wire import dialect
 
 SETTINGS = LinkSettings(silent_after_s=10, ground_station_after_s=20)
 
@@ -16,6 +17,10 @@ def listener(choice: VehicleChoice | None = None, address: str = "udp:14550") ->
 
 def texts(items: object) -> list[str]:
     return [item.text for item in items if isinstance(item, Notice)]  # type: ignore[attr-defined]
+
+
+def report(ours: Listener, now: float) -> LinkReport:
+    return next(item for item in ours.tick(now) if isinstance(item, LinkReport))
 
 
 def test_the_first_heartbeat_of_a_vehicle_is_said_once() -> None:
@@ -31,6 +36,33 @@ def test_silence_is_said_once_and_so_is_its_end() -> None:
     assert texts(ours.tick(30.0)) == []
     assert "again after 31 s" in texts(ours.hear(received(trigger(1)), 31.0))[0]
     assert texts(ours.tick(32.0)) == []
+
+
+def test_silences_are_counted() -> None:
+    ours = listener()
+    for start in (20.0, 40.0, 60.0):
+        list(ours.tick(start))
+        list(ours.hear(received(trigger(1)), start + 1))
+    list(ours.tick(80.0))
+    assert report(ours, 82.0).silences == 4
+
+
+def test_a_forger_with_many_names_does_not_fill_the_report() -> None:
+    ours = listener(VehicleChoice(wanted=1))
+    for system in range(2, 255):
+        for seq in range(1 + (system == 77)):
+            list(ours.hear(received(trigger(seq), system=system), 1.0))
+    assert report(ours, 2.0).others[0] == (77, 2)
+    assert len(report(listener(), 2.0).others) == 0
+    assert len(ours._report(True, Refusals(), 0).others) == 8
+
+
+def test_a_trigger_is_dated_by_the_vehicles_own_clocks() -> None:
+    ours = listener()
+    list(ours.hear(received(dialect.MAVLink_system_time_message(1_750_000_100_000_000, 100_000)), 5.0))
+    (event,) = ours.hear(received(trigger(1, time_usec=102_500_000)), 8.0)
+    assert isinstance(event, TriggerEvent)
+    assert event.utc == 1_750_000_102.5
 
 
 def test_a_missing_ground_station_is_said_with_advice() -> None:
@@ -64,7 +96,9 @@ def test_only_the_first_vehicle_that_triggers_is_followed() -> None:
     assert [type(item) for item in first.hear(received(trigger(1), system=3), 1.0)] == [TriggerEvent]
     assert "--vehicle 4" in texts(second.hear(received(trigger(1), system=4), 2.0))[0]
     assert list(second.hear(received(trigger(2), system=4), 3.0)) == []
-    assert (choice.followed, choice.others) == (3, {4: 2})
+    assert choice.followed == 3
+    assert report(second, 4.0).others == ((4, 2),)
+    assert report(first, 4.0).others == ()
 
 
 def test_the_vehicle_that_was_asked_for_is_followed() -> None:

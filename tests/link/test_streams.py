@@ -1,20 +1,26 @@
 from __future__ import annotations
 
+import io
 import os
 import pty
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import pytest
 from mavlink_peer import free_udp_port, packet, trigger
 
 from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
 from gcs_mosaic.link.address import parse_address
+from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.link.streams import StreamChannel
 from gcs_mosaic.link.triggers import triggers
 
 QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
+WAITS = (0.02, 0.04, 0.05, 0.05, 0.05)  # seconds between two tries
 
 Heard = Iterator[TriggerEvent | Notice | LinkReport]
 
@@ -50,6 +56,33 @@ def test_a_tcp_link_is_opened_again_when_it_is_lost(listen: Callable[[str], Hear
                 link.sendall(packet(trigger(seq)))
                 assert sequence(heard) == seq
             said(heard, "is lost")
+
+
+def test_one_who_takes_the_call_and_hangs_up_is_called_at_growing_distances() -> None:
+    others, calls = list[socket.socket](), list[float]()
+
+    def call() -> io.RawIOBase:
+        ours, theirs = socket.socketpair()
+        calls.append(time.monotonic())
+        others.append(theirs)
+        if len(calls) < 6:
+            theirs.close()
+        else:
+            theirs.send(packet(trigger(7)))
+        with ours:
+            return ours.makefile("rb", buffering=0)
+
+    channel = StreamChannel("x", call, QUICK)
+    came = list[Arrival | Notice]()
+    while not any(isinstance(item, Arrival) for item in came):
+        came += channel.read(QUICK.poll_s)
+    texts = [item.text.split()[2] for item in came if isinstance(item, Notice)]
+    assert texts == ["connected", "lost", "connected"]
+    assert [round(later - call, 2) >= wait for (call, later), wait in zip(pairwise(calls), WAITS, strict=True)] == [
+        True
+    ] * 5
+    channel.close()
+    others[-1].close()
 
 
 def test_a_tcp_link_waits_for_the_other_side(listen: Callable[[str], Heard]) -> None:

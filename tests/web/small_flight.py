@@ -9,11 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gcs_mosaic.events import LinkReport
 from gcs_mosaic.flight.disk import write_beside
 from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.records import Accounts, Estimate, EventAccount, FrameAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, LinkStatus, Status, WatchStatus, status_document
+from gcs_mosaic.flight.status import LastFrame, Status, WatchStatus, status_document
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.grid import Tile
 
@@ -69,7 +70,7 @@ class SmallFlight:
             state="flying",
             updated_utc=now,
             started_utc=now - 60,
-            mavlink=(LinkStatus(address="udp:14550", state="heard", last_heard_utc=now),),
+            mavlink=(LinkReport(address="udp:14550", state="heard", last_heard_utc=now),),
             watch=WatchStatus(folder="frames", state="watching"),
             last_frame=LastFrame(name="b.jpg", outcome="placed", island=0, utc=now - 1, seconds_to_tile=0.5),
             accounts=Accounts(frames=FrameAccount(placed=54, waiting=2), events=EventAccount(matched=53, missing=1)),

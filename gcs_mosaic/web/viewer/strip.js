@@ -63,6 +63,7 @@ function showState({ kind, title, detail, alarm }) {
 function showCounts(status, mosaic) {
   const source = status ?? mosaic;
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
+  entries.push(...linkCounts(status?.mavlink ?? []));
   const islands = mosaic?.islands.filter((island) => island.merged_into === undefined).length ?? 0;
   if (source) entries.push(["Islands", islands, islands > 1 ? "warn" : ""]);
   if (status?.last_frame) entries.push(lastFrame(status));
@@ -84,6 +85,21 @@ function eventCounts({ matched, missing, failed }) {
     ["Frames missing", missing, missing ? "warn" : ""],
     ...seldom([["Failed", failed]]),
   ];
+}
+
+/** What the links left out: triggers of aircraft that are not followed, packets whose signature is not right. */
+function linkCounts(links) {
+  const others = links.flatMap(({ other_triggers: others }) => Object.entries(others ?? {}));
+  const refused = links.flatMap(({ refused }) => Object.entries(refused ?? {}));
+  const names = (entries, text) => entries.filter(([, count]) => count).map(text).join(", ");
+  return [
+    ["Of other aircraft", sum(others), names(others, ([system, count]) => `${count} triggers of system ${system}`)],
+    ["Packets refused", sum(refused), names(refused, ([why, count]) => `${count} ${why}`)],
+  ].filter(([, count]) => count).map(([label, count, title]) => [label, count, "warn", title]);
+}
+
+function sum(entries) {
+  return entries.reduce((total, [, count]) => total + count, 0);
 }
 
 /** Bad news that takes room only when there is some. */
