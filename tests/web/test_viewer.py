@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from browser import CHROMIUM, Page, open_browser
 from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 
+from gcs_mosaic.events import LinkReport, Refusals
 from gcs_mosaic.flight.manifest import IslandEntry
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.web.address import HttpAddress
@@ -158,6 +160,22 @@ def test_silent_daemon_is_not_shown_as_flying(page: Page, url: str, flight: Smal
     page.open(url)
     page.wait_for(f"{TEXT}.includes('has not shown a sign of life for')")
     assert not page.evaluate(f"{TEXT}.includes('Flying')")
+
+
+def test_what_a_link_left_out_is_shown(page: Page, url: str, flight: SmallFlight) -> None:
+    flight.write()
+    flight.status()
+    page.open(url)
+    page.wait_for(f"{TEXT}.includes('Flying')")
+    assert not page.evaluate(f"/other aircraft|refused/i.test({TEXT})")
+    link = LinkReport(
+        address="udp:1", state="heard", followed=3, others=((4, 20), (9, 1)), refused=Refusals(unsigned=5)
+    )
+    flight.status(mavlink=(link, replace(link, others=((4, 22),), refused=Refusals(replayed=3))))
+    page.wait_for(f"/of other aircraft\\s*23/i.test({TEXT}) && /packets refused\\s*8/i.test({TEXT})")
+    assert page.evaluate(
+        "Boolean(document.querySelector('[title^=\"22 triggers of system 4, 1 triggers of system 9\"]'))"
+    )
 
 
 def test_lost_server_is_said_plainly(page: Page, tmp_path: Path, flight: SmallFlight) -> None:

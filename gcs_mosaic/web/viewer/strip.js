@@ -89,17 +89,20 @@ function eventCounts({ matched, missing, failed }) {
 
 /** What the links left out: triggers of aircraft that are not followed, packets whose signature is not right. */
 function linkCounts(links) {
-  const others = links.flatMap(({ other_triggers: others }) => Object.entries(others ?? {}));
-  const refused = links.flatMap(({ refused }) => Object.entries(refused ?? {}));
-  const names = (entries, text) => entries.filter(([, count]) => count).map(text).join(", ");
+  const others = new Map();
+  for (const [system, count] of links.flatMap((link) => Object.entries(link.other_triggers ?? {}))) {
+    others.set(system, Math.max(others.get(system) ?? 0, count)); // one trigger may come over several links
+  }
+  const refused = links.flatMap((link) => Object.entries(link.refused ?? {})).filter(([, count]) => count);
   return [
-    ["Of other aircraft", sum(others), names(others, ([system, count]) => `${count} triggers of system ${system}`)],
-    ["Packets refused", sum(refused), names(refused, ([why, count]) => `${count} ${why}`)],
-  ].filter(([, count]) => count).map(([label, count, title]) => [label, count, "warn", title]);
+    ...leftOut("Of other aircraft", [...others], ([system, count]) => `${count} triggers of system ${system}`),
+    ...leftOut("Packets refused", refused, ([why, count]) => `${count} ${why}`),
+  ];
 }
 
-function sum(entries) {
-  return entries.reduce((total, [, count]) => total + count, 0);
+function leftOut(label, entries, text) {
+  const total = entries.reduce((sum, [, count]) => sum + count, 0);
+  return total ? [[label, total, "warn", entries.map(text).join(", ")]] : [];
 }
 
 /** Bad news that takes room only when there is some. */
