@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -19,6 +21,7 @@ from gcs_mosaic.flight.folder import open_flight_folder
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
+from gcs_mosaic.stitch.painting.display import display_of
 
 if TYPE_CHECKING:
     from gcs_mosaic.debug.pictures import DebugPictures
@@ -41,13 +44,19 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
         try:
             _stitch_into(pipeline, count, found, config, console)
             if pictures:
-                pictures.write(pipeline.mosaic.placements(), lambda name: pipeline.load_original(name, reduction=1))
+                pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
                 console.print(f"debug pictures: {debug}")
         finally:
             pipeline.close()
     finally:
         folder.close()
     return folder.path
+
+
+def _seen(pipeline: Pipeline, name: str) -> NDArray[np.uint8] | None:
+    """A frame (h, w, 3) at full size for people, stretched by itself."""
+    image = pipeline.load_original(name, reduction=1)
+    return None if image is None else display_of(image).picture(image)
 
 
 def _debug_pictures(folder: Path) -> DebugPictures:

@@ -9,8 +9,8 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.geometry import (
     Array,
     Camera,
@@ -21,9 +21,11 @@ from gcs_mosaic.stitch.geometry import (
     reduced_view,
 )
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+from gcs_mosaic.stitch.painting.display import Display, display_of
 from gcs_mosaic.stitch.painting.exposure import (
     ExposureSettings,
     Gain,
+    Levels,
     Observation,
     OverlapMeans,
     gain_beside,
@@ -35,9 +37,7 @@ from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
 
-Image = NDArray[np.uint8]
-LoadImage = Callable[[str], Image | None]
-
+LoadImage = Callable[[str], Bands | None]
 
 CHECKED_AT_ONCE = 64  # frames whose displacement is looked at between two new frames: some hundredths of a second
 MOVED_AT_ONCE = 2  # frames whose tiles are found anew between two new frames: a tenth of a second each at 12 MP
@@ -50,6 +50,7 @@ class PaintSettings:
 
     canvas: CanvasSettings = field(default_factory=CanvasSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
+    bands: tuple[int, ...] = ()  # shown as red, green, blue, or one as grey, counted from 1; none: told by their number
     repaint_px: float = 1.0  # how far a corner may be off, in the frame's own pixels, before the frame is repainted
     final_px: float = 0.25  # the same at the end of a flight, when there is time
     final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
@@ -73,7 +74,10 @@ class Painter:
         self._load_image = load_image
         self.canvas = Canvas(load_image, settings.canvas, scratch=scratch)
         self._painted: dict[str, Painted] = {}
-        self._thumbnails: dict[str, Image] = {}
+        self._displays: dict[
+            tuple[int, str], Display
+        ] = {}  # by number of bands and depth, from the first frame of each kind
+        self._thumbnails: dict[str, Levels] = {}
         self._overlaps: list[tuple[str, str, OverlapMeans]] = []
         self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
         # Those that moved too far, and how far in their own pixels.
@@ -89,9 +93,10 @@ class Painter:
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
-    def paint_new(self, image: Image, thumbnail: Image, placement: Placement, order: int) -> set[TileKey]:
+    def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that look different now."""
-        self._thumbnails[placement.name] = thumbnail
+        display = self._display_of(image)
+        self._thumbnails[placement.name] = display.levels(thumbnail)
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
         painted = Painted(
             name=placement.name,
@@ -100,7 +105,8 @@ class Painter:
             pose=pose,
             camera=camera,
             relief=placement.relief,
-            gain=self._gain_of(placement),
+            gain=self._gain_of(placement, display),
+            display=display,
             level=own_level(pose, camera),
         )
         self._note(painted)
@@ -175,17 +181,23 @@ class Painter:
         self._record(painted)
         self._painted[painted.name] = painted
 
-    def _gain_of(self, placement: Placement) -> Gain:
-        """The brightness that fits the painted frames which this one overlaps."""
+    def _display_of(self, image: Bands) -> Display:
+        kind = image.shape[2], str(image.dtype)
+        if kind not in self._displays:
+            self._displays[kind] = display_of(image, self._settings.bands)
+        return self._displays[kind]
+
+    def _gain_of(self, placement: Placement, display: Display) -> Gain:
+        """The brightness that fits the painted frames of the same kind which this one overlaps."""
         beside: list[tuple[OverlapMeans, Gain]] = []
         for name in placement.neighbours:
             painted = self._painted.get(name)
-            if painted is not None and painted.island == placement.island:
+            if painted is not None and painted.island == placement.island and painted.display == display:
                 means = self._overlap(placement, painted)
                 if means is not None:
                     self._overlaps.append((placement.name, name, means))
                     beside.append((means, painted.gain))
-        return gain_beside(beside, self._settings.exposure)
+        return gain_beside(beside, self._settings.exposure, len(display.black))
 
     def _overlap(self, placement: Placement, painted: Painted) -> OverlapMeans | None:
         small_i, small_j = self._thumbnails[placement.name], self._thumbnails[painted.name]
@@ -200,9 +212,13 @@ class Painter:
         return overlap_means(small_i, small_j, j_from_i)
 
     def _final_gains(self) -> dict[str, Gain]:
-        names = {name: i for i, name in enumerate(self._painted)}
-        seen: list[Observation] = [(names[i], names[j], means) for i, j, means in self._overlaps]
-        return dict(zip(names, solve_gains(len(names), seen, self._settings.exposure), strict=True))
+        gains: dict[str, Gain] = {}
+        for display in self._displays.values():  # frames of different kinds tell nothing of each other's exposure
+            names = {name: i for i, name in enumerate(n for n, p in self._painted.items() if p.display == display)}
+            seen: list[Observation] = [(names[i], names[j], means) for i, j, means in self._overlaps if i in names]
+            solved = solve_gains(len(names), seen, self._settings.exposure, len(display.black))
+            gains |= dict(zip(names, solved, strict=True))
+        return gains
 
 
 def _displacement(painted: Painted, placement: Placement) -> float:

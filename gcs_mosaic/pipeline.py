@@ -7,9 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, Frame, Notice
 from gcs_mosaic.flight.originals import is_intact
@@ -19,12 +16,11 @@ from gcs_mosaic.painter import Painter
 from gcs_mosaic.prepare import Prepared, Unprepared, thumbnail
 from gcs_mosaic.recorder import Recorder
 from gcs_mosaic.stitch.adjusting.background import WorkerProcess
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
-
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +199,7 @@ class Pipeline:
             self._say(Notice(source=source, level="warning", text=problem))
         self._said_problems[source] = problem
 
-    def load_original(self, name: str, reduction: int | None = None) -> Image | None:
+    def load_original(self, name: str, reduction: int | None = None) -> Bands | None:
         """A frame as it came, reduced as in all of this flight or by another factor; None if it is gone or has changed."""
         path, content_hash = self._places[name]
         if not is_intact(path, content_hash):

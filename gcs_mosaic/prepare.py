@@ -7,15 +7,10 @@ from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.load import Unreadable, load_frame
+from gcs_mosaic.stitch.bands import Bands, resized
 from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
-
-Image = NDArray[np.uint8]
 
 THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
 AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 MP
@@ -23,12 +18,12 @@ AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A frame with its pixels (h, w, 3), reduced or not, features and thumbnail; `seconds` it took to make them."""
+    """A frame with its pixels (h, w, bands), reduced or not, features and thumbnail; `seconds` it took to make them."""
 
     frame: Frame
-    image: Image
+    image: Bands
     features: Features
-    thumbnail: Image
+    thumbnail: Bands
     seconds: dict[str, float]
 
 
@@ -59,12 +54,12 @@ def _prepared(frame: Frame, settings: FeatureSettings, reduction: int) -> Prepar
     return Prepared(frame, image, features, thumbnail(image), seconds)
 
 
-def thumbnail(image: Image) -> Image:
-    """A copy (h, w, 3) that is `THUMBNAIL_WIDTH` wide, or the image itself if it is no wider."""
+def thumbnail(image: Bands) -> Bands:
+    """A copy (h, w, bands) that is `THUMBNAIL_WIDTH` wide, or the image itself if it is no wider."""
     if image.shape[1] <= THUMBNAIL_WIDTH:
         return image
     height = max(1, round(image.shape[0] * THUMBNAIL_WIDTH / image.shape[1]))
-    return np.asarray(cv2.resize(image, (THUMBNAIL_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8)
+    return resized(image, (THUMBNAIL_WIDTH, height))
 
 
 class Preparation:

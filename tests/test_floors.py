@@ -30,7 +30,7 @@ ALLOWED = {
     "reporting": {"flight", "events"},
     "patience": {"flight", "events"},
     "sources": {"config", "link", "frames", "flight", "events"},
-    "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "events"},
+    "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "stitch", "events"},
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
         *("pipeline", "prepare", "logbook", "reporting", "patience", "sources", "config"),

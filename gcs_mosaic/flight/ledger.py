@@ -26,8 +26,8 @@ from gcs_mosaic.flight.records import (
 )
 from gcs_mosaic.flight.rows import (
     EVENT_COLUMNS,
-    GAIN_COLUMNS,
     LENS_COLUMNS,
+    LOOK_COLUMNS,
     POSE_COLUMNS,
     RELIEF_COLUMNS,
     SUPPORT_COLUMNS,
@@ -36,6 +36,7 @@ from gcs_mosaic.flight.rows import (
     event_record_of,
     event_row,
     frame_record_of,
+    look_row,
     painted_of,
     pose_row,
     relief_row,
@@ -161,11 +162,11 @@ class Ledger(LedgerFile):
 
     def record_painted(self, painted: Painted) -> None:
         """How a frame is painted now; replaces what was recorded for it before."""
-        columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {GAIN_COLUMNS}, {RELIEF_COLUMNS}'
+        columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {LOOK_COLUMNS}, {RELIEF_COLUMNS}'
         with self.transaction():
             head = (self._frame_id(painted.name), int(painted.order), int(painted.island), int(painted.level))
             place = (self._camera_id(painted.camera), *pose_row(painted.pose))
-            values = (*head, *place, *map(float, painted.gain), *relief_row(painted.relief))
+            values = (*head, *place, *look_row(painted), *relief_row(painted.relief))
             self.write(f"INSERT OR REPLACE INTO painted ({columns}) VALUES ({marks(values)})", *values)
 
     def forget_painted(self, name: str) -> None:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sqlite3
+from dataclasses import asdict
+
+import numpy as np
 
 from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
 from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
@@ -18,7 +23,7 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
-GAIN_COLUMNS = "gain_b, gain_g, gain_r"
+LOOK_COLUMNS = "gain, display"
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 Stored = str | bytes | None
@@ -145,6 +150,16 @@ def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
     return ReliefDisplacement(row["relief_columns"], row["relief_rows"], row["relief_shifts"])
 
 
+def look_row(painted: Painted) -> tuple[object, ...]:
+    """Values for LOOK_COLUMNS: the gains as 64-bit numbers, the display as JSON."""
+    return np.array(painted.gain, dtype="<f8").tobytes(), json.dumps(asdict(painted.display))
+
+
+def display_of(row: sqlite3.Row) -> Display:
+    blue, green, red = (values := json.loads(row["display"]))["shown"]
+    return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]))
+
+
 def painted_of(row: sqlite3.Row) -> Painted:
     return Painted(
         name=name_of(row),
@@ -153,7 +168,8 @@ def painted_of(row: sqlite3.Row) -> Painted:
         pose=pose_of(row),
         camera=camera_of(row),
         relief=relief_of(row),
-        gain=(row["gain_b"], row["gain_g"], row["gain_r"]),
+        gain=tuple(np.frombuffer(row["gain"], dtype="<f8").tolist()),
+        display=display_of(row),
         level=row["level"],
     )
 

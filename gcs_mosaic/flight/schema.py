@@ -82,7 +82,7 @@ CREATE TABLE painted (
     level INTEGER NOT NULL,
     camera INTEGER NOT NULL REFERENCES cameras (id),
     x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
-    gain_b NOT NULL, gain_g NOT NULL, gain_r NOT NULL,
+    gain BLOB NOT NULL, display TEXT NOT NULL,
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
 );
 CREATE INDEX painted_by_island ON painted (island, "order");

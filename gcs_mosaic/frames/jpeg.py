@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from gcs_mosaic.frames.structure import StructureError, unpack
+from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
 _END, _SCAN = 0xD9, 0xDA
 _ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a segment
@@ -14,8 +14,8 @@ _MARKER = re.compile(rb"\xff+([^\xff\x00])")
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 
 
-def jpeg_size(data: bytes) -> tuple[int, int]:
-    """(width, height); raises StructureError if the end marker of the picture itself is not there.
+def jpeg_header(data: bytes) -> Whole:
+    """Size and bands; raises StructureError if the end marker of the picture itself is not there.
 
     A thumbnail's end marker lies inside a segment and is stepped over; whatever follows the end is not looked at.
     """
@@ -28,13 +28,14 @@ def jpeg_size(data: bytes) -> tuple[int, int]:
             continue
         (length,) = unpack(">H", data, position)
         if marker in _FRAMES:
-            size = unpack(">xxxHH", data, position)
+            size = unpack(">xxBHHB", data, position)
         position += max(length, 2)
         if marker == _SCAN:
             position, scans = _end_of_scan(data, position), scans + 1
     if size is None or not scans:
         raise StructureError("damaged: a JPEG without a picture")
-    return size[1], size[0]
+    bits, height, width, components = size
+    return Whole(width, height, 1 if components == 1 else 3, bits)
 
 
 def _marker(data: bytes, position: int) -> tuple[int, int]:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import zlib
 
-from gcs_mosaic.frames.structure import StructureError, unpack
+from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
 _SIGNATURE = 8
+_GREY = (0, 4)  # colour types, without and with transparency
 _FRAME = 12  # length, type and checksum around a chunk's data
 
 
-def png_size(data: bytes) -> tuple[int, int]:
-    """(width, height); raises StructureError if a chunk is cut off or broken, or if the end is missing."""
-    position, size, kinds = _SIGNATURE, (0, 0), set[bytes]()
+def png_header(data: bytes) -> Whole:
+    """Size and bands; raises StructureError if a chunk is cut off or broken, or if the end is missing."""
+    position, whole, kinds = _SIGNATURE, Whole(0, 0), set[bytes]()
     while b"IEND" not in kinds:
         (length,) = unpack(">I", data, position)
         (checksum,) = unpack(">I", data, position + 8 + length)
@@ -20,10 +21,10 @@ def png_size(data: bytes) -> tuple[int, int]:
             raise StructureError(f"damaged: a PNG chunk with a wrong checksum at byte {position}")
         kind = data[position + 4 : position + 8]
         if kind == b"IHDR":
-            width, height = unpack(">II", data, position + 8)
-            size = (width, height)
+            width, height, bits, colours = unpack(">IIBB", data, position + 8)
+            whole = Whole(width, height, 1 if colours in _GREY else 3, 16 if bits == 16 else 8)
         kinds.add(kind)
         position += _FRAME + length
     if not {b"IHDR", b"IDAT"} <= kinds:
         raise StructureError("damaged: a PNG without a picture")
-    return size
+    return whole

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs_mosaic.frames.structure import StructureError, unpack
+from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
-_WIDTH, _HEIGHT = 256, 257
+_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _SAMPLES = 256, 257, 258, 259, 262, 277
+_ROWS_PER_STRIP, _PLANAR, _TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT = 278, 284, 322, 323, 338, 339
+_NUMBERS = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _SAMPLES, _ROWS_PER_STRIP, _PLANAR}
+_NUMBERS |= {_TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT}
 _PIECES = ((273, 279), (324, 325))  # (offsets, byte counts) of strips, of tiles
-_WANTED = {_WIDTH, _HEIGHT, *_PIECES[0], *_PIECES[1]}
+_WANTED = {*_NUMBERS, *_PIECES[0], *_PIECES[1]}
+_PALETTE, _ALPHA = 3, (1, 2)
 _LETTERS = {1: "B", 3: "H", 4: "I", 16: "Q"}  # field types: byte, short, long, long8
 _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
@@ -25,20 +29,67 @@ class _Layout:
     first: int  # where the file says where its first directory is
 
 
-def tiff_size(data: bytes) -> tuple[int, int]:
-    """(width, height) of the first page; raises StructureError if any page is not completely in the file."""
+@dataclass(frozen=True, slots=True)
+class TiffPage:
+    """How the first page of a TIFF is stored; `pieces` are the places (offset, bytes) of its strips or tiles, `piece_bytes` what
+    each of them is at most when it is unpacked."""
+
+    width: int
+    height: int
+    samples: int
+    transparent: tuple[int, ...]  # which of the samples are no bands, from 0
+    bits: int  # of a sample; the most, if they differ
+    formats: frozenset[int]  # 1: counts without a sign
+    compression: int
+    palette: bool
+    planar: bool
+    pieces: tuple[tuple[int, int], ...]
+    piece_bytes: int
+
+
+def tiff_header(data: bytes) -> Whole:
+    """Size and bands of the first page; raises StructureError if any page is not completely in the file."""
+    page = first_page(data)
+    return Whole(
+        page.width, page.height, 3 if page.palette else page.samples - len(page.transparent), max(page.bits, 8)
+    )
+
+
+def first_page(data: bytes) -> TiffPage:
+    """How the first page is stored; raises StructureError if any page is not completely in the file."""
     order = "<" if data[:1] == b"I" else ">"
     big = unpack(order + "H", data, 2) == (43,)
     layout = _Layout(order, "Q", "Q", 8) if big else _Layout(order, "I", "H", 4)
     (directory,) = unpack(order + layout.offset, data, layout.first)
-    sizes: list[tuple[int, int]] = []
-    while directory and len(sizes) < _MOST_DIRECTORIES:
+    pages: list[TiffPage] = []
+    while directory and len(pages) < _MOST_DIRECTORIES:
         fields, directory = _directory(data, layout, directory)
-        _check_pieces(data, fields)
-        sizes.append((fields.get(_WIDTH, [0])[0], fields.get(_HEIGHT, [0])[0]))
-    if not sizes:
+        pages.append(_page(fields, _pieces(data, fields)))
+    if not pages:
         raise StructureError("damaged: a TIFF without a picture")
-    return sizes[0]
+    return pages[0]
+
+
+def _page(fields: dict[int, list[int]], pieces: list[tuple[int, int]]) -> TiffPage:
+    def number(tag: int, usual: int) -> int:
+        return max(fields.get(tag) or [usual])
+
+    width, height, samples, bits = (number(tag, n) for tag, n in ((_WIDTH, 0), (_HEIGHT, 0), (_SAMPLES, 1), (_BITS, 1)))
+    planar, extra = number(_PLANAR, 1) == 2, fields.get(_EXTRA, [])
+    rows = number(_TILE_HEIGHT, min(number(_ROWS_PER_STRIP, height), height))
+    return TiffPage(
+        width=width,
+        height=height,
+        samples=samples,
+        transparent=tuple(samples - len(extra) + i for i, kind in enumerate(extra) if kind in _ALPHA),
+        bits=bits,
+        formats=frozenset(fields.get(_FORMAT) or [1]),
+        compression=number(_COMPRESSION, 1),
+        palette=number(_PHOTOMETRIC, 1) == _PALETTE,
+        planar=planar,
+        pieces=tuple(pieces),
+        piece_bytes=number(_TILE_WIDTH, width) * rows * (1 if planar else samples) * -(-bits // 8),
+    )
 
 
 def _directory(data: bytes, layout: _Layout, start: int) -> tuple[dict[int, list[int]], int]:
@@ -67,11 +118,12 @@ def _place(data: bytes, layout: _Layout, at: int, width: int) -> tuple[int, int]
     return at, count
 
 
-def _check_pieces(data: bytes, fields: dict[int, list[int]]) -> None:
+def _pieces(data: bytes, fields: dict[int, list[int]]) -> list[tuple[int, int]]:
+    """Where the page's strips or tiles are, all in the file."""
     for offsets, counts in _PIECES:
         pieces = list(zip(fields.get(offsets, []), fields.get(counts, []), strict=False))
         if any(offset + count > len(data) for offset, count in pieces):
             raise StructureError(f"truncated: it ends after {len(data)} bytes")
         if pieces and len(fields[offsets]) == len(fields[counts]):
-            return
+            return pieces
     raise StructureError("damaged: a TIFF page without a picture")

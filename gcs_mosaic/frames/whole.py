@@ -5,29 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gcs_mosaic.frames.jpeg import jpeg_size
-from gcs_mosaic.frames.png import png_size
-from gcs_mosaic.frames.structure import StructureError
-from gcs_mosaic.frames.tiff import tiff_size
+from gcs_mosaic.frames.jpeg import jpeg_header
+from gcs_mosaic.frames.png import png_header
+from gcs_mosaic.frames.structure import StructureError, Whole
+from gcs_mosaic.frames.tiff import tiff_header
 
 MAX_PIXELS = 400_000_000  # a larger picture is a trap or a finished map, and would fill the memory of a laptop
 
-_MEASURES: dict[bytes, Callable[[bytes], tuple[int, int]]] = {
-    b"\xff\xd8\xff": jpeg_size,
-    b"\x89PNG\r\n\x1a\n": png_size,
-    b"II*\0": tiff_size,
-    b"MM\0*": tiff_size,
-    b"II+\0": tiff_size,
-    b"MM\0+": tiff_size,
+MOST_BANDS = 64  # far more than cameras that take a frame at a time have
+
+_HEADERS: dict[bytes, Callable[[bytes], Whole]] = {
+    b"\xff\xd8\xff": jpeg_header,
+    b"\x89PNG\r\n\x1a\n": png_header,
+    b"II*\0": tiff_header,
+    b"MM\0*": tiff_header,
+    b"II+\0": tiff_header,
+    b"MM\0+": tiff_header,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Whole:
-    """A complete image of `width` x `height` pixels, as it is stored (no orientation applied)."""
-
-    width: int
-    height: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,18 +33,23 @@ class NotWhole:
 
 def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
     """Whole if `data` is a complete JPEG, PNG or TIFF of at most `max_pixels`; nothing is decoded."""
-    measure = next((measure for magic, measure in _MEASURES.items() if data.startswith(magic)), None)
-    if measure is None:
+    header = next((header for magic, header in _HEADERS.items() if data.startswith(magic)), None)
+    if header is None:
         return NotWhole("not an image (JPEG, PNG or TIFF)" if any(data) else "empty so far")
     try:
-        width, height = measure(data)
+        whole = header(data)
     except StructureError as truncated:
         return NotWhole(str(truncated))
-    if width < 1 or height < 1:
+    if min(whole.width, whole.height, whole.bands) < 1:
         return NotWhole("an image without pixels")
-    if width * height > max_pixels:
-        return NotWhole(f"{width} x {height} pixels, more than the limit of {max_pixels / 1e6:g} million")
-    return Whole(width, height)
+    size = f"{whole.width} x {whole.height} pixels"
+    if whole.width * whole.height > max_pixels:
+        return NotWhole(f"{size}, more than the limit of {max_pixels / 1e6:g} million")
+    # The limit is meant for the memory that eight-bit colour takes.
+    if whole.bands > MOST_BANDS or whole.width * whole.height * whole.bands * whole.bits > 24 * max_pixels:
+        limit = f"more than {max_pixels / 1e6:g} million in colour, or than {MOST_BANDS} bands"
+        return NotWhole(f"{size} of {whole.bands} bands and {whole.bits} bits: {limit}")
+    return whole
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:

@@ -14,13 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.adjusting.assembly import Assembly
 from gcs_mosaic.stitch.adjusting.background import Worker
 from gcs_mosaic.stitch.adjusting.upkeep import Upkeep, UpkeepSettings
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
@@ -78,8 +76,8 @@ class Mosaic:
         """All islands there have ever been, by number."""
         return self._assembly.islands
 
-    def add(self, image: NDArray[np.uint8], name: str) -> Placement | Waiting | Rejection:
-        """Find the features of an image (h, w[, 3]) uint8 and place it."""
+    def add(self, image: Bands, name: str) -> Placement | Waiting | Rejection:
+        """Find the features of an image (h, w[, bands]) uint8 or uint16 and place it."""
         return self.place(extract(image, self.settings.features), name)
 
     def place(self, features: Features, name: str) -> Placement | Waiting | Rejection:

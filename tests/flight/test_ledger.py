@@ -15,6 +15,7 @@ from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
@@ -98,11 +99,14 @@ def test_damaged_file_that_becomes_whole_is_a_frame(ledger: Ledger) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(
-    values=st.lists(finite, min_size=9, max_size=9),
+    values=st.lists(finite, min_size=7, max_size=12),
     lens=st.lists(finite, min_size=5, max_size=5),
     shifts=st.binary(max_size=9),
+    display=st.sampled_from([PLAIN, Display((4, 4, 4), (0, 3, 65_000), (65_535, 99, 65_100))]),
 )
-def test_painted_frame_comes_back_to_the_last_bit(values: list[float], lens: list[float], shifts: bytes) -> None:
+def test_painted_frame_comes_back_to_the_last_bit(
+    values: list[float], lens: list[float], shifts: bytes, display: Display
+) -> None:
     painted = Painted(
         name="a.jpg",
         order=3,
@@ -110,7 +114,8 @@ def test_painted_frame_comes_back_to_the_last_bit(values: list[float], lens: lis
         pose=Pose(*values[:6]),
         camera=Camera(40, 30, *lens),
         relief=ReliefDisplacement(3, 2, shifts) if shifts else None,
-        gain=(values[6], values[7], values[8]),
+        gain=tuple(values[6:]),
+        display=display,
         level=15,
     )
     with Ledger(Path(":memory:")) as ledger:

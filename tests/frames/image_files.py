@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import struct
 
 import cv2
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 
 
@@ -19,6 +21,22 @@ def encoded(suffix: str, image: NDArray[np.uint8] | None = None, *options: int) 
     done, data = cv2.imencode(suffix, picture() if image is None else image, options)
     assert done
     return data.tobytes()
+
+
+def counts(bands: int, kind: type = np.uint16, seed: int = 0) -> NDArray:
+    """(120, 160, bands), every band its own picture."""
+    return np.dstack([picture(seed=seed + band, kind=kind)[..., 0] for band in range(bands)])
+
+
+def many_bands(bands: int, kind: type = np.uint16, **options) -> bytes:
+    """A TIFF of `counts`; `options` are those of `tifffile.imwrite`."""
+    image, file = counts(bands, kind), io.BytesIO()
+    image = image[..., 0] if bands == 1 else image
+    if options.get("planarconfig") == "separate":
+        image = np.ascontiguousarray(np.moveaxis(image, -1, 0))
+    usual = {"photometric": "minisblack", "metadata": None} | ({"planarconfig": "contig"} if bands > 1 else {})
+    tifffile.imwrite(file, image, **(usual | options))
+    return file.getvalue()
 
 
 def with_thumbnail(jpeg: bytes) -> bytes:

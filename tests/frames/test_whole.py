@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from image_files import encoded, picture, with_thumbnail
+from image_files import encoded, many_bands, picture, with_thumbnail
 
 from gcs_mosaic.frames.whole import NotWhole, Whole, image_size, is_whole
 
@@ -20,6 +20,7 @@ TIFF = encoded(".tiff")
 TIFF16 = encoded(".tiff", picture(kind=np.uint16))
 PLAIN_TIFF = encoded(".tiff", None, cv2.IMWRITE_TIFF_COMPRESSION, 1)
 ALL = [JPEG, PROGRESSIVE, RESTARTS, PNG, TIFF, TIFF16, PLAIN_TIFF]
+PLANAR = many_bands(5, planarconfig="separate")
 
 
 def big_tiff(order: str = "<") -> bytes:
@@ -33,7 +34,7 @@ def big_tiff(order: str = "<") -> bytes:
 
 @pytest.mark.parametrize("data", ALL)
 def test_a_complete_image_is_whole(data: bytes) -> None:
-    assert is_whole(data) == Whole(160, 120)
+    assert is_whole(data) == Whole(160, 120, 3, 16 if data is TIFF16 else 8)
     assert image_size(data) == (160, 120)
 
 
@@ -51,7 +52,27 @@ def test_a_preallocated_file_is_not_whole_until_its_end_is_written(data: bytes, 
 
 @pytest.mark.parametrize("data", ALL)
 def test_a_trailer_after_the_end_does_no_harm(data: bytes) -> None:
-    assert is_whole(data + b"maker's notes" * 100) == Whole(160, 120)
+    assert is_whole(data + b"maker's notes" * 100) == is_whole(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "bands", "bits"),
+    [
+        (many_bands(5), 5, 16),
+        (PLANAR, 5, 16),
+        (many_bands(5, extrasamples=[0, 0, 0, 2]), 4, 16),  # the last one is transparency
+        (many_bands(1, kind=np.uint8), 1, 8),
+        (encoded(".png", picture()[..., 0]), 1, 8),
+        (encoded(".jpg", picture()[..., 0]), 1, 8),
+        (encoded(".png", np.dstack([picture(), picture()[..., :1]])), 3, 8),
+    ],
+)
+def test_bands_and_depth_are_told_by_the_header(data: bytes, bands: int, bits: int) -> None:
+    assert is_whole(data) == Whole(160, 120, bands, bits)
+
+
+def test_a_band_that_is_missing_is_noticed() -> None:
+    assert isinstance(is_whole(PLANAR[:-1000]), NotWhole)
 
 
 def test_a_thumbnail_is_not_taken_for_the_picture() -> None:
@@ -65,14 +86,14 @@ def test_a_changed_byte_in_a_png_is_noticed() -> None:
 
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_big_tiff_is_understood(order: str) -> None:
-    assert is_whole(big_tiff(order)) == Whole(16, 2)
+    assert is_whole(big_tiff(order)) == Whole(16, 2, 1)
     assert isinstance(is_whole(big_tiff(order)[:-1]), NotWhole)
 
 
 def test_a_tiff_whose_directories_go_in_a_circle_ends() -> None:
     data = bytearray(big_tiff())
     data[16 + 8 + 8 * 20 : 16 + 16 + 8 * 20] = struct.pack("<Q", 16)
-    assert is_whole(bytes(data)) == Whole(16, 2)
+    assert is_whole(bytes(data)) == Whole(16, 2, 1)
 
 
 def test_a_bomb_is_refused_by_its_header() -> None:
@@ -82,6 +103,19 @@ def test_a_bomb_is_refused_by_its_header() -> None:
         struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
     )
     assert is_whole(PNG[:8] + body) == NotWhole("50000 x 50000 pixels, more than the limit of 400 million")
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ({"bands": 65}, "160 x 120 pixels of 65 bands and 16 bits: "),
+        ({"bands": 6, "kind": np.uint16}, "160 x 120 pixels of 6 bands and 16 bits: more than 0.07 million"),
+    ],
+)
+def test_more_than_the_memory_for_it_is_refused_by_its_header(kind: dict, said: str) -> None:
+    refused = is_whole(many_bands(**kind), max_pixels=70_000)
+    assert isinstance(refused, NotWhole)
+    assert refused.reason.startswith(said)
 
 
 @pytest.mark.parametrize("data", [b"GIF89a", b"%PDF-1.7", b"\0\0\0\x18ftypmp42", b"hello"])

@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands, resized, stretched
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSettings:
@@ -22,6 +24,7 @@ class FeatureSettings:
     megapixels: float = 0.75  # size at which features are sought; 1.8 gave the same map at 2-3 times the time
     count: int = 2000  # features kept of a frame, the strongest
     contrast: float = 0.01  # SIFT's contrast threshold; low, for bare fields: `count` bounds the number anyway
+    band: int = 0  # in frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +45,10 @@ class Features:
         return len(self.points)
 
 
-def extract(image: NDArray[np.uint8], settings: FeatureSettings, reduction: int = 1) -> Features:
-    """Features of a BGR or grey image (h, w[, 3]) uint8, which may be a frame that was reduced by a whole factor."""
+def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Features:
+    """Features of an image (h, w[, bands]) uint8 or uint16, which may be a frame that was reduced by a whole factor."""
     height, width = image.shape[0] * reduction, image.shape[1] * reduction
-    small = reduced_grey(image, settings.megapixels)
+    small = reduced_grey(image, settings.megapixels, settings.band)
     scale = width / small.shape[1]
     # Without precise upscaling OpenCV's SIFT puts every point a quarter of a pixel off, which shows between two headings.
     sift = cv2.SIFT.create(nfeatures=settings.count, contrastThreshold=settings.contrast, enable_precise_upscale=True)
@@ -57,12 +60,23 @@ def extract(image: NDArray[np.uint8], settings: FeatureSettings, reduction: int 
     return Features(points.astype(np.float32), root_sift(descriptors[order]), width, height, scale)
 
 
-def reduced_grey(image: NDArray[np.uint8], megapixels: float) -> NDArray[np.uint8]:
-    """Grey copy, reduced (never enlarged) to about so many megapixels."""
-    factor = min(1.0, math.sqrt(megapixels * 1e6 / (image.shape[0] * image.shape[1])))
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA) if factor < 1 else grey, np.uint8)
+def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> NDArray[np.uint8]:
+    """Grey copy of an image (h, w[, bands]), reduced (never enlarged) to about so many megapixels: the luminance of a picture in
+    colour, else the one band that is wanted, or the mean of all. Eight bits of one or three bands are taken as they are."""
+    bands = image if image.ndim == 3 else image[..., None]
+    factor = min(1.0, math.sqrt(megapixels * 1e6 / (bands.shape[0] * bands.shape[1])))
+    size = (max(1, round(bands.shape[1] * factor)), max(1, round(bands.shape[0] * factor)))
+    count = bands.shape[2]
+    if count == 3:
+        bands = cv2.cvtColor(bands, cv2.COLOR_BGR2GRAY)[..., None]
+    elif 1 <= band <= count:
+        bands = bands[..., band - 1 : band]
+    small = resized(bands, size) if factor < 1 else bands
+    if small.dtype == np.uint8 and count in (1, 3):
+        return np.ascontiguousarray(small[..., 0])
+    # A thermal camera's whole scene may lie within a hundredth of its range, and bands differ in brightness by factors.
+    alike = [stretched(small[..., k]) for k in range(small.shape[2])]
+    return alike[0] if len(alike) == 1 else np.asarray(np.rint(np.mean(alike, axis=0)), dtype=np.uint8)
 
 
 def root_sift(descriptors: NDArray[Any]) -> NDArray[np.uint8]:

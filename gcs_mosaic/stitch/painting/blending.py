@@ -16,8 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.lattice import Lattice
-from gcs_mosaic.stitch.painting.layers import Bands, Layer, make_layer
+from gcs_mosaic.stitch.painting.layers import Layer, make_layer
 from gcs_mosaic.stitch.painting.warping import upscale
 
 Image = NDArray[np.uint8]

@@ -16,8 +16,8 @@ from typing import Literal, Self
 
 import cv2
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.blending import BLENDS
-from gcs_mosaic.stitch.painting.display import Bands
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import FrameLattice, frame_lattice
 from gcs_mosaic.stitch.painting.layers import LayerKey, LayerStore

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
+
 Image = NDArray[np.uint8]
-Bands = NDArray[Any]  # (h, w, bands) uint8 or uint16; three bands are blue, green, red, others in the order of the file
 
 SAMPLE = 200_000  # pixels at most that a stretch is told from
 DARK, BRIGHT = 0.005, 0.995  # quantiles; beyond them lie dead pixels, glints and fires

@@ -13,11 +13,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
 
 Image = NDArray[np.uint8]
-Bands = NDArray[Any]
 
 
 @cache

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands, resized
 from gcs_mosaic.stitch.painting.blending import mix
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE
 from gcs_mosaic.stitch.painting.lattice import LATTICE
-from gcs_mosaic.stitch.painting.layers import Bands, Layer, make_layer
+from gcs_mosaic.stitch.painting.layers import Layer, make_layer
 
 FEATHER = 0.1  # weight (share of the way from a frame's border to its middle) at which the finer picture stands alone
 
@@ -66,10 +67,11 @@ def composite(own: Layer | None, finer: Layer | None) -> Layer | None:
 
 def _shrunk_bands(bands: Bands, coverage: NDArray[np.uint8] | None) -> Bands:
     """The mean of each 2 x 2 pixels over what is covered (None: everywhere), as of the colours."""
+    half = len(bands) // 2, len(bands) // 2
     if coverage is None:
-        return _halved(bands).reshape(len(bands) // 2, len(bands) // 2, -1)
+        return resized(bands, half)
     share = coverage.astype(np.float32)[..., None]
-    mean = _halved(bands * share).reshape(*_halved(coverage).shape, -1) / np.maximum(_halved(share), 1)[..., None]
+    mean = resized(bands * share, half) / np.maximum(resized(share, half), 1)
     return np.asarray(np.rint(mean), dtype=bands.dtype)
 
 

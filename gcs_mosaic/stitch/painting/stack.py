@@ -11,9 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over
 from gcs_mosaic.stitch.painting.lattice import LATTICE, Lattice
-from gcs_mosaic.stitch.painting.layers import Bands, Layer, LayerKey, LayerStore, make_layer
+from gcs_mosaic.stitch.painting.layers import Layer, LayerKey, LayerStore, make_layer
 from gcs_mosaic.stitch.painting.overviews import assemble, composite, shrink
 from gcs_mosaic.stitch.painting.painted import Extent, TileKey
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.blending import Blend, NewPart, edge_density
-from gcs_mosaic.stitch.painting.display import Bands
 from gcs_mosaic.stitch.painting.exposure import apply_gain
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import FrameLattice, Lattice

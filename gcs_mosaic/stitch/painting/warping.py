@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import LATTICE, LATTICE_STEP, FrameLattice, Lattice
 
@@ -17,7 +17,6 @@ NOWHERE = -1e4  # px; outside every frame, and small enough for the fixed-point 
 AT_ONCE = 4  # bands that cv2.remap takes
 
 Image = NDArray[np.uint8]
-Bands = NDArray[Any]
 
 
 class _Scratch(threading.local):

@@ -1,0 +1,67 @@
+"""TIFFs that OpenCV does not read: two bands, or more than three, or bands that are stored one after another."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from typing import Any
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from gcs_mosaic.frames.structure import StructureError
+from gcs_mosaic.frames.tiff import TiffPage, first_page
+
+_NONE, _DEFLATE = 1, (8, 32946)
+_COUNTS = frozenset({1, 4})  # sample formats: whole numbers without a sign, and not told
+
+
+def needs_bands(data: bytes) -> bool:
+    """Whether a whole image file is a TIFF for `decode_bands`."""
+    if not data.startswith((b"II", b"MM")):
+        return False
+    page = first_page(data)
+    bands = page.samples - len(page.transparent)
+    return not page.formats <= _COUNTS or bands not in (1, 3) or (page.planar and page.samples > 1)
+
+
+def decode_bands(data: bytes) -> NDArray[Any]:
+    """(height, width, bands) uint8 or uint16 of a TIFF's first page without its transparency, three bands as blue, green, red.
+
+    Raises StructureError, with the reason, for what is not read: other samples than counts of 8 or 16 bits, compression
+    other than Deflate, or more data than the page has pixels.
+    """
+    page = first_page(data)
+    if not page.formats <= _COUNTS or page.bits not in (8, 16):
+        kind = "counts" if page.formats <= _COUNTS else "other numbers than counts without a sign"
+        raise StructureError(f"{kind} of {page.bits} bits are not read: bands have counts of 8 or 16 bits")
+    _refuse_bombs(data, page)
+    try:
+        with tifffile.TiffFile(io.BytesIO(data)) as file:
+            image = file.pages[0].asarray(maxworkers=1)
+    except Exception as error:  # the library raises whatever a damaged file leads it to
+        raise StructureError(f"damaged: {error}") from error
+    if page.planar and image.ndim == 3:
+        image = np.moveaxis(image, 0, -1)
+    bands = np.delete(image.reshape(page.height, page.width, page.samples), page.transparent, axis=2)
+    native = bands.astype(bands.dtype.newbyteorder("="), copy=False)
+    return np.ascontiguousarray(native[..., ::-1] if native.shape[2] == 3 else native)
+
+
+def _refuse_bombs(data: bytes, page: TiffPage) -> None:
+    """The library unpacks a piece whatever comes out of it."""
+    if page.compression == _NONE:
+        return
+    if page.compression not in _DEFLATE:
+        raise StructureError(
+            f"compression {page.compression} is not read for {page.samples} bands: save without, or as Deflate"
+        )
+    for offset, count in page.pieces:
+        unpacking = zlib.decompressobj()
+        try:
+            unpacked = unpacking.decompress(data[offset : offset + count], page.piece_bytes + 1)
+        except zlib.error as error:
+            raise StructureError(f"damaged: {error}") from error
+        if len(unpacked) > page.piece_bytes:
+            raise StructureError("damaged: a TIFF with more data than pixels")
