@@ -24,6 +24,7 @@ from sitl.outing import DONE, FAILED, fly_against, fly_alone, say
 from sitl.path import Plan
 from sitl.program import Program, ProgramError
 from sitl.score import score
+from sitl.sensor import Sensor
 from sitl.targets import Crowd
 from sitl.truth import Truth, read, write
 
@@ -77,7 +78,12 @@ def flown(asked: argparse.Namespace) -> int:
 def simulated_flight(asked: argparse.Namespace) -> Flight:
     say("painting the ground (some seconds the first time)")
     route = Plan(frames=asked.count, strangers=asked.strangers)
-    camera = Camera(vignetting=asked.vignetting, exposure_step=asked.exposure_step, step_every=asked.step_every)
+    camera = Camera(
+        vignetting=asked.vignetting,
+        exposure_step=asked.exposure_step,
+        step_every=asked.step_every,
+        sensor=Sensor(bands=asked.bands, depth=asked.depth),
+    )
     crowd = Crowd(people=asked.people, vehicles=asked.vehicles, marks=asked.marks)
     looks = {"relief": asked.relief, "ground": asked.ground, "camera": camera, "crowd": crowd}
     return plan(asked.scenario, asked.size, seed=asked.seed, cache=world_cache(), route=route, **looks)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
-import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sitl.geometry import (
     Array,
@@ -17,7 +18,8 @@ from sitl.geometry import (
     rays_of_picture,
     sinking_views,
 )
-from sitl.ground.raster import Field, Image
+from sitl.ground.raster import Field
+from sitl.sensor import Sensor
 from sitl.targets import Target, paint_targets
 from sitl.world import World
 
@@ -38,6 +40,7 @@ class Camera:
     step_every: int = 5  # frames in such a run
     noise: float = 1.5  # deviation of the sensor noise, in grey levels of 255
     quality: int = 92  # of the JPEG
+    sensor: Sensor = field(default_factory=Sensor)
 
     def gain(self, index: int, rng: np.random.Generator) -> float:
         """The exposure of frame number `index`, 1 as planned."""
@@ -71,8 +74,8 @@ class Scene:
         heights = self.surface(ground[..., 0], ground[..., 1]) if self.relief else 0.0
         return pixels_from_ground(self.camera.lens, state, ground, heights)
 
-    def picture(self, state: CameraState, index: int) -> Image:
-        """(height, width, 3) BGR: what the camera sees in this state; index seeds this frame's own noise."""
+    def picture(self, state: CameraState, index: int) -> NDArray[Any]:
+        """(height, width, bands), of three BGR: what the camera sees in this state; index seeds this frame's own noise."""
         rng = self.chance(index)
         return expose(self.camera, self.light(state), self.camera.gain(index, rng), rng)
 
@@ -96,10 +99,8 @@ class Scene:
         return colours
 
     def encoded(self, state: CameraState, index: int) -> bytes:
-        """The picture as a JPEG file."""
-        done, data = cv2.imencode(".jpg", self.picture(state, index), [cv2.IMWRITE_JPEG_QUALITY, self.camera.quality])
-        assert done
-        return bytes(data)
+        """The picture as the sensor's kind of file."""
+        return self.camera.sensor.encoded(self.picture(state, index), self.camera.quality)
 
 
 def octave(scene: Scene, state: CameraState, down: Array) -> Array:
@@ -124,11 +125,11 @@ def veil(colours: Field, state: CameraState, views: tuple[Array, Array, Array]) 
     colours += haze * (air - colours)
 
 
-def expose(camera: Camera, light: Field, gain: float, rng: np.random.Generator) -> Image:
-    """Vignetting, exposure and sensor noise."""
+def expose(camera: Camera, light: Field, gain: float, rng: np.random.Generator) -> NDArray[Any]:
+    """Vignetting, exposure and sensor noise: the counts of all bands."""
     radius2 = (rays_of_picture(camera.lens) ** 2).sum(-1)
     fall_off = 1 - np.float32(camera.vignetting) * radius2 / radius2.max()
-    seen = light * (np.float32(gain) * fall_off)[..., None]
+    seen = camera.sensor.levels(light) * (np.float32(gain) * fall_off)[..., None]
     if camera.noise:
         seen += rng.standard_normal(seen.shape, np.float32) * np.float32(camera.noise)
-    return np.asarray(np.clip(seen + 0.5, 0, 255), np.uint8)
+    return camera.sensor.counts(seen)

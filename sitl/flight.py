@@ -41,7 +41,7 @@ class Flight:
         return Truth(lens=camera.lens, frames=frames, targets=self.scene.targets, vignetting=camera.vignetting)
 
     def pictures(self) -> Iterator[bytes]:
-        """The JPEG files in order of capture, the next few rendered ahead on threads."""
+        """The files in order of capture, the next few rendered ahead on threads."""
         waiting: deque[Future[bytes]] = deque()
         with ThreadPoolExecutor(WORKERS) as pool:
             for index, state in enumerate(self.states):
@@ -85,7 +85,7 @@ def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[O
     world = make_world(seed, world_size, cache=options.get("cache"), ground=options.get("ground", COUNTRY))
     targets = spread(options.get("crowd", Crowd()), camera.lens, states, route.height, seed)
     scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed, targets=targets)
-    return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states))))
+    return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states), camera.sensor.suffix)))
 
 
 def world_size_for(states: list[CameraState], lens: Lens) -> int:
@@ -113,7 +113,7 @@ def make(scenario: str, folder: Path, size: tuple[int, int] = (1000, 750), **opt
     return flight
 
 
-def camera_names(count: int) -> Iterator[str]:
+def camera_names(count: int, suffix: str = ".JPG") -> Iterator[str]:
     """DCIM/100MEDIA/IMG_0001.JPG and on, POSIX paths relative to the watched folder."""
     for k in range(count):
-        yield f"DCIM/{100 + k // PER_FOLDER}MEDIA/IMG_{k + 1:04d}.JPG"
+        yield f"DCIM/{100 + k // PER_FOLDER}MEDIA/IMG_{k + 1:04d}{suffix}"

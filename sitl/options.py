@@ -47,6 +47,16 @@ def seen(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--step-every", type=positive_int, default=5, metavar="N", help="frames in a run (5)")
     group.add_argument(
+        "--bands", type=positive_int, default=3, metavar="N", help="blue, green, red, red edge, infrared, all light (3)"
+    )
+    group.add_argument(
+        "--depth",
+        type=int,
+        choices=(8, 16),
+        default=8,
+        help="bits of a band; one band of 16 is like a thermal camera's (8)",
+    )
+    group.add_argument(
         "--vignetting", type=share, default=0.12, metavar="V", help="share of light lost in the corners (0.12)"
     )
 
