@@ -68,6 +68,7 @@ def fly(words: Sequence[str]) -> None:
     parser.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
     parser.add_argument("--from", dest="oldest", metavar="now|start|30m", help="how old a file may be at the start")
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
+    _add_blend(parser)
     _add_output(parser)
     parser.add_argument(
         "--record",
@@ -98,9 +99,10 @@ def stitch(words: Sequence[str]) -> None:
     parser.add_argument(
         "--debug", type=Path, metavar="DIR", help="new folder for pictures of matches, footprints, residuals"
     )
+    _add_blend(parser)
     _add_output(parser)
     given = parser.parse_args(words)
-    config = _config(given)
+    config = _blended(_config(given), given.blend)
     if given.scale:
         config = replace(config, scale=given.scale)
     batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
@@ -191,6 +193,20 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
 
 
+def _add_blend(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--blend", metavar="seam|edge|newest|first", help="which frame shows where several do")
+
+
+def _blended(config: Config, blend: str | None) -> Config:
+    if blend is None:
+        return config
+    try:
+        canvas = replace(config.paint.canvas, blend=blend)
+    except ValueError as error:
+        raise UsageError(f"--blend: {error}") from None
+    return replace(config, paint=replace(config.paint, canvas=canvas))
+
+
 def _config(given: argparse.Namespace) -> Config:
     config = load_config(given.config) if given.config else Config()
     return replace(config, out=given.out) if given.out else config
@@ -200,7 +216,7 @@ def _flight_config(given: argparse.Namespace) -> Config:
     """The settings file, overruled by what stands on the command line."""
     from gcs_mosaic.frames.settings import parse_from
 
-    config = _config(given)
+    config = _blended(_config(given), given.blend)
     if given.mavlink:
         config = replace(config, mavlink=tuple(given.mavlink))
     if given.watch:

@@ -90,6 +90,8 @@ def empty(tmp_path) -> Path:
         (["--watch", "mosaic/tiles"], "overlap"),
         (["--watch", ".", "--out", "mosaic"], "choose an --out outside the watched folder"),
         (["--resume"], "leave it out"),
+        (["--blend", "seems"], "--blend: 'seems' is not one of seam, edge, newest, first"),
+        (["stitch", ".", "--blend", "egde"], "--blend: 'egde' is not one of seam, edge, newest, first"),
         (["status", "nowhere"], "nowhere does not exist: name a folder that gcs-mosaic has written a flight into"),
         (["serve", "."], ". holds no flight"),
         (["stitch", ".", "--out", "mosaic"], "holds no images"),
@@ -101,6 +103,17 @@ def empty(tmp_path) -> Path:
 def test_misuse_is_told_in_one_sentence(refused, words, sentence):
     live = "--mavlink" not in words and words[0] not in cli.COMMANDS
     assert sentence in refused(*words, *(listening() if live else ()))
+
+
+def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):
+    file = tmp_path / "settings.yaml"
+    file.write_text("paint: {canvas: {blend: first, threads: 1}}")
+    parser = cli._parser("gcs-mosaic")
+    cli._add_blend(parser)
+    cli._add_output(parser)
+    given = parser.parse_args(["--config", str(file), "--blend", "newest"])
+    canvas = cli._blended(cli._config(given), given.blend).paint.canvas
+    assert (canvas.blend, canvas.threads) == ("newest", 1)
 
 
 def test_an_unknown_setting_is_told_with_the_nearest_known_one(refused, tmp_path):

@@ -27,6 +27,7 @@ from gcs_mosaic.stitch.mosaic import StitchSettings
 from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile, level_from_canvas
 from gcs_mosaic.stitch.painting.lattice import frame_lattice
+from gcs_mosaic.stitch.painting.modes import BLENDS
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.painting.view import frame_view
 from gcs_mosaic.stitch.painting.warping import upscale
@@ -169,7 +170,7 @@ class FrameAlone:
         assert lattice is not None
         self.painted = painted
         self.tiles = set(lattice.tiles())
-        self._view = frame_view(image, painted, lattice, INTERPOLATIONS[settings.canvas.interpolation])
+        self._view = frame_view(image, painted, lattice, BLENDS["edge"], INTERPOLATIONS[settings.canvas.interpolation])
         self._made: dict[Tile, TileParts | None] = {}
 
     def touches(self, window: Window) -> bool:
@@ -188,7 +189,7 @@ class FrameAlone:
         layer = self._view.layer(at)
         if layer is None:
             return None
-        density = upscale(self._view.density[self._view.lattice.window(at)]).copy()
+        density = upscale(np.ascontiguousarray(self._view.measured[self._view.lattice.window(at)][..., 0])).copy()
         return layer.colour, layer.coverage, upscale(layer.weight).copy(), density
 
 

@@ -22,6 +22,7 @@ from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE
 from gcs_mosaic.stitch.painting.lattice import frame_lattice, own_level
+from gcs_mosaic.stitch.painting.modes import BLENDS
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.painting.view import frame_view
 
@@ -34,25 +35,28 @@ def main() -> None:
     if image is None:
         sys.exit(f"{sys.argv[1]} is not an image that OpenCV reads")
     camera = Camera(image.shape[1], image.shape[0], 1.2, -0.01)
+    for blend in BLENDS:
+        print(f"\n{camera.width} x {camera.height}, {blend}")
+        report(np.asarray(image, dtype=np.uint8), camera, 1.0, CanvasSettings(blend=blend))
     for interpolation in INTERPOLATIONS:
         for zoom, words in (
             (1.0, "painted pixel for pixel"),
             (1.65, "painted as fine as it gets, 2.7 times the pixels"),
         ):
             print(f"\n{camera.width} x {camera.height}, {interpolation}, {words}")
-            report(np.asarray(image, dtype=np.uint8), camera, zoom, interpolation)
+            report(np.asarray(image, dtype=np.uint8), camera, zoom, CanvasSettings(interpolation=interpolation))
 
 
-def report(image: Image, camera: Camera, zoom: float, interpolation: str) -> None:
+def report(image: Image, camera: Camera, zoom: float, settings: CanvasSettings) -> None:
     """Print wall and CPU milliseconds (the best of a few rounds) and their ratio to the plain warp."""
     frames = [frame(i, camera, zoom) for i in range(ROUNDS + 1)]
     lattice = frame_lattice(frames[0].pose, camera, frames[0].level)
     assert lattice is not None
     tiles = list(lattice.tiles())
-    flag = INTERPOLATIONS[interpolation]
-    view = frame_view(image, frames[0], lattice, flag)
+    blend, flag = BLENDS[settings.blend], INTERPOLATIONS[settings.interpolation]
+    view = frame_view(image, frames[0], lattice, blend, flag)
     with (
-        Canvas(lambda _: image, CanvasSettings(interpolation=interpolation)) as canvas,
+        Canvas(lambda _: image, settings) as canvas,
         tempfile.TemporaryDirectory() as out,
     ):
         changed = canvas.paint(image, frames[0])
@@ -61,7 +65,9 @@ def report(image: Image, camera: Camera, zoom: float, interpolation: str) -> Non
         plain = best(lambda: plain_warp(image, len(tiles), flag))
         show("cv2.warpPerspective of as many pixels", plain, plain)
         show("lattice", best(lambda: frame_lattice(frames[0].pose, camera, frames[0].level)), plain)
-        show("gain and edges", best(lambda: frame_view(image, frames[0], lattice, flag)), plain)
+        show(
+            "gain and what the blend looks for", best(lambda: frame_view(image, frames[0], lattice, blend, flag)), plain
+        )
         show(f"warp of {len(tiles)} tiles", best(lambda: [view.layer(tile) is None for tile in tiles]), plain)
         show("whole frame onto others, with ancestors", best(lambda: canvas.paint(image, next(rest))), plain)
         show(f"encoding and writing {len(changed)} tiles", best(lambda: writer.write(changed, canvas.tile)), plain)

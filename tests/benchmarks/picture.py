@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.painter import PaintSettings
-from gcs_mosaic.stitch.painting.blending import BLENDS
+from gcs_mosaic.stitch.painting.modes import BLENDS
 from gcs_mosaic.stitch.painting.painted import Painted
 from sitl.camera import Camera
 from sitl.flight import Flight, plan

@@ -34,13 +34,15 @@ class Layer:
 
     `colour` (n, n, 3) BGR, 0 where there is none; `coverage` (n, n), 0 to 255; `weight` (n / 16 + 1, n / 16 + 1) at the
     lattice points, 0 where nothing is sure and 1 in the middle of a frame; `bands` (n, n, bands) uint8 or uint16, the frames'
-    own bands mixed as the colour is, only where somebody wants them (an export).
+    own bands mixed as the colour is, only where somebody wants them (an export); `measured` (n / 16 + 1, n / 16 + 1, k) what
+    the blend has to remember of what is shown, if anything.
     """
 
     colour: Image
     coverage: Image
     weight: Lattice
     bands: Bands | None = None
+    measured: Lattice | None = None
 
     @property
     def side(self) -> int:
@@ -52,16 +54,22 @@ class Layer:
 
     @property
     def nbytes(self) -> int:
-        parts = (self.colour, self.weight, None if self.is_full else self.coverage, self.bands)
+        parts = (self.colour, self.weight, None if self.is_full else self.coverage, self.bands, self.measured)
         return sum(0 if part is None else part.nbytes for part in parts)
 
 
-def make_layer(colour: Image, coverage: Image | None, weight: Lattice, bands: Bands | None = None) -> Layer | None:
+def make_layer(
+    colour: Image,
+    coverage: Image | None,
+    weight: Lattice,
+    bands: Bands | None = None,
+    measured: Lattice | None = None,
+) -> Layer | None:
     """A layer of these parts (`coverage` None: full); None if nothing is covered."""
     side = colour.shape[0]
     if coverage is None or int(coverage.min()) == 255:
-        return Layer(colour, full_coverage(side), weight, bands)
-    return Layer(colour, coverage, weight, bands) if coverage.any() else None
+        return Layer(colour, full_coverage(side), weight, bands, measured)
+    return Layer(colour, coverage, weight, bands, measured) if coverage.any() else None
 
 
 class LayerKey(NamedTuple):
@@ -76,6 +84,7 @@ class _Record(NamedTuple):
     side: int
     bands: int
     kind: np.dtype[Any]  # of the bands
+    measured: int  # numbers at each lattice point
 
 
 class LayerStore:
@@ -159,26 +168,31 @@ class LayerStore:
             holes.pop()
         self._end = max(self._end, offset + len(data))
         bands = np.empty((1, 1, 0), np.uint8) if layer.bands is None else layer.bands
-        return _Record(offset, len(data), layer.side, bands.shape[2], bands.dtype)
+        measured = 0 if layer.measured is None else layer.measured.shape[2]
+        return _Record(offset, len(data), layer.side, bands.shape[2], bands.dtype, measured)
 
 
 def _packed(layer: Layer) -> bytes:
-    coverage = b"" if layer.is_full else layer.coverage.tobytes()
-    bands = b"" if layer.bands is None else layer.bands.tobytes()
-    return layer.colour.tobytes() + layer.weight.tobytes() + bands + coverage
+    parts = (layer.colour, layer.weight, layer.bands, layer.measured, None if layer.is_full else layer.coverage)
+    return b"".join(part.tobytes() for part in parts if part is not None)
 
 
 def _unpacked(data: bytes, record: _Record) -> Layer:
     side, points = record.side, record.side // LATTICE_STEP + 1
-    weight_at = 3 * side * side
-    bands_at = weight_at + 4 * points * points
-    coverage_at = bands_at + side * side * record.bands * record.kind.itemsize
-    colour = np.frombuffer(data, np.uint8, weight_at).reshape(side, side, 3)
-    weight = np.frombuffer(data, np.float32, points * points, weight_at).reshape(points, points)
-    bands = None
-    if record.bands:
-        bands = np.frombuffer(data[bands_at:coverage_at], record.kind).reshape(side, side, record.bands)
-    if coverage_at == len(data):
-        return Layer(colour, full_coverage(side), weight, bands)
-    coverage = np.frombuffer(data, np.uint8, side * side, coverage_at).reshape(side, side)
-    return Layer(colour, coverage, weight, bands)
+    ends = np.cumsum(
+        [
+            3 * side * side,
+            4 * points * points,
+            side * side * record.bands * record.kind.itemsize,
+            4 * points * points * record.measured,
+        ]
+    ).tolist()
+    colour, weight, bands, measured, coverage = (data[a:b] for a, b in zip([0, *ends], [*ends, len(data)], strict=True))
+    known = np.frombuffer(measured, np.float32).reshape(points, points, record.measured) if measured else None
+    return Layer(
+        np.frombuffer(colour, np.uint8).reshape(side, side, 3),
+        np.frombuffer(coverage, np.uint8).reshape(side, side) if coverage else full_coverage(side),
+        np.frombuffer(weight, np.float32).reshape(points, points),
+        np.frombuffer(bands, record.kind).reshape(side, side, record.bands) if bands else None,
+        known,
+    )

@@ -15,7 +15,8 @@ from gcs_mosaic.stitch.painting.grid import TILE_SIZE
 from gcs_mosaic.stitch.painting.lattice import LATTICE
 from gcs_mosaic.stitch.painting.layers import Layer, make_layer
 
-FEATHER = 0.1  # weight (share of the way from a frame's border to its middle) at which the finer picture stands alone
+# Weight (share of the way from a frame's border to its middle) at which the finer picture stands alone: some ten pixels.
+FEATHER = 0.02
 
 
 def shrink(layer: Layer) -> Layer | None:

@@ -10,45 +10,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.bands import Bands
-from gcs_mosaic.stitch.painting.blending import Blend, NewPart, edge_density
+from gcs_mosaic.stitch.painting.blending import Blend, Part
 from gcs_mosaic.stitch.painting.exposure import apply_gain
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import FrameLattice, Lattice
 from gcs_mosaic.stitch.painting.layers import Layer, make_layer
 from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.warping import NOWHERE, tile_picture
+from gcs_mosaic.stitch.painting.warping import NOWHERE, shrunk, tile_picture
 
 Image = NDArray[np.uint8]
+# The size a frame is looked at by a blend: 6 px of a 12 MP frame are still 3.
+LOOK_PIXELS = 3_000_000
+
 KeepBands = Literal["none", "raw", "gained"]  # of the frames' bands on tiles: as the camera wrote them, or with gains
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameView:
-    """A frame as it is shown, with its gain applied; its lattice; the density of its edges at the lattice points; and all its
+    """A frame as it is shown, with its gain applied; its lattice; what the blend has measured at the lattice points; and all its
     bands if somebody wants them."""
 
     lattice: FrameLattice
     image: Image
-    density: Lattice
+    measured: Lattice
+    blend: Blend
     interpolation: int
     bands: Bands | None = None
 
     def layer(self, tile: Tile) -> Layer | None:
         """What the frame alone shows of a tile; None if nothing."""
+        window = self.lattice.window(tile)
         colour, coverage = tile_picture(self.lattice, self.image, tile, self.interpolation)
         bands = None if self.bands is None else tile_picture(self.lattice, self.bands, tile, self.interpolation)[0]
-        return make_layer(colour, coverage, self.lattice.weight[self.lattice.window(tile)], bands)
+        return make_layer(colour, coverage, self.lattice.weight[window], bands, self.measured[window])
 
-    def over(self, shown: Layer | None, tile: Tile, blend: Blend) -> Layer | None:
+    def over(self, shown: Layer | None, tile: Tile) -> Layer | None:
         """One step of the fold that makes a tile: the frame laid over what is shown."""
         if shown is None:
             return self.layer(tile)
         window = self.lattice.window(tile)
-        return blend(shown, NewPart(self.lattice.weight[window], self.density[window], lambda: self.layer(tile)))
+        return self.blend.over(
+            shown, Part(self.lattice.weight[window], self.measured[window], lambda: self.layer(tile))
+        )
 
 
 def frame_view(
-    image: Bands, painted: Painted, lattice: FrameLattice, interpolation: int, keep: KeepBands = "none"
+    image: Bands, painted: Painted, lattice: FrameLattice, blend: Blend, interpolation: int, keep: KeepBands = "none"
 ) -> FrameView:
     """`image`: (h, w, bands) uint8 or uint16, ValueError if that is not what the frame's camera and display tell of."""
     size, display = (painted.camera.height, painted.camera.width), painted.display
@@ -60,11 +67,13 @@ def frame_view(
     bands = {"none": None, "raw": image, "gained": None}[keep]
     if keep == "gained":
         bands = gained if shown is image else display.gained(image, painted.gain)
-    return FrameView(lattice, gained, _density_at(shown, lattice), interpolation, bands)
+    measured = _at_lattice_points(blend.measure(shrunk(gained, LOOK_PIXELS)), lattice)
+    return FrameView(lattice, gained, measured, blend, interpolation, bands)
 
 
-def _density_at(image: Image, lattice: FrameLattice) -> Lattice:
-    density = edge_density(image)
-    scale = np.array(density.shape[::-1]) / [lattice.camera.width, lattice.camera.height]
+def _at_lattice_points(maps: NDArray[np.float32], lattice: FrameLattice) -> Lattice:
+    """Maps (h, w, k) of the frame, of any size, sampled where the lattice points lie in the frame."""
+    scale = np.array(maps.shape[1::-1]) / [lattice.camera.width, lattice.camera.height]
     places = np.nan_to_num((lattice.pixels + 0.5) * scale - 0.5, nan=NOWHERE).astype(np.float32)
-    return cv2.remap(density, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    sampled = cv2.remap(maps, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    return np.asarray(sampled, dtype=np.float32).reshape(*places.shape[:2], maps.shape[2])

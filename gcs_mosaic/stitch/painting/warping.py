@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import cv2
@@ -40,6 +41,15 @@ def upscale(values: Lattice) -> Lattice:
     wide = _scratch.one if values.ndim == 2 else _scratch.two
     cv2.resize(values, (size, size), dst=wide, interpolation=cv2.INTER_LINEAR)
     return wide[rim:-rim, rim:-rim]
+
+
+def shrunk(image: Image, pixels: int) -> Image:
+    """The image (h, w, 3) with no more than about so many pixels, the mean of those it had; itself if it has no more."""
+    shrink = math.sqrt(pixels / (image.shape[0] * image.shape[1]))
+    if shrink >= 1:
+        return image
+    size = max(1, round(image.shape[1] * shrink)), max(1, round(image.shape[0] * shrink))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def tile_picture(lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int) -> tuple[Bands, Image | None]:

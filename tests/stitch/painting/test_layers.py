@@ -13,7 +13,9 @@ def layer(seed: int, full: bool = True):
     rng = np.random.default_rng(seed)
     coverage = None if full else (rng.random((256, 256)) < 0.5).astype(np.uint8) * 255
     colour = rng.integers(0, 255, (256, 256, 3), dtype=np.uint8)
-    return make_layer(colour, coverage, rng.random((LATTICE, LATTICE), dtype=np.float32))
+    weight = rng.random((LATTICE, LATTICE), dtype=np.float32)
+    measured = None if seed % 3 == 0 else rng.random((LATTICE, LATTICE, seed % 3), dtype=np.float32)
+    return make_layer(colour, coverage, weight, None, measured)
 
 
 @pytest.fixture
@@ -27,7 +29,9 @@ def key(i: int) -> LayerKey:
 
 
 def same(a, b) -> bool:
-    return all(np.array_equal(getattr(a, part), getattr(b, part)) for part in ("colour", "coverage", "weight"))
+    return all(
+        np.array_equal(getattr(a, part), getattr(b, part)) for part in ("colour", "coverage", "weight", "measured")
+    )
 
 
 def test_a_layer_that_covers_everything_knows_it() -> None:

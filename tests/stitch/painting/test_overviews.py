@@ -2,7 +2,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.painting.lattice import LATTICE
 from gcs_mosaic.stitch.painting.layers import make_layer
-from gcs_mosaic.stitch.painting.overviews import assemble, composite, shrink
+from gcs_mosaic.stitch.painting.overviews import FEATHER, assemble, composite, shrink
 
 
 def plain(value: int, side: int = 256, weight: float = 1.0, covered: slice = slice(None)):
@@ -34,7 +34,7 @@ def test_a_tile_is_put_together_from_its_quarters() -> None:
 
 def test_the_finer_picture_lies_on_top_and_fades_in_from_its_border() -> None:
     finer = plain(200, covered=slice(0, 128))
-    ramp = np.clip(np.linspace(0.2, -0.2, LATTICE), 0, 1).astype(np.float32)
+    ramp = np.clip(np.linspace(2 * FEATHER, -2 * FEATHER, LATTICE), 0, 1).astype(np.float32)
     finer = make_layer(finer.colour, finer.coverage, np.tile(ramp, (LATTICE, 1)))
     shown = composite(plain(100), finer)
     row = shown.colour[7, :, 0].astype(int)

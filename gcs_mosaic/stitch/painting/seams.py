@@ -1,0 +1,140 @@
+"""Each place from the frame that sees it best, with a transition of a few pixels: nothing is half transparent.
+
+How well a frame sees a place is told by its weight (how far that is from its border, how finely it is resolved) and by how
+sharp the frame is there, because some frames are blurred by motion. A thing that
+stands out in one frame where another has none at all (a person, a vehicle that has moved on) counts more than any weight: so
+whatever was seen once stays on the map. What stands still stands out in all frames, and then weight decides.
+
+What is left of different light is taken up in two bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
+Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for the picture and wide for its
+tone, the colour of the ground over some ten pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT, Part, mix_pixels
+from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
+from gcs_mosaic.stitch.painting.layers import Layer
+from gcs_mosaic.stitch.painting.saliency import saliency
+from gcs_mosaic.stitch.painting.warping import upscale
+
+Image = NDArray[np.uint8]
+
+# Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other.
+TONE = slice(3, None)
+DETAIL, DETAIL_AROUND = 5, 61
+LEAST_DETAIL = 1.0  # grey levels; what noise makes of bare ground
+SHARP = 3.0  # exponent of the ratio of detail: a frame with a third of it less yields to one with a third of its weight
+TONE_SHRINK = 8  # the size of a pixel of the map of tones, in pixels of the picture that a frame is looked at in
+TONE_BLUR = (
+    7  # pixels of that map, a side, that make a tone: wider than a lattice step, so that it misses nothing between
+)
+SALIENT = 20.0  # what a thing where the other frame has none adds to the log ratio of weights: more than weights can
+SURE = 0.05  # log ratio of weights at which a lattice point is wholly on one side of the seam
+LEAST_SURE = 0.5  # of 1, at every lattice point: the seam stays narrow even where two frames see equally well
+FEATHER = 4  # tile px of transition between two lattice points that are wholly on different sides
+SOFT = 4.0  # exponent of the ratio of weights by which tones are mixed: over about a quarter of a frame
+MOST_SHIFT = 12.0  # grey levels that a tone is shifted at most; more is no light but a thing that has moved
+
+
+def look_for_seams(look: Image) -> NDArray[np.float32]:
+    """What `seam` needs to know of a frame's picture: where things stand out, where things may, log detail, tone (b, g, r)."""
+    strong, weak = saliency(look)
+    maps = [_log_detail(look), *cv2.split(_tone(look, strong))]
+    return np.dstack([strong, weak, *(cv2.resize(one, strong.shape[::-1]) for one in maps)])
+
+
+def _log_detail(look: Image) -> NDArray[np.float32]:
+    """How much detail there is around a place; the same ground has more of it in a sharper frame."""
+    grey = cv2.cvtColor(look, cv2.COLOR_BGR2GRAY)
+    fine = cv2.absdiff(grey, cv2.blur(grey, (DETAIL, DETAIL)))
+    size = max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
+    around = DETAIL_AROUND // TONE_SHRINK
+    mean = cv2.blur(cv2.resize(fine.astype(np.float32), size, interpolation=cv2.INTER_AREA), (around, around))
+    return np.asarray(np.log(mean + LEAST_DETAIL), dtype=np.float32)
+
+
+def _tone(look: Image, strong: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The mean colour around a place, of the ground alone: things that stand out count for nothing if there is any ground."""
+    size = max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
+    small = cv2.resize(look, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    ground = np.maximum(1 - cv2.resize(strong, size, interpolation=cv2.INTER_AREA), 0.01)
+    total = cv2.blur(small * ground[..., None], (TONE_BLUR, TONE_BLUR))
+    return np.asarray(total / cv2.blur(ground, (TONE_BLUR, TONE_BLUR))[..., None], dtype=np.float32)
+
+
+def seam(shown: Layer, new: Part) -> Layer:
+    """Each place from the frame that sees it best, things before plain ground; tones agree over a wider strip."""
+    known = _guessed(new.measured) if shown.measured is None else shown.measured
+    before = Part(shown.weight, known, lambda: shown)
+    log_ratio = _log_ratio(before, new)
+    decided = log_ratio + SALIENT * _things(before, new)
+    is_new = decided > 0
+    shown_shift, new_shift = _tone_shifts(before, new, log_ratio)
+    if shown.is_full and not is_new.any():
+        return replace(_shifted(shown, shown_shift), measured=_toned(known, shown_shift))
+    picture = new.picture()
+    if picture is None:
+        return shown
+    side = np.where(is_new, 1, -1) * np.clip(np.abs(decided) / SURE, LEAST_SURE, 1)
+    share = upscale((side * (LATTICE_STEP / (2 * FEATHER))).astype(np.float32)) + 0.5
+    pixels = np.rint(np.clip(share, 0, 1) * 255).astype(np.uint8)
+    mixed = mix_pixels(_shifted(shown, shown_shift), _shifted(picture, new_shift), pixels)
+    measured = np.where(is_new[..., None], _toned(new.measured, new_shift), _toned(known, shown_shift))
+    return replace(mixed, weight=np.where(is_new, new.weight, shown.weight), measured=measured)
+
+
+def _guessed(new: Lattice) -> Lattice:
+    """What is taken to be known of a tile that an earlier run wrote, until it is made anew: plain ground of the right tone."""
+    return np.dstack([np.zeros_like(new[..., :2]), new[..., 2:]])
+
+
+def _log_ratio(shown: Part, new: Part) -> Lattice:
+    """By how much the new frame sees the lattice points better than the shown one; above 0: it does."""
+    log_ratio = np.log(np.maximum(new.weight, LEAST_WEIGHT) / np.maximum(shown.weight, LEAST_WEIGHT))
+    log_ratio += SHARP * (new.measured[..., 2] - shown.measured[..., 2])
+    return np.asarray(log_ratio, dtype=np.float32)
+
+
+def _things(shown: Part, new: Part) -> Lattice:
+    """Where only one of them has a thing: 1 if it is the new frame, -1 if it is the shown one, 0 where none or both have."""
+    only_new = np.maximum(new.measured[..., 0] - shown.measured[..., 1], 0) * (new.weight > LEAST_WEIGHT)
+    only_shown = np.maximum(shown.measured[..., 0] - new.measured[..., 1], 0) * (shown.weight > LEAST_WEIGHT)
+    return np.asarray(only_new - only_shown, dtype=np.float32)
+
+
+def _tone_shifts(shown: Part, new: Part, log_ratio: Lattice) -> tuple[Lattice, Lattice]:
+    """What the tones of what is shown and of the new frame are to be shifted by, (17, 17, 3) each, to agree.
+
+    Nothing is shifted where the other one has no weight: the tile beside this one may not know of it at all.
+    """
+    new_share = 1 / (1 + np.exp(-np.clip(SOFT * log_ratio, -30, 30)))
+    apart = new.measured[..., TONE] - shown.measured[..., TONE]
+    of_shown = (new_share * (new.weight > 0))[..., None] * apart
+    of_new = ((new_share - 1) * (shown.weight > 0))[..., None] * apart
+    return _bounded(of_shown), _bounded(of_new)
+
+
+def _bounded(shift: Lattice) -> Lattice:
+    return np.asarray(np.clip(shift, -MOST_SHIFT, MOST_SHIFT), dtype=np.float32)
+
+
+def _toned(measured: Lattice, shift: Lattice) -> Lattice:
+    return np.dstack([measured[..., :3], measured[..., TONE] + shift])
+
+
+def _shifted(layer: Layer, shift: Lattice) -> Layer:
+    """The layer with its colours shifted, where it covers anything."""
+    if np.abs(shift).max() < 0.5:
+        return layer
+    side, rim = layer.side + LATTICE_STEP, LATTICE_STEP // 2
+    by_pixel = cv2.resize(shift, (side, side), interpolation=cv2.INTER_LINEAR)[rim:-rim, rim:-rim]
+    colour = cv2.add(layer.colour, by_pixel, dtype=cv2.CV_8U)
+    colour = colour if layer.is_full else cv2.copyTo(colour, layer.coverage)
+    return replace(layer, colour=np.asarray(colour, np.uint8))
