@@ -38,9 +38,7 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
     try:
         # Nobody writes into a finished folder any more, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
-        pipeline = Pipeline(
-            folder.path, linking, lambda notice: _say(console, notice), punctual=True, observer=pictures
-        )
+        pipeline = Pipeline(folder.path, linking, lambda notice: say(console, notice), punctual=True, observer=pictures)
         try:
             _stitch_into(pipeline, count, found, config, console)
             if pictures:
@@ -70,7 +68,7 @@ def _stitch_into(
 ) -> None:
     start = time.monotonic()
     preparation = Preparation(config.stitch.features, config.reduction)
-    with _progress(console) as progress:
+    with progress_on(console) as progress:
         done = _work_off(pipeline, preparation, found, progress.add_task("stitching", total=count), progress)
         final = progress.add_task("final painting", total=None)
         for _ in pipeline.finish():
@@ -78,7 +76,7 @@ def _stitch_into(
             pipeline.save()
         pipeline.save()
     preparation.close()
-    _summarise(pipeline, done, time.monotonic() - start, console)
+    summarise(pipeline, done, time.monotonic() - start, console)
 
 
 def _work_off(
@@ -111,12 +109,13 @@ def _next(
     return preparation.next()
 
 
-def _progress(console: Console) -> Progress:
+def progress_on(console: Console) -> Progress:
+    """Bars that vanish when they are done."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, transient=True)
 
 
-def _summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
+def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
     """One screen: what became of the frames, and where the time went."""
     account = pipeline.accounts().frames
     console.print(
@@ -146,5 +145,6 @@ def _times(done: list[Done]) -> Table:
     return table
 
 
-def _say(console: Console, notice: Notice) -> None:
+def say(console: Console, notice: Notice) -> None:
+    """Tell the operator."""
     console.print(f"{notice.level}: {notice.text}" if notice.level != "info" else notice.text)

@@ -24,8 +24,14 @@ from gcs_mosaic.flight.disk import CannotWrite
 USAGE = """\
 gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
        gcs-mosaic stitch DIR --out DIR                                  a folder of frames, without MAVLink
+       gcs-mosaic replay FLIGHT.tlog --frames DIR --out DIR             a recorded flight again
        gcs-mosaic serve DIR | status DIR | export DIR --format FORMAT   a flight that was written before
        gcs-mosaic benchmark DIR                                         what a frame costs on this machine"""
+
+WHEN_FRAMES_CAME = """\
+When a frame came follows from the files' times if they lie within the recording; else from the file names in the camera
+messages, else from the numbers in the file names and the messages' counters, else from the order of names and shots. The
+result is the same every time, at any speed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -108,6 +114,28 @@ def stitch(words: Sequence[str]) -> None:
     batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
 
 
+def replay(words: Sequence[str]) -> None:
+    """A recorded flight."""
+    from gcs_mosaic import replay as replays
+
+    parser = _parser("gcs-mosaic replay", epilog=WHEN_FRAMES_CAME)
+    parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
+    parser.add_argument("--frames", type=Path, required=True, metavar="DIR", help="folder of the flight's pictures")
+    parser.add_argument(
+        "--speed", type=float, default=0.0, metavar="N", help="times as fast as it was flown; 0 as fast as it goes (0)"
+    )
+    parser.add_argument("--scale", type=float, choices=[1, 0.5, 0.25], help="size at which frames are painted")
+    parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
+    _add_output(parser)
+    given = parser.parse_args(words)
+    config = _config(given)
+    if given.scale:
+        config = replace(config, scale=given.scale)
+    if given.vehicle is not None:
+        config = replace(config, link=replace(config.link, vehicle=given.vehicle))
+    replays.replay(given.recording, given.frames, Path(config.out), config, Console(), given.speed)
+
+
 def benchmark(words: Sequence[str]) -> None:
     """What a frame costs on this machine."""
     from gcs_mosaic import benchmark as benchmarks
@@ -172,6 +200,7 @@ def export(words: Sequence[str]) -> None:
 
 COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     "stitch": stitch,
+    "replay": replay,
     "serve": serve,
     "status": status,
     "export": export,
@@ -184,8 +213,8 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message} (gcs-mosaic --help shows what there is)")
 
 
-def _parser(program: str, usage: str | None = None) -> argparse.ArgumentParser:
-    return _Parser(prog=program, usage=usage, allow_abbrev=False)
+def _parser(program: str, usage: str | None = None, epilog: str | None = None) -> argparse.ArgumentParser:
+    return _Parser(prog=program, usage=usage, epilog=epilog, allow_abbrev=False)
 
 
 def _add_output(parser: argparse.ArgumentParser) -> None:

@@ -38,7 +38,8 @@ class Pipeline:
     """Owns the mosaic, the canvas and the output folder of one flight. Used by one thread.
 
     `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
-    the same frames always give the same map, however fast the machine is. `observer` looks on while frames are placed.
+    the same frames always give the same map, however fast the machine is. `observer` looks on while frames are placed. `utc`
+    tells the time that is written into documents.
     """
 
     def __init__(
@@ -50,8 +51,9 @@ class Pipeline:
         *,
         punctual: bool = False,
         observer: Observer | None = None,
+        utc: Callable[[], float] = time.time,
     ) -> None:
-        self.recorder = Recorder(out, config, published)
+        self.recorder = Recorder(out, config, published, utc)
         self._worker = WorkerProcess()
         self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observer)
         self.taken_in = 0  # files, whatever became of them

@@ -45,23 +45,28 @@ class Changes:
 
 
 class Recorder:
-    """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk."""
+    """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk.
+
+    `utc` tells the time that is written into documents, in seconds since 1970.
+    """
 
     def __init__(
         self,
         out: Path,
         config: Config,
         published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
+        utc: Callable[[], float] = time.time,
     ) -> None:
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
-        self.flight = FlightRecord(name=out.resolve().name, started_utc=time.time())
+        self.flight = FlightRecord(name=out.resolve().name, started_utc=utc())
         self.ledger.begin_flight(self.flight)
         self.changes = Changes()
         self._originals = Originals(out, config.originals)
         self._tiles = TileWriter(out, config.tiles)
         self._manifest = Manifest(out)
         self._published = published
+        self._utc = utc
         self._told: Accounts | None = None  # as the documents have them: events change them without any frame
         self._islands_known = 0
         self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
@@ -135,7 +140,7 @@ class Recorder:
         frames = self.ledger.frames
         return Contents(
             flight=self.flight.name,
-            updated_utc=time.time(),
+            updated_utc=self._utc(),
             islands=islands,
             accounts=self.ledger.accounts(),
             estimates=self.ledger.estimates(),

@@ -31,12 +31,17 @@ ALLOWED = {
     "patience": {"flight", "events"},
     "sources": {"config", "link", "frames", "flight", "events"},
     "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "stitch", "events"},
+    "arrivals": {"frames", "link", "pairing", "events"},
+    "replay": {
+        *("arrivals", "batch", "pipeline", "prepare", "logbook", "config"),
+        *("frames", "link", "flight", "events", "errors"),
+    },
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
         *("pipeline", "prepare", "logbook", "reporting", "patience", "sources", "config"),
         *("frames", "flight", "web", "stitch", "events"),
     },
-    "cli": {"daemon", "batch", "benchmark", "config", "frames", "flight", "web", "errors"},
+    "cli": {"daemon", "batch", "replay", "benchmark", "config", "frames", "flight", "web", "errors"},
     "__main__": {"cli"},
 }
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy"}

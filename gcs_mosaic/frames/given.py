@@ -25,7 +25,7 @@ def frames_in(
     numbers. Raises UsageError, at once, for a path that is not there and for a folder without images.
     """
     given = [paths] if isinstance(paths, Path) else list(paths)
-    looks = [look for path in given for look in _looks(path)]
+    looks = [look for path in given for look in looks_in(path)]
     return len(looks), _frames(looks, settings or FolderSettings())
 
 
@@ -34,7 +34,8 @@ def name_order(name: str) -> tuple[tuple[int, str], ...]:
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", name))
 
 
-def _looks(path: Path) -> list[Look]:
+def looks_in(path: Path) -> list[Look]:
+    """The file, or those of the folder in the order of their names. Raises UsageError as `frames_in` does."""
     try:
         if not path.is_dir():
             status = path.stat()
@@ -56,10 +57,11 @@ def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | Dam
     seen = Counter[str]()
     for look in looks:
         seen[look.name] += 1
-        yield _read(look, versioned(look.name, seen[look.name]), settings)
+        yield read_frame(look, versioned(look.name, seen[look.name]), settings)
 
 
-def _read(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
+def read_frame(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
+    """The file as a frame of this name, or why it is none."""
     data = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
     if isinstance(data, bytes):
         return frame_of(look, name, data, content_hash(data))

@@ -35,7 +35,7 @@ class TlogChannel:
                 f"--mavlink {str(address.path)!r} cannot be read ({error.strerror}): "
                 "give a recording (.tlog) that exists."
             ) from error
-        self._arrivals = _on_one_clock(read_tlog(self._file), time.monotonic())
+        self._arrivals = on_one_clock(read_tlog(self._file), time.monotonic())
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         arrivals = list[Arrival | Notice](islice(self._arrivals, _AT_ONCE))
@@ -49,15 +49,18 @@ class TlogChannel:
 def read_tlog(file: BufferedReader) -> Iterator[tuple[float, MavMessage]]:
     """(seconds since 1970, message) for every whole packet; damaged stretches are passed over."""
     buffer = b""
-    while chunk := file.read(_CHUNK):
+    at_end = False
+    while not at_end:
+        chunk = file.read(_CHUNK)
+        at_end = not chunk
         buffer += chunk
         position = 0
         while marker := MARKERS.search(buffer, position + TIME.size):
             start = marker.start()
             end = start + packet_length(buffer, start)
-            if end > len(buffer):
+            if end > len(buffer) and not at_end:
                 break
-            message = decode_packet(buffer[start:end])
+            message = decode_packet(buffer[start:end]) if end <= len(buffer) else None
             if message:
                 yield TIME.unpack_from(buffer, start - TIME.size)[0] / 1e6, message
             position = end if message else start + 1 - TIME.size
@@ -65,7 +68,8 @@ def read_tlog(file: BufferedReader) -> Iterator[tuple[float, MavMessage]]:
         buffer = buffer[keep_from - TIME.size :]
 
 
-def _on_one_clock(recorded: Iterator[tuple[float, MavMessage]], start: float) -> Iterator[Arrival]:
+def on_one_clock(recorded: Iterator[tuple[float, MavMessage]], start: float) -> Iterator[Arrival]:
+    """Messages at the recording's distances in time from `start` on; steps back and absurd ones take no time."""
     now, before = start, None
     for seconds, message in recorded:
         step = seconds - before if before is not None else 0.0

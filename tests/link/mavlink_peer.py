@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 from typing import Any
 
 from gcs_mosaic.link.wire import PacketReader, dialect
@@ -18,6 +19,11 @@ def packet(message: Message, system: int = 1, component: int = 1) -> bytes:
 def received(message: Message, system: int = 1, component: int = 1) -> Message:
     """The message as the other side gets it."""
     return PacketReader(datagrams=True).feed(packet(message, system, component))[0]
+
+
+def recorded(seconds: float, seq: int) -> bytes:
+    """A trigger in a recording, heard at so many seconds since 1970."""
+    return struct.pack(">Q", int(seconds * 1e6)) + packet(trigger(seq))
 
 
 def heartbeat(kind: int = 2, autopilot: int = 12) -> Message:

@@ -1,20 +1,15 @@
 from __future__ import annotations
 
-import struct
 import threading
 from pathlib import Path
 
 import pytest
-from mavlink_peer import packet, trigger
+from mavlink_peer import recorded
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import TriggerEvent
 from gcs_mosaic.link.address import LinkAddress
 from gcs_mosaic.link.triggers import triggers
-
-
-def recorded(seconds: float, seq: int) -> bytes:
-    return struct.pack(">Q", int(seconds * 1e6)) + packet(trigger(seq))
 
 
 def replay(file: Path) -> list[TriggerEvent]:
