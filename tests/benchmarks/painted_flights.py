@@ -20,7 +20,7 @@ from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.load import Unreadable, load_image
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.painter import Painter, PaintSettings
-from gcs_mosaic.prepare import thumbnail
+from gcs_mosaic.prepare import Prepared, prepare, thumbnail
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.matching.features import extract
 from gcs_mosaic.stitch.mosaic import StitchSettings
@@ -37,7 +37,7 @@ from sitl.camera import Scene
 from sitl.flight import Flight
 from sitl.geometry import CameraState, Lens, world_from_camera
 from sitl.truth import Truth
-from tests.benchmarks.known_flights import features_in, stitched
+from tests.benchmarks.known_flights import stitched
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -78,11 +78,13 @@ def simulated(flight: Flight, *, registered: bool = False) -> PlacedFlight:
     )
 
 
-def recorded(folder: Path, reduction: int = 1) -> PlacedFlight:
-    """A folder of photographs, stitched; painted at full size or reduced by a whole factor."""
+def recorded(folder: Path, reduction: int = 1, most: int | None = None) -> PlacedFlight:
+    """A folder of photographs, or the first few of them, stitched; painted at full size or reduced by a whole factor."""
     settings = StitchSettings()
-    placements = stitched(features_in(folder, settings.features), settings)
-    paths = {one.name: one.path for one in frames_in([folder], FolderSettings())[1] if isinstance(one, Frame)}
+    frames = [one for one in frames_in([folder], FolderSettings())[1] if isinstance(one, Frame)][:most]
+    prepared = (prepare(one, settings.features) for one in frames)
+    features = [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
+    placements, paths = stitched(features, settings), {one.name: one.path for one in frames}
 
     def load(name: str) -> Image:
         image = load_image(paths[name], reduction=reduction)

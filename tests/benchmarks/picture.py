@@ -1,6 +1,6 @@
 """How good the picture of each blending mode is: detail, steps across seams, moving people, small still things.
 
-    python -m tests.benchmarks.picture [FOLDER ...] [--scale 0.25] [--without-gains] [--modes edge,newest]
+    python -m tests.benchmarks.picture [FOLDER ...] [--scale 0.25] [--without-gains] [--modes edge,newest] [--each]
 
 FOLDER: a recorded flight, of which detail and steps are told. Without one, a simulated flight with people and vehicles that
 move, marks of 6x6 px, automatic exposure in steps of 2x and vignetting; there all is told. Beside the modes stand the mean of
@@ -46,24 +46,32 @@ SQUARES = 40  # of 512 px: enough that another choice of them changes no figure'
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """detail: of overlaps. steps: (n,) grey levels. movers: of each person and vehicle, the greatest share of its contrast
-    shown anywhere; half, transparent: how many of `places` where one was seen show it by half, and with the ground shining
-    through. marks: contrast kept of each still mark."""
+    """What is known of one mode's map.
+
+    detail: of overlaps. steps: (n,) grey levels. movers: of each person and vehicle by its number, the greatest share of its
+    contrast shown anywhere; half, transparent: how many of `places` where one was seen show it by half, and with the ground
+    shining through. marks: contrast kept of each still mark.
+    """
 
     detail: Detail
     steps: NDArray[np.float64]
-    movers: NDArray[np.float64]
+    movers: dict[int, float]
     places: int
     half: int
     transparent: int
     marks: NDArray[np.float64]
+
+    @property
+    def whole(self) -> int:
+        """How many movers are shown with all their contrast somewhere."""
+        return sum(share >= HALF_SHOWN[1] for share in self.movers.values())
 
     def __str__(self) -> str:
         told = f"detail {self.detail.kept:6.1%} (worst cells {self.detail.kept_by_worst:6.1%})"
         if len(self.steps):
             told += f"  steps {self.steps.mean():5.2f}, 95 % {np.quantile(self.steps, 0.95):5.2f} (n={len(self.steps)})"
         if len(self.movers):
-            told += f"  movers {(self.movers >= HALF_SHOWN[1]).sum()}/{len(self.movers)} shown, worst {self.movers.min():4.0%}"
+            told += f"  movers {self.whole}/{len(self.movers)} shown, worst {min(self.movers.values()):4.0%}"
             told += f"; half there {self.half}, transparent {self.transparent} of {self.places} places"
         if len(self.marks):
             told += f"  marks {self.marks.min():4.0%} at least, median {np.median(self.marks):4.0%}"
@@ -80,6 +88,7 @@ def main() -> None:
         "--registered", action="store_true", help="the simulated flight as it is stitched, not by its truth"
     )
     parser.add_argument("--relief", type=float, default=0.0, help="of the simulated flight (0)")
+    parser.add_argument("--each", action="store_true", help="tell which people and vehicles are not shown")
     given = parser.parse_args()
     settings = without_gains(PaintSettings()) if given.without_gains else PaintSettings()
     flights = [recorded(folder, round(1 / given.scale)) for folder in given.folders] or [
@@ -88,6 +97,18 @@ def main() -> None:
     for flight in flights:
         for mode, quality in measured(flight, given.modes.split(","), settings).items():
             print(f"{flight.name:10} {mode:14} {quality}", flush=True)
+            if given.each:
+                lost = [number for number, share in quality.movers.items() if share < HALF_SHOWN[1]]
+                print(f"  not shown whole anywhere: {', '.join(told(flight, number) for number in lost) or 'nobody'}")
+
+
+def told(flight: PlacedFlight, number: int) -> str:
+    """A target and the frames it was seen in."""
+    assert flight.truth is not None
+    frames = [
+        Path(frame.name).stem for frame in flight.truth.frames if number in {one.target for one in frame.sightings}
+    ]
+    return f"{flight.truth.targets[number].kind} {number} ({' '.join(frames)})"
 
 
 def busy_flight(relief: float = 0.0, size: tuple[int, int] = (1200, 900), frames: int = 24) -> Flight:
@@ -131,11 +152,11 @@ def judged(maps: dict[Window, Colours], frames: Frames, windows: Sequence[Window
         colours, covered = [one.colour for one in alone], [one.covered for one in alone]
         details.append(detail(maps[window], colours, covered, [one.weight for one in alone]))
         steps.append(seam_steps(maps[window], colours, covered))
-    movers, half, transparent = moving(maps, frames, [one for one in seen if one.kind != "mark" and one.alone])
+    movers, half, transparent = moving(maps, frames, [one for one in seen if one.kind != "mark"])
     return Quality(
         detail=all_detail(details),
         steps=np.concatenate(steps),
-        movers=np.array(list(movers.values())),
+        movers=movers,
         places=sum(one.kind != "mark" and one.alone for one in seen),
         half=half,
         transparent=transparent,
@@ -152,8 +173,9 @@ def moving(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -
         parts = maps[sight.window], frame, frames.bare[sight].colour
         share = shown_share(*parts)
         best[sight.target] = max(share, best.get(sight.target, 0.0))
-        half += HALF_SHOWN[0] < share < HALF_SHOWN[1]
-        transparent += transparent_share(*parts) > 0.5
+        if sight.alone:
+            half += HALF_SHOWN[0] < share < HALF_SHOWN[1]
+            transparent += transparent_share(*parts) > 0.5
     return best, half, transparent
 
 
