@@ -67,7 +67,7 @@ def _stitch_into(
     pipeline: Pipeline, count: int, found: Iterator[Frame | DamagedFile], config: Config, console: Console
 ) -> None:
     start = time.monotonic()
-    preparation = Preparation(config.stitch.features, config.reduction)
+    preparation = Preparation(pipeline.features_of, config.reduction)
     with progress_on(console) as progress:
         done = _work_off(pipeline, preparation, found, progress.add_task("stitching", total=count), progress)
         final = progress.add_task("final painting", total=None)

@@ -45,7 +45,7 @@ def _stitch(frames: list[Frame], out: Path, config: Config) -> list[Done]:
     for found in frames:
         frame = pipeline.accept(found)
         if frame is not None:
-            done.append(pipeline.work_off(prepare(frame, config.stitch.features, config.reduction)))
+            done.append(pipeline.work_off(prepare(frame, pipeline.features_of, config.reduction)))
             done[-1].seconds["write"] = pipeline.save()
     pipeline.close()
     return done

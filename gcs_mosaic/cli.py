@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import sys
@@ -20,6 +19,7 @@ from rich.console import Console
 from gcs_mosaic.config import Config, load_config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import CannotWrite
+from gcs_mosaic.options import add_blend, add_method, add_output, blended, config_of, flight_config, make_parser
 
 USAGE = """\
 gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
@@ -69,13 +69,14 @@ def fly(words: Sequence[str]) -> None:
     """The live flight."""
     from gcs_mosaic import daemon
 
-    parser = _parser("gcs-mosaic", USAGE)
+    parser = make_parser("gcs-mosaic", USAGE)
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     parser.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
     parser.add_argument("--from", dest="oldest", metavar="now|start|30m", help="how old a file may be at the start")
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
-    _add_blend(parser)
-    _add_output(parser)
+    add_blend(parser)
+    add_method(parser)
+    add_output(parser)
     parser.add_argument(
         "--record",
         nargs="?",
@@ -92,25 +93,28 @@ def fly(words: Sequence[str]) -> None:
     given = parser.parse_args(words)
     ending = daemon.Ending(stop=threading.Event(), hurry=threading.Event())
     _end_on_signals(ending.stop, ending.hurry)
-    daemon.fly(_flight_config(given), Console(stderr=True), ending, resume=given.resume)
+    daemon.fly(flight_config(given), Console(stderr=True), ending, resume=given.resume)
 
 
 def stitch(words: Sequence[str]) -> None:
     """A folder of frames."""
     from gcs_mosaic import batch
 
-    parser = _parser("gcs-mosaic stitch")
+    parser = make_parser("gcs-mosaic stitch")
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
+    add_method(parser)
     parser.add_argument("--scale", type=float, choices=[1, 0.5, 0.25], help="size at which frames are painted")
     parser.add_argument(
         "--debug", type=Path, metavar="DIR", help="new folder for pictures of matches, footprints, residuals"
     )
-    _add_blend(parser)
-    _add_output(parser)
+    add_blend(parser)
+    add_output(parser)
     given = parser.parse_args(words)
-    config = _blended(_config(given), given.blend)
+    config = blended(config_of(given), given.blend)
     if given.scale:
         config = replace(config, scale=given.scale)
+    if given.debug and config.method == "paper":
+        raise UsageError("--debug shows how the default method decides: leave it out with --method paper")
     batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
 
 
@@ -118,7 +122,7 @@ def replay(words: Sequence[str]) -> None:
     """A recorded flight."""
     from gcs_mosaic import replay as replays
 
-    parser = _parser("gcs-mosaic replay", epilog=WHEN_FRAMES_CAME)
+    parser = make_parser("gcs-mosaic replay", epilog=WHEN_FRAMES_CAME)
     parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
     parser.add_argument("--frames", type=Path, required=True, metavar="DIR", help="folder of the flight's pictures")
     parser.add_argument(
@@ -126,9 +130,10 @@ def replay(words: Sequence[str]) -> None:
     )
     parser.add_argument("--scale", type=float, choices=[1, 0.5, 0.25], help="size at which frames are painted")
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
-    _add_output(parser)
+    add_method(parser)
+    add_output(parser)
     given = parser.parse_args(words)
-    config = _config(given)
+    config = config_of(given)
     if given.scale:
         config = replace(config, scale=given.scale)
     if given.vehicle is not None:
@@ -140,7 +145,7 @@ def benchmark(words: Sequence[str]) -> None:
     """What a frame costs on this machine."""
     from gcs_mosaic import benchmark as benchmarks
 
-    parser = _parser("gcs-mosaic benchmark")
+    parser = make_parser("gcs-mosaic benchmark")
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
     parser.add_argument("--most", type=int, metavar="N", help="use the first N frames only")
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
@@ -155,7 +160,7 @@ def serve(words: Sequence[str]) -> None:
     from gcs_mosaic.web.address import HttpAddress
     from gcs_mosaic.web.server import WebServer
 
-    parser = _parser("gcs-mosaic serve")
+    parser = make_parser("gcs-mosaic serve")
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
     parser.add_argument("--http", metavar="HOST:PORT", default=Config().http, help="where the page is served")
     given = parser.parse_args(words)
@@ -172,7 +177,7 @@ def status(words: Sequence[str]) -> None:
     """What a running or ended flight says of itself."""
     from gcs_mosaic.flight.status import read_status
 
-    parser = _parser("gcs-mosaic status")
+    parser = make_parser("gcs-mosaic status")
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
     parser.add_argument("--json", action="store_true", help="as JSON")
     given = parser.parse_args(words)
@@ -183,7 +188,7 @@ def export(words: Sequence[str]) -> None:
     """A flight for other programs."""
     from gcs_mosaic.flight import export as exports
 
-    parser = _parser("gcs-mosaic export")
+    parser = make_parser("gcs-mosaic export")
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
     parser.add_argument("--format", choices=["png", "placements"], required=True)
     parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or placements-export.json in DIR")
@@ -206,59 +211,6 @@ COMMANDS: dict[str, Callable[[Sequence[str]], None]] = {
     "export": export,
     "benchmark": benchmark,
 }
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> None:  # type: ignore[override]
-        raise UsageError(f"{message} (gcs-mosaic --help shows what there is)")
-
-
-def _parser(program: str, usage: str | None = None, epilog: str | None = None) -> argparse.ArgumentParser:
-    return _Parser(prog=program, usage=usage, epilog=epilog, allow_abbrev=False)
-
-
-def _add_output(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", metavar="DIR", help="folder for the map (an earlier flight in it is left as it is)")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
-
-
-def _add_blend(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--blend", metavar="seam|edge|newest|first", help="which frame shows where several do")
-
-
-def _blended(config: Config, blend: str | None) -> Config:
-    if blend is None:
-        return config
-    try:
-        canvas = replace(config.paint.canvas, blend=blend)
-    except ValueError as error:
-        raise UsageError(f"--blend: {error}") from None
-    return replace(config, paint=replace(config.paint, canvas=canvas))
-
-
-def _config(given: argparse.Namespace) -> Config:
-    config = load_config(given.config) if given.config else Config()
-    return replace(config, out=given.out) if given.out else config
-
-
-def _flight_config(given: argparse.Namespace) -> Config:
-    """The settings file, overruled by what stands on the command line."""
-    from gcs_mosaic.frames.settings import parse_from
-
-    config = _blended(_config(given), given.blend)
-    if given.mavlink:
-        config = replace(config, mavlink=tuple(given.mavlink))
-    if given.watch:
-        config = replace(config, watch=given.watch)
-    if given.oldest:
-        config = replace(config, frames=replace(config.frames, from_age_s=parse_from(given.oldest)))
-    if given.record:
-        config = replace(config, record=given.record)
-    if given.vehicle is not None:
-        config = replace(config, link=replace(config.link, vehicle=given.vehicle))
-    if given.http or given.no_http:
-        config = replace(config, http=None if given.no_http else given.http)
-    return config
 
 
 def _end_on_signals(stop: threading.Event, hurry: threading.Event) -> None:

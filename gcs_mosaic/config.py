@@ -9,7 +9,7 @@ import types
 import typing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
@@ -21,7 +21,11 @@ from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.shots import ShotSettings
 from gcs_mosaic.painter import PaintSettings
 from gcs_mosaic.pairing import PairingSettings
+from gcs_mosaic.stitch.matching.detectors import FeatureKind
 from gcs_mosaic.stitch.mosaic import StitchSettings
+from gcs_mosaic.stitch.paper.mosaic import PaperSettings
+
+Method = Literal["adjusted", "paper"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +37,7 @@ class Config:
     watch: str = "frames"  # folder in which the camera's files appear
     out: str = "mosaic"  # folder for tiles, ledger and originals
     http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
+    method: Method = "adjusted"  # paper: its recipe literally, to compare with; it breaks on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
     # what is heard is kept as FILE.tlog, or with true as flight.tlog in the output folder, for replay; false: it is not
     record: bool | str = False
@@ -42,6 +47,7 @@ class Config:
     shots: ShotSettings = field(default_factory=ShotSettings)
     pairing: PairingSettings = field(default_factory=PairingSettings)
     stitch: StitchSettings = field(default_factory=StitchSettings)
+    paper: PaperSettings = field(default_factory=PaperSettings)
     paint: PaintSettings = field(default_factory=PaintSettings)
     originals: OriginalsSettings = field(default_factory=OriginalsSettings)
     tiles: TileSettings = field(default_factory=TileSettings)
@@ -49,6 +55,17 @@ class Config:
     def __post_init__(self) -> None:
         if self.scale not in (1, 0.5, 0.25):
             raise ValueError(f"scale: expected 1, 0.5 or 0.25, got {self.scale:g}")
+
+    @property
+    def features(self) -> FeatureKind:
+        """What frames are placed by."""
+        return self.paper.features if self.method == "paper" else self.stitch.features.kind
+
+    def with_features(self, kind: FeatureKind) -> Config:
+        """The same with other features, in whichever method."""
+        features = dataclasses.replace(self.stitch.features, kind=kind)
+        stitch = dataclasses.replace(self.stitch, features=features)
+        return dataclasses.replace(self, stitch=stitch, paper=dataclasses.replace(self.paper, features=kind))
 
     @property
     def reduction(self) -> int:

@@ -84,7 +84,7 @@ class _Daemon:
         self._inbox = Inbox(ending.stop)
         self._patience = Patience(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
-        self._preparation = Preparation(config.stitch.features, config.reduction)
+        self._preparation = Preparation(self._pipeline.features_of, config.reduction)
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
         self._reporter.watch = WatchStatus(folder=config.watch, state="watching")
         self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)

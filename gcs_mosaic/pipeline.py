@@ -13,13 +13,16 @@ from gcs_mosaic.flight.originals import is_intact
 from gcs_mosaic.flight.records import Accounts, FrameState
 from gcs_mosaic.frames.load import Unreadable, load_image
 from gcs_mosaic.painter import Painter
+from gcs_mosaic.paper import PaperPainter
 from gcs_mosaic.prepare import Prepared, Unprepared, thumbnail
 from gcs_mosaic.recorder import Recorder
 from gcs_mosaic.stitch.adjusting.background import WorkerProcess
 from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.matching.features import Features, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey
+from gcs_mosaic.stitch.paper.mosaic import PaperMosaic
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 
 
@@ -55,11 +58,18 @@ class Pipeline:
     ) -> None:
         self.recorder = Recorder(out, config, published, utc)
         self._worker = WorkerProcess()
-        self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observer)
+        self.mosaic: Mosaic | PaperMosaic
+        self._painter: Painter | PaperPainter
+        if config.method == "paper":
+            self.mosaic = PaperMosaic(config.paper, config.reduction)
+            self._painter = PaperPainter(self.mosaic)
+        else:
+            self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observer)
+            self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
         self.taken_in = 0  # files, whatever became of them
-        self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
         self._said_problems: dict[str, str | None] = {}
         self._reduction = config.reduction
+        self._feature_settings = config.stitch.features
         self._say = say
         self._orders: dict[str, int] = {}
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
@@ -72,6 +82,12 @@ class Pipeline:
 
     def accounts(self) -> Accounts:
         return self.recorder.ledger.accounts()
+
+    def features_of(self, image: Bands) -> Features:
+        """What frames are placed by. May be called from any thread."""
+        if isinstance(self.mosaic, PaperMosaic):
+            return self.mosaic.features_of(image)
+        return extract(image, self._feature_settings, self._reduction)
 
     # Frames come in
 
@@ -211,6 +227,7 @@ class Pipeline:
 
     def _note_painted(self, painted: Painted) -> None:
         self.recorder.changes.painted[painted.name] = painted
+        assert isinstance(self.mosaic, Mosaic), "the paper's painter tells of nothing painted"
         self.mosaic.hold(painted.name, painted.pose, painted.camera)
 
     def _settle(self, name: str, state: FrameState, reason: str | None) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.load import Unreadable, load_frame
 from gcs_mosaic.stitch.bands import Bands, resized
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.matching.features import Features
+
+FindFeatures = Callable[[Bands], Features]  # of a frame (h, w, bands), reduced or not; called from several threads
 
 THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
 AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 MP
@@ -35,21 +38,21 @@ class Unprepared:
     reason: str
 
 
-def prepare(frame: Frame, settings: FeatureSettings, reduction: int = 1) -> Prepared | Unprepared:
+def prepare(frame: Frame, find: FindFeatures, reduction: int = 1) -> Prepared | Unprepared:
     """Decode a frame, at full size or reduced by a whole factor, and find its features; never raises."""
     try:
-        return _prepared(frame, settings, reduction)
+        return _prepared(frame, find, reduction)
     except Exception as error:  # one picture that OpenCV or the memory cannot cope with must not end a flight
         return Unprepared(frame, f"could not be decoded ({error!r})")
 
 
-def _prepared(frame: Frame, settings: FeatureSettings, reduction: int) -> Prepared | Unprepared:
+def _prepared(frame: Frame, find: FindFeatures, reduction: int) -> Prepared | Unprepared:
     start = time.perf_counter()
     image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):
         return Unprepared(frame, image.reason)
     decoded = time.perf_counter()
-    features = extract(image, settings, reduction)
+    features = find(image)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
     return Prepared(frame, image, features, thumbnail(image), seconds)
 
@@ -65,8 +68,8 @@ def thumbnail(image: Bands) -> Bands:
 class Preparation:
     """Frames in a row, the first few of them prepared ahead."""
 
-    def __init__(self, settings: FeatureSettings, reduction: int = 1) -> None:
-        self._settings, self._reduction = settings, reduction
+    def __init__(self, find: FindFeatures, reduction: int = 1) -> None:
+        self._find, self._reduction = find, reduction
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._ahead: deque[Future[Prepared | Unprepared]] = deque()
         self._behind: deque[Frame] = deque()
@@ -102,4 +105,4 @@ class Preparation:
 
     def _fill(self) -> None:
         while self._behind and len(self._ahead) < AHEAD:
-            self._ahead.append(self._pool.submit(prepare, self._behind.popleft(), self._settings, self._reduction))
+            self._ahead.append(self._pool.submit(prepare, self._behind.popleft(), self._find, self._reduction))

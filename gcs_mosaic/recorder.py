@@ -19,6 +19,7 @@ from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.originals import NotKept, Originals
 from gcs_mosaic.flight.records import Accounts, Estimate, FlightRecord, FrameState
 from gcs_mosaic.flight.tiles import TileWriter
+from gcs_mosaic.paper import PaperCanvas
 from gcs_mosaic.stitch.islands import Island
 from gcs_mosaic.stitch.painting.canvas import Canvas
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, TileKey
@@ -98,7 +99,7 @@ class Recorder:
         """Write down that a file is not whole."""
         self.ledger.record_damaged(damaged)
 
-    def save(self, canvas: Canvas, islands: Sequence[Island], frames_on: Mapping[int, int]) -> None:
+    def save(self, canvas: Canvas | PaperCanvas, islands: Sequence[Island], frames_on: Mapping[int, int]) -> None:
         """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there."""
         if not self.changes and self.ledger.accounts() == self._told:
             return
@@ -148,7 +149,7 @@ class Recorder:
         )
 
     def _entries(
-        self, canvas: Canvas, islands: Sequence[Island], frames_on: Mapping[int, int]
+        self, canvas: Canvas | PaperCanvas, islands: Sequence[Island], frames_on: Mapping[int, int]
     ) -> Iterator[IslandEntry]:
         for island in islands:
             extent = canvas.extent(island.number) or self._extents.get(island.number)
@@ -176,4 +177,5 @@ def estimate_of_placement(placement: Placement) -> Estimate:
         neighbours=len(placement.neighbours),
         hops=placement.hops,
         corner_deviation_px=finite(placement.corner_deviation_px),
+        homography=placement.homography,
     )

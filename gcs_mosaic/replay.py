@@ -29,7 +29,7 @@ from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.link.recorded import RecordedLink, read_recording
 from gcs_mosaic.logbook import Logbook
 from gcs_mosaic.pipeline import Done, Pipeline
-from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
+from gcs_mosaic.prepare import AHEAD, FindFeatures, Preparation, Prepared, Unprepared
 
 _FOUND_AFTER = 1.5  # looks: a file is taken at the second that finds it unchanged
 
@@ -97,7 +97,7 @@ class _Replay:
         """All that happens, then the final painting; returns what became of the frames."""
         looks = [what[0] for _, what in happenings if isinstance(what, tuple)]
         task, start = progress.add_task("flying", total=len(looks)), time.monotonic()
-        with closing(_ReadAhead(looks, self._config)) as files:
+        with closing(_ReadAhead(looks, self._config, self._pipeline.features_of)) as files:
             for seconds, what in happenings:
                 if speed:
                     time.sleep(max(0.0, start + seconds / speed - time.monotonic()))
@@ -154,11 +154,11 @@ class _Replay:
 class _ReadAhead:
     """Files in the order in which they came, read and prepared before it is their turn."""
 
-    def __init__(self, looks: Sequence[Look], config: Config) -> None:
+    def __init__(self, looks: Sequence[Look], config: Config, find: FindFeatures) -> None:
         self.taken = 0
         self._looks, self._settings = iter(looks), config.frames
         self._read: deque[Frame | DamagedFile] = deque()
-        self._preparation = Preparation(config.stitch.features, config.reduction)
+        self._preparation = Preparation(find, config.reduction)
 
     def next(self) -> Prepared | Unprepared | DamagedFile:
         """The next file; there must be one."""

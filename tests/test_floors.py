@@ -23,9 +23,10 @@ ALLOWED = {
     "debug": {"debug", "stitch", "errors"},
     "prepare": {"frames", "stitch", "events"},
     "painter": {"stitch"},
+    "paper": {"stitch"},
     "config": {"link", "frames", "pairing", "flight", "painter", "stitch", "errors"},
-    "recorder": {"config", "flight", "stitch", "events"},
-    "pipeline": {"recorder", "config", "painter", "prepare", "flight", "frames", "stitch", "events"},
+    "recorder": {"config", "paper", "flight", "stitch", "events"},
+    "pipeline": {"recorder", "config", "painter", "paper", "prepare", "flight", "frames", "stitch", "events"},
     "logbook": {"link", "pairing", "flight", "events"},
     "reporting": {"flight", "events"},
     "patience": {"flight", "events"},
@@ -41,10 +42,11 @@ ALLOWED = {
         *("pipeline", "prepare", "logbook", "reporting", "patience", "sources", "config"),
         *("frames", "flight", "web", "stitch", "events"),
     },
-    "cli": {"daemon", "batch", "replay", "benchmark", "config", "frames", "flight", "web", "errors"},
+    "options": {"config", "frames", "stitch", "errors"},
+    "cli": {"daemon", "batch", "replay", "benchmark", "config", "frames", "flight", "web", "options", "errors"},
     "__main__": {"cli"},
 }
-OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy"}
+OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 
 def imports(path):

@@ -20,7 +20,7 @@ from gcs_mosaic.flight.manifest import Contents, last_revision, placements_docum
 from gcs_mosaic.flight.pyramid import level_within, picture, pixel_bounds
 from gcs_mosaic.flight.records import Estimate, FrameState
 from gcs_mosaic.flight.tiles import encode
-from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.geometry import Array, canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.relief.displacement import on_plane
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points a lens is straight to a hundredth of a pixel
@@ -47,8 +47,7 @@ def export_placements(flight: Path, target: Path) -> str:
 def warp(estimate: Estimate) -> Document:
     """Where a grid of a frame's pixels lies on the canvas, lens, relief and all; null above the horizon."""
     grid = pixel_grid(estimate.camera, WARP_COLUMNS, WARP_ROWS)
-    level_ground = on_plane(estimate.relief, estimate.camera, grid)
-    places = canvas_from_pixels(estimate.pose, estimate.camera, level_ground).round(3)
+    places = _places(estimate, grid).round(3)
     rows = places.astype(object).reshape(WARP_ROWS, WARP_COLUMNS, 2)
     rows[np.isnan(places.reshape(rows.shape))] = None  # JSON has no NaN
     return {
@@ -56,6 +55,13 @@ def warp(estimate: Estimate) -> Document:
         "y": grid[::WARP_COLUMNS, 1].tolist(),
         "canvas": rows.tolist(),
     }
+
+
+def _places(estimate: Estimate, pixels: Array) -> Array:
+    """Canvas places (n, 2) of a frame's pixels (n, 2)."""
+    if estimate.homography is not None:
+        return np.asarray(cv2.perspectiveTransform(pixels[None], np.array(estimate.homography))[0], dtype=np.float64)
+    return canvas_from_pixels(estimate.pose, estimate.camera, on_plane(estimate.relief, estimate.camera, pixels))
 
 
 def export_png(flight: Path, target: Path, *, island: int | None = None, level: int | None = None) -> str:

@@ -36,6 +36,7 @@ from gcs_mosaic.flight.rows import (
     event_record_of,
     event_row,
     frame_record_of,
+    homography_row,
     look_row,
     painted_of,
     pose_row,
@@ -149,11 +150,12 @@ class Ledger(LedgerFile):
 
     def record_estimates(self, estimates: Iterable[Estimate]) -> None:
         """The newest estimates of some frames, all at once."""
-        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}"
+        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}, homography"
         with self.transaction():
             for one in estimates:
                 head = (self._frame_id(one.name), int(one.island), self._camera_id(one.camera))
                 values = (*head, *pose_row(one.pose), *support_row(one), *relief_row(one.relief))
+                values = (*values, homography_row(one.homography))
                 self.write(f"INSERT OR REPLACE INTO estimates ({columns}) VALUES ({marks(values)})", *values)
 
     def estimates(self) -> list[Estimate]:

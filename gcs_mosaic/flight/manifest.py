@@ -111,7 +111,7 @@ def frame_entry(estimate: Estimate, camera: int) -> Document:
         "name": estimate.name,
         "island": estimate.island,
         "camera": camera,
-        "canvas_from_frame": homography(estimate.pose, estimate.camera),
+        "canvas_from_frame": estimate.homography or homography(estimate.pose, estimate.camera),
         "width": estimate.camera.width,
         "height": estimate.camera.height,
         "inliers": estimate.inliers,

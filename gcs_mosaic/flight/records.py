@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from gcs_mosaic.events import TriggerEvent
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.placement import Homography
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 
@@ -82,6 +83,7 @@ class Estimate:
     corner_deviation_px: (
         float | None
     )  # standard deviation of its least certain corner; None where the matches leave it open
+    homography: Homography | None = None  # where the frame was laid by a free one: then it decides, not the pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

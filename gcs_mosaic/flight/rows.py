@@ -14,6 +14,7 @@ from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRe
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.placement import Homography
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 EVENT_COLUMNS = (
@@ -160,6 +161,17 @@ def display_of(row: sqlite3.Row) -> Display:
     return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]))
 
 
+def homography_row(homography: Homography | None) -> bytes | None:
+    """Nine numbers of eight bytes."""
+    return None if homography is None else np.array(homography, dtype="<f8").tobytes()
+
+
+def homography_of(row: sqlite3.Row) -> Homography | None:
+    """None also for a ledger that was written before there were any."""
+    stored = row["homography"] if "homography" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    return None if stored is None else tuple(map(tuple, np.frombuffer(stored, "<f8").reshape(3, 3).tolist()))
+
+
 def painted_of(row: sqlite3.Row) -> Painted:
     return Painted(
         name=name_of(row),
@@ -186,4 +198,5 @@ def estimate_of(row: sqlite3.Row) -> Estimate:
         neighbours=row["neighbours"],
         hops=row["hops"],
         corner_deviation_px=row["corner_deviation_px"],
+        homography=homography_of(row),
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import telling_disk_full
 
-VERSION = 1  # PRAGMA user_version; raise it with every change to the tables below, and migrate
+VERSION = 2  # PRAGMA user_version; raise it with every change to the tables below, and migrate
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
 BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
 
@@ -96,7 +96,8 @@ CREATE TABLE estimates (
     neighbours INTEGER NOT NULL,
     hops INTEGER NOT NULL,
     corner_deviation_px,
-    relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
+    relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB,
+    homography BLOB
 );
 CREATE TABLE notices (
     id INTEGER PRIMARY KEY,
@@ -106,6 +107,9 @@ CREATE TABLE notices (
     text NOT NULL
 );
 """
+
+# What makes the tables of each older version those of the next one.
+MIGRATIONS = {1: "ALTER TABLE estimates ADD COLUMN homography BLOB;"}
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -127,7 +131,7 @@ def connect_for_reading(path: Path) -> sqlite3.Connection:
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_S, isolation_level=None)
     try:
         connection.row_factory = sqlite3.Row
-        if version_of(connection, path) != VERSION:
+        if version_of(connection, path) == 0:
             raise UsageError(f"{path} holds no flight: name a folder that gcs-mosaic has written a flight into")
     except BaseException:
         connection.close()
@@ -138,10 +142,13 @@ def connect_for_reading(path: Path) -> sqlite3.Connection:
 def prepare(connection: sqlite3.Connection, path: Path) -> None:
     """Make the tables in a new file, or check that those of an old one are ours; set how the file is written."""
     connection.row_factory = sqlite3.Row
-    if version_of(connection, path) == 0:
+    version = version_of(connection, path)
+    if version == 0:
         connection.executescript(
             f"BEGIN; {TABLES} PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {VERSION}; COMMIT;"
         )
+    for old in range(version or VERSION, VERSION):
+        connection.executescript(f"BEGIN; {MIGRATIONS[old]} PRAGMA user_version = {old + 1}; COMMIT;")
     connection.execute("PRAGMA journal_mode = WAL")
     # With a write-ahead log, NORMAL survives any kill; a power cut may cost the last frames, never the file.
     connection.execute("PRAGMA synchronous = NORMAL")

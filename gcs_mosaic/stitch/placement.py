@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.geometry import Array, Camera, Pose
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+
+Homography = tuple[tuple[float, ...], ...]  # 3x3, row by row
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +30,15 @@ class Placement:
     # Standard deviation of its least certain corner relative to the root, full-resolution pixels; infinite where the
     # matches leave it open. It tells what noise of the matches does, not what hills do.
     corner_deviation_px: float
+    # Where the frame was laid by a free homography (`--method paper`); then `pose` is only the level one nearest to it.
+    homography: Homography | None = None
 
     @property
     def canvas_from_frame(self) -> Array:
-        """The homography (3x3) from full-resolution pixels to the canvas that fits pose and lens best."""
-        return geometry.canvas_from_frame(self.pose, self.camera)
+        """The homography (3x3) from full-resolution pixels to the canvas that fits pose and lens best, or the free one."""
+        return (
+            geometry.canvas_from_frame(self.pose, self.camera) if self.homography is None else np.array(self.homography)
+        )
 
 
 @dataclass(frozen=True, slots=True)

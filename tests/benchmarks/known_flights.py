@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 from typing import Any
@@ -27,7 +28,7 @@ from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.prepare import Prepared, prepare
 from gcs_mosaic.recorder import estimate_of_placement
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.placement import Placement
 
@@ -128,7 +129,8 @@ def known_flight(folder: Path) -> KnownFlight:
 def features_in(folder: Path, settings: FeatureSettings) -> list[Named]:
     """Names and features of all frames of a folder, in order, found at full size."""
     cv2.setNumThreads(1)
-    prepared = (prepare(f, settings) for f in frames_in([folder], FolderSettings())[1] if isinstance(f, Frame))
+    find = partial(extract, settings=settings)
+    prepared = (prepare(f, find) for f in frames_in([folder], FolderSettings())[1] if isinstance(f, Frame))
     return [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
 
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -82,7 +83,7 @@ def recorded(folder: Path, reduction: int = 1, most: int | None = None) -> Place
     """A folder of photographs, or the first few of them, stitched; painted at full size or reduced by a whole factor."""
     settings = StitchSettings()
     frames = [one for one in frames_in([folder], FolderSettings())[1] if isinstance(one, Frame)][:most]
-    prepared = (prepare(one, settings.features) for one in frames)
+    prepared = (prepare(one, partial(extract, settings=settings.features)) for one in frames)
     features = [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
     placements, paths = stitched(features, settings), {one.name: one.path for one in frames}
 

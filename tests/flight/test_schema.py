@@ -24,7 +24,7 @@ def test_newer_version_is_refused_and_left_alone(tmp_path: Path, open_file: type
     connection.execute(f"PRAGMA user_version = {VERSION + 1}")
     connection.close()
     before = path.read_bytes()
-    with pytest.raises(UsageError, match=r"newer gcs-mosaic \(ledger version 2, this one knows up to 1\)"):
+    with pytest.raises(UsageError, match=r"newer gcs-mosaic \(ledger version 3, this one knows up to 2\)"):
         open_file(path)
     assert path.read_bytes() == before
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.matching.features import Descriptors
 
-def match(descriptors_a: NDArray[np.uint8], descriptors_b: NDArray[np.uint8], ratio: float) -> NDArray[np.intp]:
+
+def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) -> NDArray[np.intp]:
     """Index pairs (m, 2) of descriptors (n, d) and (k, d) that are each other's nearest, by Euclidean distance.
 
     ratio: of the distances to the best and second-best match, below which a match is kept.

@@ -1,12 +1,14 @@
-"""Features of a frame: SIFT at a bounded size, described as RootSIFT.
+"""Features of a frame at a bounded size, described by bytes of which nearer is more alike.
 
-SIFT: Lowe, IJCV 60(2), 2004. RootSIFT (square root of the L1-normalised descriptor, so that a dot product compares
-histograms by the Hellinger kernel): Arandjelović and Zisserman, CVPR 2012.
+SIFT as RootSIFT: the square root of the L1-normalised descriptor, so that a dot product compares histograms by the Hellinger
+kernel (Arandjelović and Zisserman, CVPR 2012). ORB's bits as +1 and -1: a quarter of their squared distance is the Hamming
+distance. SURF as it is. All descriptors of a kind have one length, so the nearest is also the one with the largest product.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.bands import Bands, resized, stretched
+from gcs_mosaic.stitch.matching.detectors import FeatureKind, detect
+
+Descriptors = NDArray[Any]  # (n, d) uint8 or int8, see Features
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSettings:
     """What is looked for in a frame."""
 
+    kind: FeatureKind = "sift"  # sift, orb or surf (needs mahotas); the others find less to hold on to on bare ground
     megapixels: float = 0.75  # size at which features are sought; 1.8 gave the same map at 2-3 times the time
     count: int = 2000  # features kept of a frame, the strongest
     contrast: float = 0.01  # SIFT's contrast threshold; low, for bare fields: `count` bounds the number anyway
@@ -31,12 +37,12 @@ class FeatureSettings:
 class Features:
     """What is kept of a frame for matching, strongest first.
 
-    `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, 128) uint8, RootSIFT times 255;
-    `scale`: full-resolution pixels per pixel of the picture in which the features were found.
+    `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
+    1 or -1, SURF: 64 int8, 127 long; `scale`: full-resolution pixels per pixel of the picture in which they were found.
     """
 
     points: NDArray[np.float32]
-    descriptors: NDArray[np.uint8]
+    descriptors: Descriptors
     width: int
     height: int
     scale: float
@@ -50,14 +56,9 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     height, width = image.shape[0] * reduction, image.shape[1] * reduction
     small = reduced_grey(image, settings.megapixels, settings.band)
     scale = width / small.shape[1]
-    # Without precise upscaling OpenCV's SIFT puts every point a quarter of a pixel off, which shows between two headings.
-    sift = cv2.SIFT.create(nfeatures=settings.count, contrastThreshold=settings.contrast, enable_precise_upscale=True)
-    keypoints, descriptors = sift.detectAndCompute(small, None)
-    if descriptors is None:
-        return Features(np.empty((0, 2), np.float32), np.empty((0, 128), np.uint8), width, height, scale)
-    order = np.argsort([-k.response for k in keypoints], kind="stable")[: settings.count]
-    points = (np.array([k.pt for k in keypoints])[order] + 0.5) * scale - 0.5
-    return Features(points.astype(np.float32), root_sift(descriptors[order]), width, height, scale)
+    found = detect(small, settings.kind, settings.count, settings.contrast)
+    points = (found.points + 0.5) * scale - 0.5
+    return Features(points.astype(np.float32), COMPARABLE[settings.kind](found.descriptors), width, height, scale)
 
 
 def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> NDArray[np.uint8]:
@@ -83,3 +84,20 @@ def root_sift(descriptors: NDArray[Any]) -> NDArray[np.uint8]:
     """SIFT descriptors (n, 128) as RootSIFT, unit length times 255 in bytes: a quarter of the memory, same matches."""
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
     return np.asarray(np.rint(255 * np.sqrt(descriptors / total)), dtype=np.uint8)
+
+
+def signs(descriptors: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """Binary descriptors (n, d) bytes as (n, 8 d) of 1 and -1."""
+    return np.unpackbits(descriptors, axis=1).astype(np.int8) * np.int8(2) - np.int8(1)
+
+
+def rounded(descriptors: NDArray[np.float32]) -> NDArray[np.int8]:
+    """Descriptors (n, d) of unit length, times 127."""
+    return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
+
+
+COMPARABLE: dict[FeatureKind, Callable[[NDArray[Any]], Descriptors]] = {
+    "sift": root_sift,
+    "orb": signs,
+    "surf": rounded,
+}

@@ -14,7 +14,7 @@ from array import array
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.matching.features import Descriptors, Features
 
 Floats = NDArray[np.float32]
 
@@ -33,15 +33,18 @@ class RetrievalIndex:
     """Strongest descriptors of many frames, in the order in which they were added."""
 
     def __init__(self) -> None:
-        self._descriptors = np.empty((64 * PER_FRAME, 128), np.uint8)
+        self._descriptors: Descriptors = np.empty((0, 0), np.uint8)  # the first frame shows of which kind they are
         self._count = 0
-        self._words: Floats = np.zeros((1, 128), np.float32)
+        self._words: Floats = np.empty((1, 0), np.float32)
         self._rows = [array("q")]  # rows of the descriptors in each word, ascending
 
     def add(self, features: Features) -> None:
         """Append a frame; one with fewer features than are wanted repeats them."""
         strongest = features.descriptors[:PER_FRAME]
         fill = np.resize(np.arange(max(len(strongest), 1)), PER_FRAME)
+        if not self._count:
+            self._descriptors = np.empty((64 * PER_FRAME, strongest.shape[1]), strongest.dtype)
+            self._words = np.zeros((1, strongest.shape[1]), np.float32)
         start = self._count * PER_FRAME
         if start == len(self._descriptors):
             self._descriptors = np.concatenate([self._descriptors, np.empty_like(self._descriptors)])

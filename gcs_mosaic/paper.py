@@ -1,0 +1,65 @@
+"""The paper's method (`--method paper`) where the pipeline expects a painter: a frame is painted once, and never again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.stitch.painting.painted import Extent, TileKey
+from gcs_mosaic.stitch.painting.stack import TilePicture
+from gcs_mosaic.stitch.paper.mosaic import PaperMosaic
+from gcs_mosaic.stitch.paper.raster import Raster
+from gcs_mosaic.stitch.placement import Placement
+
+ISLAND = 0  # the only one: what does not match is refused
+
+
+class PaperCanvas:
+    """The paper's one picture, in tiles."""
+
+    problem: str | None = None
+
+    def __init__(self, raster: Raster) -> None:
+        self._raster = raster
+
+    def tile(self, island: int, tile: Tile) -> TilePicture | None:
+        """A tile as it is shown; None if there is nothing on it."""
+        return self._raster.tile(tile) if island == ISLAND else None
+
+    def extent(self, island: int) -> Extent | None:
+        """The canvas box of the picture and the levels it has tiles of; None while it is empty."""
+        return self._raster.extent() if island == ISLAND else None
+
+
+class PaperPainter:
+    """Paints on the paper's mosaic; there is nothing to repaint."""
+
+    has_repaints = False
+
+    def __init__(self, mosaic: PaperMosaic) -> None:
+        self._mosaic = mosaic
+        self._painted: set[str] = set()
+        self.canvas = PaperCanvas(mosaic.raster)
+
+    def is_painted(self, name: str) -> bool:
+        return name in self._painted
+
+    def paint_new(self, image: Bands, thumbnail: object, placement: Placement, order: int) -> set[TileKey]:
+        """Blend a frame into the picture; returns the tiles that look different now."""
+        self._painted.add(placement.name)
+        return {(ISLAND, tile) for tile in self._mosaic.paint(image, placement.name)}
+
+    def follow(self, placements: Iterable[Placement]) -> None:
+        """No frame moves."""
+
+    def repaint_some(self) -> set[TileKey] | None:
+        """Nothing is ever repainted."""
+        return None
+
+    def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
+        """Nothing is ever repainted."""
+        return iter(())
+
+    def close(self) -> None:
+        """There is nothing to give back."""

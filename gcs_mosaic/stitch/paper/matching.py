@@ -1,0 +1,22 @@
+"""Section III.B: brute force, and of each feature only what is nearer than the second nearest by a ratio."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+def ratio_matches(frame: NDArray[Any], region: NDArray[Any], ratio: float) -> NDArray[np.intp]:
+    """Index pairs (m, 2) of descriptors (n, d) and (k, d) as the detector gives them.
+
+    ratio: of the distances to the nearest and the second nearest of the region, below which a match is kept.
+    """
+    if not len(frame) or len(region) < 2:
+        return np.empty((0, 2), np.intp)
+    norm = cv2.NORM_HAMMING if frame.dtype == np.uint8 else cv2.NORM_L2
+    pairs = cv2.BFMatcher.create(norm).knnMatch(frame, region, k=2)
+    kept = [(best.queryIdx, best.trainIdx) for best, second in pairs if best.distance < ratio * second.distance]
+    return np.array(kept, dtype=np.intp).reshape(-1, 2)
