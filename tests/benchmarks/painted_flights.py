@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.directory import frames_in
-from gcs_mosaic.frames.load import Unreadable, load_image
+from gcs_mosaic.frames.load import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.painter import Painter, PaintSettings
 from gcs_mosaic.prepare import Prepared, prepare, thumbnail
+from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.matching.features import extract
 from gcs_mosaic.stitch.mosaic import StitchSettings
@@ -54,13 +54,14 @@ class PlacedFlight:
 
     name: str
     placements: tuple[Placement, ...]  # in capture order
-    load: Callable[[str], Image]
-    bare: Callable[[str], Image] | None = None
+    load: Callable[[str], Bands]
+    bare: Callable[[str], Bands] | None = None
     truth: Truth | None = None
 
 
 def simulated(flight: Flight, *, registered: bool = False) -> PlacedFlight:
-    """A simulated flight where its truth says or, `registered`, where the stitching puts it. Its pictures are JPEGs."""
+    """A simulated flight where its truth says or, `registered`, where the stitching puts it. Its pictures are files as a camera
+    writes them."""
     bare = Flight(scene=_without_targets(flight.scene), states=flight.states, names=flight.names)
     files, bare_files = (dict(zip(flight.names, one.pictures(), strict=True)) for one in (flight, bare))
     if registered:
@@ -87,7 +88,7 @@ def recorded(folder: Path, reduction: int = 1, most: int | None = None) -> Place
     features = [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
     placements, paths = stitched(features, settings), {one.name: one.path for one in frames}
 
-    def load(name: str) -> Image:
+    def load(name: str) -> Bands:
         image = load_image(paths[name], reduction=reduction)
         assert not isinstance(image, Unreadable), image
         return image
@@ -168,7 +169,7 @@ def shown(canvas: Canvas, window: Window) -> Seen:
 class FrameAlone:
     """One frame as it is painted, with nothing else on the tiles."""
 
-    def __init__(self, image: Image, painted: Painted, settings: PaintSettings) -> None:
+    def __init__(self, image: Bands, painted: Painted, settings: PaintSettings) -> None:
         lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
         assert lattice is not None
         self.painted = painted
@@ -228,10 +229,10 @@ def _without_targets(scene: Scene) -> Scene:
     return Scene(world=scene.world, camera=scene.camera, relief=scene.relief, seed=scene.seed)
 
 
-def _decoded(data: bytes) -> Image:
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    assert image is not None
-    return np.asarray(image, np.uint8)
+def _decoded(data: bytes) -> Bands:
+    image = decode_image(data)
+    assert not isinstance(image, Unreadable), image
+    return image
 
 
 def _true_placements(flight: Flight) -> list[Placement]:

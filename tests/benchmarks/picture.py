@@ -67,7 +67,7 @@ class Quality:
         return sum(share >= HALF_SHOWN[1] for share in self.movers.values())
 
     def __str__(self) -> str:
-        told = f"detail {self.detail.kept:6.1%} (worst cells {self.detail.kept_by_worst:6.1%})"
+        told = f"detail {self.detail.kept:6.1%} of the most central frame, {self.detail.kept_of_sharpest:6.1%} of the sharpest"
         if len(self.steps):
             told += f"  steps {self.steps.mean():5.2f}, 95 % {np.quantile(self.steps, 0.95):5.2f} (n={len(self.steps)})"
         if len(self.movers):
@@ -97,7 +97,7 @@ def main() -> None:
     for flight in flights:
         for mode, quality in measured(flight, given.modes.split(","), settings).items():
             print(f"{flight.name:10} {mode:14} {quality}", flush=True)
-            if given.each:
+            if given.each and mode in BLENDS:
                 lost = [number for number, share in quality.movers.items() if share < HALF_SHOWN[1]]
                 print(f"  not shown whole anywhere: {', '.join(told(flight, number) for number in lost) or 'nobody'}")
 

@@ -20,6 +20,8 @@ from gcs_mosaic.painter import PaintSettings
 from sitl.camera import Camera
 from sitl.flight import plan
 from sitl.path import Plan
+from sitl.sensor import Sensor
+from sitl.targets import Crowd
 from tests.benchmarks.painted_flights import PlacedFlight, Window, painted_map, place_in_level, shown, simulated
 from tests.benchmarks.picture import busy_flight, without_gains
 from tests.benchmarks.picture_measures import detail, shown_share, transparent_share
@@ -33,7 +35,6 @@ GAP, CAPTION = 8, 24  # px
 QUALITY = 86  # of the JPEGs
 WIDE = 1100, 700  # px of the map shown where brightness is judged, at less than half the size
 CLOSE = 150  # px of the map shown where detail is judged
-MARK_WINDOW = 34  # px of the map around a mark
 PANEL = 400  # px: width of one panel of two or three
 
 
@@ -45,8 +46,9 @@ def main() -> None:
     made = {
         "exposure": exposure(busy),
         "vignetting": vignetting(),
-        "sharpness": sharpness(),
-        **targets(busy),
+        **close_up(),
+        "ghosts": ghosts(busy),
+        "bands": bands(),
     }
     for name, panels in made.items():
         path = folder / f"picture-{name}.jpg"
@@ -68,33 +70,64 @@ def vignetting() -> list[Panel]:
     return [("corners half as bright, as taken", middle(flight, raw)), ("default", middle(flight, PaintSettings()))]
 
 
-def sharpness() -> list[Panel]:
-    """Hills, houses and trees, stitched: where the paper's blend loses most detail of what the best frame shows."""
-    flight = simulated(plan("survey", (1200, 900), route=Plan(frames=12, height=80), relief=1.0), registered=True)
-    settings = PaintSettings()
+def close_up() -> dict[str, list[Panel]]:
+    """Hills, houses and trees, stitched: where the paper's blend loses most detail, and most of a mark of 6x6 px."""
+    flown = plan(
+        "survey", (1200, 900), route=Plan(frames=12, height=80), relief=1.0, crowd=Crowd(marks=40)
+    )  # flat ground loses nothing
+    flight, settings = simulated(flown, registered=True), PaintSettings()
+    assert flight.truth is not None
     with painted_map(flight, settings) as painted:
         windows = [part for square in squares(painted.frames, 60) for part in parts(square)]
-        frames = frames_alone(flight, painted.frames, settings, windows, [])
+        seen = sights(flight.truth, painted.frames)
+        frames = frames_alone(flight, painted.frames, settings, [*windows, *(sight.window for sight in seen)], seen)
         window = min((one for one in windows if len(frames.by_window[one]) > 1), key=lambda one: kept(frames, one))
+        maps = {sight: shown(painted.canvas, sight.window).colour for sight in seen}
+        mark = min((sight for sight in seen if is_best(frames, sight)), key=lambda sight: paleness(frames, sight))
         best = max((one for _, one in frames.by_window[window]), key=lambda one: float(one.weight.mean()))
-        return [
+        sharpness = [
             ("the best frame alone", best.colour),
             ("the paper's alpha blend", blended(frames, window)),
             ("default", shown(painted.canvas, window).colour),
         ]
+        return {"sharpness": sharpness, "target": compared(frames, maps, mark)}
 
 
-def targets(flight: PlacedFlight) -> dict[str, list[Panel]]:
-    """Somebody who walks between frames, and a mark of 6x6 px that lies still."""
+def ghosts(flight: PlacedFlight) -> list[Panel]:
+    """A vehicle that drives between frames."""
     settings = PaintSettings()
     assert flight.truth is not None
     with painted_map(flight, settings) as painted:
-        seen = sights(flight.truth, painted.frames)
+        seen = [sight for sight in sights(flight.truth, painted.frames) if sight.kind == "vehicle"]
         frames = frames_alone(flight, painted.frames, settings, [sight.window for sight in seen], seen)
         maps = {sight: shown(painted.canvas, sight.window).colour for sight in seen}
-    ghost = max((sight for sight in seen if sight.kind == "vehicle"), key=lambda sight: ghostly(frames, maps, sight))
-    mark = max((sight for sight in seen if sight.kind == "mark"), key=lambda sight: len(frames.by_window[sight.window]))
-    return {"ghosts": compared(frames, maps, ghost), "target": compared(frames, maps, mark)}
+    return compared(frames, maps, max(seen, key=lambda sight: ghostly(frames, maps, sight)))
+
+
+def bands() -> list[Panel]:
+    """A thermal camera's frames: one band of 16 bits, with a few hundred counts of contrast far above zero."""
+    camera = Camera(sensor=Sensor(bands=1, depth=16))
+    flight = simulated(plan("survey", (1200, 900), route=Plan(frames=12, height=100), camera=camera))
+
+    def high_bytes(name: str) -> Colours:
+        return (flight.load(name) >> 8).astype(np.uint8)
+
+    return [
+        ("one band of 16 bits, the upper 8 shown", middle(replace(flight, load=high_bytes), PaintSettings())),
+        ("default", middle(flight, PaintSettings())),
+    ]
+
+
+def is_best(frames: Frames, sight: Sight) -> bool:
+    """Whether no frame sees the target's place more centrally."""
+    alone = frames.by_window[sight.window]
+    return max(alone, key=lambda one: float(one[1].weight.mean()))[0] == sight.frame
+
+
+def paleness(frames: Frames, sight: Sight) -> float:
+    """How much of a mark's contrast the paper's blend keeps."""
+    frame, bare = dict(frames.by_window[sight.window])[sight.frame].colour, frames.bare[sight].colour
+    return shown_share(blended(frames, sight.window), frame, bare)
 
 
 def compared(frames: Frames, maps: dict[Sight, Colours], sight: Sight) -> list[Panel]:

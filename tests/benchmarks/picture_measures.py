@@ -16,7 +16,7 @@ Field = NDArray[np.float32]
 Colours = NDArray[Any]  # (h, w, 3) BGR, grey levels of 255
 
 DETAIL_SIGMA = 2.0  # px; what a Gaussian of this width takes away, wavelengths below about 12 px, is detail
-DARK = 8.0  # grey levels; below it a brightness is no measure of contrast
+DARK = 48.0  # grey levels; below it contrast is told against this: in deep shadow it is the sensor's noise that has most of it
 CELL = 32  # px: the best frame is chosen for squares of this side
 SIDE = 8  # px from a seam on either side, where the two brightnesses are taken
 LOW_PASS = 4.0  # px, deviation of the Gaussian over which a brightness is taken: grass and grain are gone
@@ -27,35 +27,43 @@ TRANSPARENT = 0.25, 0.75  # share of a pixel's own contrast: between these it is
 
 @dataclass(frozen=True, slots=True)
 class Detail:
-    """Energy of the detail, by cell (n,): of the map, and of the frame that sees the cell best, alone on the same grid."""
+    """Energy of the detail, by cell (n,): of the map; of the frame that sees the cell most centrally; and of the sharpest one
+    (with most detail in the cells around), each alone on the same grid. Frames differ: some are blurred by motion."""
 
     of_map: NDArray[np.float64]
-    of_frame: NDArray[np.float64]
+    of_central: NDArray[np.float64]
+    of_sharpest: NDArray[np.float64]
 
     @property
     def kept(self) -> float:
-        """Over all cells together."""
-        return float(self.of_map.sum() / self.of_frame.sum()) if self.of_frame.sum() else float("nan")
+        """Of the most central frame's, over all cells together."""
+        return _ratio(self.of_map, self.of_central)
 
     @property
-    def kept_by_worst(self) -> float:
-        """The share that all but the worst twentieth of the cells keep."""
-        return float(np.quantile(self.of_map / self.of_frame, 0.05)) if self.of_frame.size else float("nan")
+    def kept_of_sharpest(self) -> float:
+        """Of the sharpest frame's, over all cells together."""
+        return _ratio(self.of_map, self.of_sharpest)
 
 
 def all_detail(parts: Sequence[Detail]) -> Detail:
-    return Detail(np.concatenate([part.of_map for part in parts]), np.concatenate([part.of_frame for part in parts]))
+    return Detail(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("of_map", "of_central", "of_sharpest"))
+    )
 
 
 def detail(mosaic: Colours, frames: Sequence[Colours], covered: Sequence[Mask], weights: Sequence[Field]) -> Detail:
     """Detail of a map (h, w, 3) where two frames or more overlap. covered, weights: (h, w) of each frame; the one of
-    greatest weight (most central, finest) sees a place best."""
+    greatest weight sees a place most centrally."""
     inside = np.stack([_cells(mask.astype(np.float32)) == 1 for mask in covered])
-    weight = np.where(inside, np.stack([_cells(one) for one in weights]), -1)
+    weight = np.stack([_cells(one) for one in weights])
     energy = np.stack([_cells(energy_of_detail(frame)) for frame in frames])
-    best = np.take_along_axis(energy, weight.argmax(axis=0)[None], axis=0)[0]
-    overlap = (inside.sum(axis=0) >= 2) & (best > 0)
-    return Detail(_cells(energy_of_detail(mosaic))[overlap].astype(np.float64), best[overlap].astype(np.float64))
+    around = np.stack([cv2.blur(one, (3, 3)) for one in energy])
+    central, sharpest = (
+        np.take_along_axis(energy, np.where(inside, by, -1).argmax(axis=0)[None], axis=0)[0] for by in (weight, around)
+    )
+    overlap = (inside.sum(axis=0) >= 2) & (central > 0)
+    of_map = _cells(energy_of_detail(mosaic))
+    return Detail(*(one[overlap].astype(np.float64) for one in (of_map, central, sharpest)))
 
 
 def energy_of_detail(picture: Colours) -> Field:
@@ -149,6 +157,10 @@ def contrast_kept(of_map: NDArray[np.float64], of_frame: NDArray[np.float64]) ->
     """In the channel in which the frame shows the thing best."""
     strongest = int(np.abs(of_frame).argmax())
     return float(of_map[strongest] / of_frame[strongest])
+
+
+def _ratio(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    return float(one.sum() / other.sum()) if other.sum() else float("nan")
 
 
 def _grey(picture: Colours) -> Field:
