@@ -193,7 +193,7 @@ class FrameAlone:
         layer = self._view.layer(at)
         if layer is None:
             return None
-        density = upscale(np.ascontiguousarray(self._view.measured[self._view.lattice.window(at)][..., 0])).copy()
+        density = upscale(self._view._measured(at)[::2, ::2, 0].astype(np.float32)).copy()
         return layer.colour, layer.coverage, upscale(layer.weight).copy(), density
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.lattice import Lattice
-from gcs_mosaic.stitch.painting.layers import Layer, make_layer
+from gcs_mosaic.stitch.painting.layers import Layer, Measured, make_layer
 from gcs_mosaic.stitch.painting.warping import upscale
 
 Image = NDArray[np.uint8]
@@ -21,11 +21,11 @@ LEAST_WEIGHT = 1e-3  # keeps ratios of weights finite at borders
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """What a frame brings to a tile: its weight and what the mode has measured on it, at the lattice points ((17, 17) and
-    (17, 17, k)), and its picture, which costs a warp to look at; None if it turns out to cover nothing."""
+    """What a frame brings to a tile: its weight and what the mode has measured on it, at the lattice points (17, 17) and
+    at points twice as close (33, 33, k), and its picture, which costs a warp; None if it turns out to cover nothing."""
 
     weight: Lattice
-    measured: Lattice
+    measured: Measured
     picture: Callable[[], Layer | None]
 
 
@@ -39,7 +39,7 @@ class Blend:
     """A mode. It may use no more than what a tile shows and the new frame, so that a tile is a fold over its frames.
 
     `over`: (what a tile shows, what a new frame brings) -> what it shows now. `measure`: a frame's picture, made smaller if
-    it is large -> whatever the mode wants to know of it, as a map (h, w, k) of any size, which is sampled at the lattice points.
+    it is large -> whatever the mode wants to know of it, as a map (h, w, k) of any size, sampled at the finer lattice points.
     """
 
     over: Callable[[Layer, Part], Layer]

@@ -51,7 +51,7 @@ def _edges(grey: Image) -> Image:
 
 def edge(shown: Layer, new: Part) -> Layer:
     """The paper's blend: soft on smooth ground, the heavier frame alone where the new frame's edges are dense."""
-    density = new.measured[..., 0]
+    density = new.measured[::2, ::2, 0].astype(np.float32)
     boosted = np.maximum(new.weight, LEAST_WEIGHT) * (1 + (BOOST - 1) * density)
     steepness = SOFT + (STEEP - SOFT) * density
     log_ratio = steepness * np.log(boosted / np.maximum(shown.weight, LEAST_WEIGHT))

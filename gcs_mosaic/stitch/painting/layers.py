@@ -18,6 +18,7 @@ from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
 
 Image = NDArray[np.uint8]
+Measured = NDArray[np.float16]  # half the memory; no map needs more than three digits
 
 
 @cache
@@ -34,15 +35,15 @@ class Layer:
 
     `colour` (n, n, 3) BGR, 0 where there is none; `coverage` (n, n), 0 to 255; `weight` (n / 16 + 1, n / 16 + 1) at the
     lattice points, 0 where nothing is sure and 1 in the middle of a frame; `bands` (n, n, bands) uint8 or uint16, the frames'
-    own bands mixed as the colour is, only where somebody wants them (an export); `measured` (n / 16 + 1, n / 16 + 1, k) what
-    the blend has to remember of what is shown, if anything.
+    own bands mixed as the colour is, only where somebody wants them (an export); `measured` (n / 8 + 1, n / 8 + 1, k)
+    what the blend has to remember of what is shown at points twice as close, if anything.
     """
 
     colour: Image
     coverage: Image
     weight: Lattice
     bands: Bands | None = None
-    measured: Lattice | None = None
+    measured: Measured | None = None
 
     @property
     def side(self) -> int:
@@ -63,7 +64,7 @@ def make_layer(
     coverage: Image | None,
     weight: Lattice,
     bands: Bands | None = None,
-    measured: Lattice | None = None,
+    measured: Measured | None = None,
 ) -> Layer | None:
     """A layer of these parts (`coverage` None: full); None if nothing is covered."""
     side = colour.shape[0]
@@ -178,17 +179,17 @@ def _packed(layer: Layer) -> bytes:
 
 
 def _unpacked(data: bytes, record: _Record) -> Layer:
-    side, points = record.side, record.side // LATTICE_STEP + 1
+    side, points, fine = record.side, record.side // LATTICE_STEP + 1, 2 * record.side // LATTICE_STEP + 1
     ends = np.cumsum(
         [
             3 * side * side,
             4 * points * points,
             side * side * record.bands * record.kind.itemsize,
-            4 * points * points * record.measured,
+            2 * fine * fine * record.measured,
         ]
     ).tolist()
     colour, weight, bands, measured, coverage = (data[a:b] for a, b in zip([0, *ends], [*ends, len(data)], strict=True))
-    known = np.frombuffer(measured, np.float32).reshape(points, points, record.measured) if measured else None
+    known = np.frombuffer(measured, np.float16).reshape(fine, fine, record.measured) if measured else None
     return Layer(
         np.frombuffer(colour, np.uint8).reshape(side, side, 3),
         np.frombuffer(coverage, np.uint8).reshape(side, side) if coverage else full_coverage(side),

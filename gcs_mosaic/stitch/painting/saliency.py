@@ -1,8 +1,8 @@
 """What stands out in a frame: small things that differ from their surroundings far more than anything around them does.
 
-The contrast of a place is how far it is from the mean of the square around it, in the channel where that is most (a
-centre-surround difference, as in L. Itti, C. Koch and E. Niebur, "A Model of Saliency-Based Visual Attention for Rapid Scene
-Analysis", PAMI 20(11), 1998), and it counts against the contrast that is usual all around.
+A thing stands out by being brighter, redder or yellower than the mean of the square around it, or darker, greener or bluer:
+six maps of contrast by opponent colours, centre against surround, as in L. Itti, C. Koch and E. Niebur, "A Model of
+Saliency-Based Visual Attention for Rapid Scene Analysis", PAMI 20(11), 1998. Each counts against what is usual all around.
 """
 
 from __future__ import annotations
@@ -18,40 +18,46 @@ Map = NDArray[np.float32]
 CENTRE = 3  # smaller is noise
 SURROUND = 41  # some times a person
 USUAL = 121  # square over which the usual contrast is told
-# Times the usual contrast at which a thing stands out, and at which there may be one: crowns in a wood and stones on a beach
-# do not stand out; and what does so in one frame may do it half as much in another.
-STRONG, WEAK = 5.0, 2.0
-# Grey levels below which nothing stands out, and nothing may: below is noise.
-LEAST_STRONG, LEAST_WEAK = 20, 8
-# Around a thing, still as salient as itself: what a lattice step may miss of it, and what relief and parallax may shift it by.
-REACH = 16
-MISPLACED = 12
-FALL = 8  # over which salience falls to nothing
+DISTINCT = 5.0  # times the usual contrast at which a thing stands out; crowns in a wood and stones on a beach seldom do
+# Steps of L, a and b (8 bit) below which nothing stands out; what is fainter no eye finds.
+LEAST_CONTRAST = np.array([20, 10, 10] * 2, np.float32)
+REACH = (
+    12  # around a thing, still as salient as itself: more than half a lattice step, so that the whole thing is meant
+)
+MISPLACED = 8  # what relief and parallax may shift the same thing by in another frame
+POOL = 4  # pixels a side that share a value
+WAYS = len(LEAST_CONTRAST)  # in which a thing can stand out
 
 
 def saliency(look: Image) -> tuple[Map, Map]:
-    """Where things stand out in a picture (h, w, 3), and where things may: two maps a quarter as wide, 0 to 1.
+    """Of a picture (h, w, 3), a quarter as wide, each with `WAYS` channels: the contrast of the thing that stands out at or
+    beside a place, 0 if there is none; and the greatest contrast anywhere around it, thing or not.
 
-    Whatever is salient in the first is so in the second, and more widely.
+    The first is nowhere above the second, and if frames show the same thing, not above the second of another frame either.
     """
-    differences = cv2.absdiff(cv2.blur(look, (CENTRE, CENTRE)), cv2.blur(look, (SURROUND, SURROUND)))
-    contrast = np.asarray(np.max(cv2.split(differences), axis=0), dtype=np.uint8)
-    usual = np.asarray(cv2.blur(contrast, (USUAL, USUAL), borderType=cv2.BORDER_REFLECT), dtype=np.uint8)
-    strong = cv2.compare(contrast, _bound(usual, STRONG, LEAST_STRONG), cv2.CMP_GT)
-    weak = cv2.compare(contrast, _bound(usual, WEAK, LEAST_WEAK), cv2.CMP_GT)
-    return _grown(strong, REACH), _grown(weak, REACH + FALL + MISPLACED)
+    lab = cv2.cvtColor(look, cv2.COLOR_BGR2Lab)
+    centre, surround = cv2.blur(lab, (CENTRE, CENTRE)), cv2.blur(lab, (SURROUND, SURROUND))
+    ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
+    contrast = np.dstack([_pooled(way) for way in ways])
+    around = USUAL // POOL | 1
+    usual = cv2.blur(_quarter(cv2.absdiff(centre, surround)), (around, around), borderType=cv2.BORDER_REFLECT)
+    bound = np.maximum(DISTINCT * np.dstack([usual, usual]), LEAST_CONTRAST)
+    things = np.where(contrast > bound, contrast, 0)
+    return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED)
 
 
-def _bound(usual: Image, ratio: float, least: int) -> Image:
-    return np.asarray(np.maximum(cv2.convertScaleAbs(usual, alpha=ratio), least), dtype=np.uint8)
+def _pooled(values: cv2.typing.MatLike) -> NDArray[np.uint8]:
+    """The greatest of all values around each fourth pixel."""
+    size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
+    widest = cv2.dilate(values, np.ones((POOL + 1, POOL + 1), np.uint8))
+    return np.asarray(cv2.resize(widest, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
 
 
-def _grown(things: cv2.typing.MatLike, reach: int) -> Map:
-    """Things (0 or 255) with what is around them, a quarter as wide."""
-    quarter = max(1, things.shape[1] // 4), max(1, things.shape[0] // 4)
-    # The greatest of 4 x 4 pixels, because a thing may be no larger than one.
-    pooled = cv2.resize(cv2.dilate(things, np.ones((5, 5), np.uint8)), quarter, interpolation=cv2.INTER_NEAREST)
-    wide = 2 * ((reach + FALL // 2) // 4) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))
-    soft = 2 * (FALL // 8) + 1
-    return np.asarray(cv2.blur(cv2.dilate(pooled, disc), (soft, soft)) / np.float32(255), dtype=np.float32)
+def _quarter(values: cv2.typing.MatLike) -> Map:
+    size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
+    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _greatest(values: NDArray[np.uint8], reach: int) -> Map:
+    side = 2 * (reach // POOL) + 1
+    return np.asarray(cv2.dilate(values, np.ones((side, side), np.uint8)), dtype=np.float32)

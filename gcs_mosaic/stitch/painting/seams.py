@@ -12,7 +12,7 @@ tone, the colour of the ground over some ten pixels.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,34 +20,37 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT, Part, mix_pixels
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
-from gcs_mosaic.stitch.painting.layers import Layer
-from gcs_mosaic.stitch.painting.saliency import saliency
-from gcs_mosaic.stitch.painting.warping import upscale
+from gcs_mosaic.stitch.painting.layers import Layer, Measured
+from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, WAYS, saliency
+from gcs_mosaic.stitch.painting.warping import refined, upscale
 
 Image = NDArray[np.uint8]
 
 # Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other.
-TONE = slice(3, None)
-DETAIL, DETAIL_AROUND = 5, 61
+# What is measured of a frame, in this order, at each lattice point.
+THINGS, ANYTHING, DETAILED, TONE = slice(0, WAYS), slice(WAYS, 2 * WAYS), 2 * WAYS, slice(2 * WAYS + 1, None)
+
+DETAIL, DETAIL_AROUND = 5, 241
 LEAST_DETAIL = 1.0  # grey levels; what noise makes of bare ground
 SHARP = 3.0  # exponent of the ratio of detail: a frame with a third of it less yields to one with a third of its weight
 TONE_SHRINK = 8  # the size of a pixel of the map of tones, in pixels of the picture that a frame is looked at in
 TONE_BLUR = (
     7  # pixels of that map, a side, that make a tone: wider than a lattice step, so that it misses nothing between
 )
+BEYOND = 1.5  # times the contrast of anything around that a thing must have for the other frame not to have it
 SALIENT = 20.0  # what a thing where the other frame has none adds to the log ratio of weights: more than weights can
 SURE = 0.05  # log ratio of weights at which a lattice point is wholly on one side of the seam
 LEAST_SURE = 0.5  # of 1, at every lattice point: the seam stays narrow even where two frames see equally well
 FEATHER = 4  # tile px of transition between two lattice points that are wholly on different sides
 SOFT = 4.0  # exponent of the ratio of weights by which tones are mixed: over about a quarter of a frame
-MOST_SHIFT = 12.0  # grey levels that a tone is shifted at most; more is no light but a thing that has moved
+MOST_SHIFT = 6.0  # grey levels that a tone is shifted at most; more is no light but a thing that has moved
 
 
 def look_for_seams(look: Image) -> NDArray[np.float32]:
-    """What `seam` needs to know of a frame's picture: where things stand out, where things may, log detail, tone (b, g, r)."""
-    strong, weak = saliency(look)
-    maps = [_log_detail(look), *cv2.split(_tone(look, strong))]
-    return np.dstack([strong, weak, *(cv2.resize(one, strong.shape[::-1]) for one in maps)])
+    """What `seam` needs to know of a frame's picture: contrast of things, contrast of anything, log detail, tone (b, g, r)."""
+    things, anything = saliency(look)
+    maps = [_log_detail(look), *cv2.split(_tone(look))]
+    return np.dstack([things, anything, *(cv2.resize(one, things.shape[1::-1]) for one in maps)])
 
 
 def _log_detail(look: Image) -> NDArray[np.float32]:
@@ -60,57 +63,76 @@ def _log_detail(look: Image) -> NDArray[np.float32]:
     return np.asarray(np.log(mean + LEAST_DETAIL), dtype=np.float32)
 
 
-def _tone(look: Image, strong: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The mean colour around a place, of the ground alone: things that stand out count for nothing if there is any ground."""
+def _tone(look: Image) -> NDArray[np.float32]:
+    """The mean colour around a place."""
     size = max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
     small = cv2.resize(look, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    ground = np.maximum(1 - cv2.resize(strong, size, interpolation=cv2.INTER_AREA), 0.01)
-    total = cv2.blur(small * ground[..., None], (TONE_BLUR, TONE_BLUR))
-    return np.asarray(total / cv2.blur(ground, (TONE_BLUR, TONE_BLUR))[..., None], dtype=np.float32)
+    return np.asarray(cv2.blur(small, (TONE_BLUR, TONE_BLUR)), dtype=np.float32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sight:
+    """What is known of a tile's picture at the finer lattice points: `weight` (33, 33), `measured` (33, 33, k)."""
+
+    weight: Lattice
+    measured: Lattice
 
 
 def seam(shown: Layer, new: Part) -> Layer:
     """Each place from the frame that sees it best, things before plain ground; tones agree over a wider strip."""
     known = _guessed(new.measured) if shown.measured is None else shown.measured
-    before = Part(shown.weight, known, lambda: shown)
-    log_ratio = _log_ratio(before, new)
-    decided = log_ratio + SALIENT * _things(before, new)
+    before = _Sight(refined(shown.weight), known.astype(np.float32))
+    after = _Sight(refined(new.weight), new.measured.astype(np.float32))
+    log_ratio = _log_ratio(before, after)
+    decided = log_ratio + SALIENT * _things(before, after)
     is_new = decided > 0
-    shown_shift, new_shift = _tone_shifts(before, new, log_ratio)
+    shown_shift, new_shift = _tone_shifts(before, after, log_ratio)
     if shown.is_full and not is_new.any():
-        return replace(_shifted(shown, shown_shift), measured=_toned(known, shown_shift))
+        return replace(_shifted(shown, shown_shift), measured=_toned(before, shown_shift).astype(np.float16))
     picture = new.picture()
     if picture is None:
         return shown
-    side = np.where(is_new, 1, -1) * np.clip(np.abs(decided) / SURE, LEAST_SURE, 1)
-    share = upscale((side * (LATTICE_STEP / (2 * FEATHER))).astype(np.float32)) + 0.5
-    pixels = np.rint(np.clip(share, 0, 1) * 255).astype(np.uint8)
-    mixed = mix_pixels(_shifted(shown, shown_shift), _shifted(picture, new_shift), pixels)
-    measured = np.where(is_new[..., None], _toned(new.measured, new_shift), _toned(known, shown_shift))
-    return replace(mixed, weight=np.where(is_new, new.weight, shown.weight), measured=measured)
+    mixed = mix_pixels(_shifted(shown, shown_shift), _shifted(picture, new_shift), _share(decided))
+    measured = np.where(is_new[..., None], _toned(after, new_shift), _toned(before, shown_shift))
+    weight = np.where(is_new[::2, ::2], new.weight, shown.weight)
+    return replace(mixed, weight=weight, measured=measured.astype(np.float16))
 
 
-def _guessed(new: Lattice) -> Lattice:
+def _guessed(new: Measured) -> Measured:
     """What is taken to be known of a tile that an earlier run wrote, until it is made anew: plain ground of the right tone."""
-    return np.dstack([np.zeros_like(new[..., :2]), new[..., 2:]])
+    return np.dstack([np.zeros_like(new[..., :DETAILED]), new[..., DETAILED:]])
 
 
-def _log_ratio(shown: Part, new: Part) -> Lattice:
+def _share(decided: Lattice) -> Image:
+    """The new frame's share (256, 256), 0 to 255, of what was decided at the lattice points (above 0: it is to be shown)."""
+    side = np.where(decided > 0, 1, -1) * np.clip(np.abs(decided) / SURE, LEAST_SURE, 1)
+    steepness = LATTICE_STEP / 2 / (2 * FEATHER)
+    share = upscale((side * steepness).astype(np.float32)) + 0.5
+    return np.asarray(np.rint(np.clip(share, 0, 1) * 255), dtype=np.uint8)
+
+
+def _log_ratio(shown: _Sight, new: _Sight) -> Lattice:
     """By how much the new frame sees the lattice points better than the shown one; above 0: it does."""
     log_ratio = np.log(np.maximum(new.weight, LEAST_WEIGHT) / np.maximum(shown.weight, LEAST_WEIGHT))
-    log_ratio += SHARP * (new.measured[..., 2] - shown.measured[..., 2])
+    log_ratio += SHARP * (new.measured[..., DETAILED] - shown.measured[..., DETAILED])
     return np.asarray(log_ratio, dtype=np.float32)
 
 
-def _things(shown: Part, new: Part) -> Lattice:
+def _things(shown: _Sight, new: _Sight) -> Lattice:
     """Where only one of them has a thing: 1 if it is the new frame, -1 if it is the shown one, 0 where none or both have."""
-    only_new = np.maximum(new.measured[..., 0] - shown.measured[..., 1], 0) * (new.weight > LEAST_WEIGHT)
-    only_shown = np.maximum(shown.measured[..., 0] - new.measured[..., 1], 0) * (shown.weight > LEAST_WEIGHT)
+    only_new = _only(new.measured, shown.measured) * (new.weight > LEAST_WEIGHT)
+    only_shown = _only(shown.measured, new.measured) * (shown.weight > LEAST_WEIGHT)
     return np.asarray(only_new - only_shown, dtype=np.float32)
 
 
-def _tone_shifts(shown: Part, new: Part, log_ratio: Lattice) -> tuple[Lattice, Lattice]:
-    """What the tones of what is shown and of the new frame are to be shifted by, (17, 17, 3) each, to agree.
+def _only(one: Lattice, other: Lattice) -> Lattice:
+    """1 where one has a thing that is beyond any contrast of the other, 0 where not, and little between."""
+    beyond = (one[..., THINGS] - BEYOND * other[..., ANYTHING]) / LEAST_CONTRAST
+    return np.asarray(np.clip(beyond.max(axis=-1), 0, 1))
+
+
+def _tone_shifts(shown: _Sight, new: _Sight, log_ratio: Lattice) -> tuple[Lattice, Lattice]:
+    """What the tones of what is shown and of the new frame are to be shifted by, (33, 33, 3) each, to agree.
 
     Nothing is shifted where the other one has no weight: the tile beside this one may not know of it at all.
     """
@@ -125,16 +147,15 @@ def _bounded(shift: Lattice) -> Lattice:
     return np.asarray(np.clip(shift, -MOST_SHIFT, MOST_SHIFT), dtype=np.float32)
 
 
-def _toned(measured: Lattice, shift: Lattice) -> Lattice:
-    return np.dstack([measured[..., :3], measured[..., TONE] + shift])
+def _toned(sight: _Sight, shift: Lattice) -> Lattice:
+    """What is measured of a picture that has been shifted."""
+    return np.dstack([sight.measured[..., : TONE.start], sight.measured[..., TONE] + shift])
 
 
 def _shifted(layer: Layer, shift: Lattice) -> Layer:
     """The layer with its colours shifted, where it covers anything."""
     if np.abs(shift).max() < 0.5:
         return layer
-    side, rim = layer.side + LATTICE_STEP, LATTICE_STEP // 2
-    by_pixel = cv2.resize(shift, (side, side), interpolation=cv2.INTER_LINEAR)[rim:-rim, rim:-rim]
-    colour = cv2.add(layer.colour, by_pixel, dtype=cv2.CV_8U)
+    colour = cv2.add(layer.colour, upscale(shift), dtype=cv2.CV_8U)
     colour = colour if layer.is_full else cv2.copyTo(colour, layer.coverage)
     return replace(layer, colour=np.asarray(colour, np.uint8))

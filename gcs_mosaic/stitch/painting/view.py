@@ -13,10 +13,10 @@ from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.blending import Blend, Part
 from gcs_mosaic.stitch.painting.exposure import apply_gain
 from gcs_mosaic.stitch.painting.grid import Tile
-from gcs_mosaic.stitch.painting.lattice import FrameLattice, Lattice
-from gcs_mosaic.stitch.painting.layers import Layer, make_layer
+from gcs_mosaic.stitch.painting.lattice import FrameLattice
+from gcs_mosaic.stitch.painting.layers import Layer, Measured, make_layer
 from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.warping import NOWHERE, shrunk, tile_picture
+from gcs_mosaic.stitch.painting.warping import NOWHERE, refined, shrunk, tile_picture
 
 Image = NDArray[np.uint8]
 # The size a frame is looked at by a blend: 6 px of a 12 MP frame are still 3.
@@ -27,12 +27,12 @@ KeepBands = Literal["none", "raw", "gained"]  # of the frames' bands on tiles: a
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameView:
-    """A frame as it is shown, with its gain applied; its lattice; what the blend has measured at the lattice points; and all its
-    bands if somebody wants them."""
+    """A frame as it is shown, with its gain applied; its lattice; what the blend has measured, at points twice as close; and
+    all its bands if somebody wants them."""
 
     lattice: FrameLattice
     image: Image
-    measured: Lattice
+    measured: Measured
     blend: Blend
     interpolation: int
     bands: Bands | None = None
@@ -42,16 +42,18 @@ class FrameView:
         window = self.lattice.window(tile)
         colour, coverage = tile_picture(self.lattice, self.image, tile, self.interpolation)
         bands = None if self.bands is None else tile_picture(self.lattice, self.bands, tile, self.interpolation)[0]
-        return make_layer(colour, coverage, self.lattice.weight[window], bands, self.measured[window])
+        return make_layer(colour, coverage, self.lattice.weight[window], bands, self._measured(tile))
 
     def over(self, shown: Layer | None, tile: Tile) -> Layer | None:
         """One step of the fold that makes a tile: the frame laid over what is shown."""
         if shown is None:
             return self.layer(tile)
         window = self.lattice.window(tile)
-        return self.blend.over(
-            shown, Part(self.lattice.weight[window], self.measured[window], lambda: self.layer(tile))
-        )
+        return self.blend.over(shown, Part(self.lattice.weight[window], self._measured(tile), lambda: self.layer(tile)))
+
+    def _measured(self, tile: Tile) -> Measured:
+        rows, columns = self.lattice.window(tile)
+        return self.measured[2 * rows.start : 2 * rows.stop - 1, 2 * columns.start : 2 * columns.stop - 1]
 
 
 def frame_view(
@@ -71,9 +73,9 @@ def frame_view(
     return FrameView(lattice, gained, measured, blend, interpolation, bands)
 
 
-def _at_lattice_points(maps: NDArray[np.float32], lattice: FrameLattice) -> Lattice:
-    """Maps (h, w, k) of the frame, of any size, sampled where the lattice points lie in the frame."""
+def _at_lattice_points(maps: NDArray[np.float32], lattice: FrameLattice) -> Measured:
+    """Maps (h, w, k) of the frame, of any size, sampled where the lattice points lie in the frame, and between them."""
     scale = np.array(maps.shape[1::-1]) / [lattice.camera.width, lattice.camera.height]
-    places = np.nan_to_num((lattice.pixels + 0.5) * scale - 0.5, nan=NOWHERE).astype(np.float32)
+    places = np.nan_to_num((refined(lattice.pixels) + 0.5) * scale - 0.5, nan=NOWHERE).astype(np.float32)
     sampled = cv2.remap(maps, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
-    return np.asarray(sampled, dtype=np.float32).reshape(*places.shape[:2], maps.shape[2])
+    return np.asarray(sampled, dtype=np.float16).reshape(*places.shape[:2], maps.shape[2])

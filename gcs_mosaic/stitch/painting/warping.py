@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.bands import Bands
-from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.painting.lattice import LATTICE, LATTICE_STEP, FrameLattice, Lattice
 
 NOWHERE = -1e4  # px; outside every frame, and small enough for the fixed-point coordinates of cv2.remap
@@ -33,14 +33,26 @@ _scratch = _Scratch()
 
 
 def upscale(values: Lattice) -> Lattice:
-    """Values at a tile's lattice points (17, 17[, 2]) to its pixel centres (256, 256[, 2]), bilinear.
+    """Values at a tile's lattice points (17, 17[, 2]), or at points twice as close (33, 33[, k]), to its pixel centres
+    (256, 256[, k]), bilinear.
 
-    What comes back is overwritten by this thread's next call for the same number of channels.
+    What comes back is overwritten by this thread's next call for lattice points with the same number of channels.
     """
-    size, rim = LATTICE * LATTICE_STEP, LATTICE_STEP // 2
-    wide = _scratch.one if values.ndim == 2 else _scratch.two
-    cv2.resize(values, (size, size), dst=wide, interpolation=cv2.INTER_LINEAR)
+    step = TILE_SIZE // (len(values) - 1)
+    size, rim = len(values) * step, step // 2
+    scratch = (_scratch.one if values.ndim == 2 else _scratch.two) if step == LATTICE_STEP else None
+    wide = np.asarray(cv2.resize(values, (size, size), dst=scratch, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
     return wide[rim:-rim, rim:-rim]
+
+
+def refined(values: Lattice) -> Lattice:
+    """Values at lattice points (n, m[, k]) with the means of neighbours between them, (2 n - 1, 2 m - 1[, k])."""
+    rows, columns = values.shape[:2]
+    fine = np.empty((2 * rows - 1, 2 * columns - 1, *values.shape[2:]), np.float32)
+    fine[::2, ::2] = values
+    fine[1::2, ::2] = (values[:-1] + values[1:]) / 2
+    fine[:, 1::2] = (fine[:, :-1:2] + fine[:, 2::2]) / 2
+    return fine
 
 
 def shrunk(image: Image, pixels: int) -> Image:

@@ -22,7 +22,7 @@ def plain(value: int, weight: float, covered: slice = slice(None)) -> Layer:
 def part(layer: Layer, mode: str = "first") -> Part:
     """A layer as a new frame of which nothing is measured but what its mode finds on a picture without detail."""
     measured = BLENDS[mode].measure(np.full((64, 64, 3), layer.colour.max(), np.uint8))
-    return Part(layer.weight, measured[:1, :1].repeat(LATTICE, 0).repeat(LATTICE, 1), lambda: layer)
+    return Part(layer.weight, measured[:1, :1].repeat(2 * LATTICE - 1, 0).repeat(2 * LATTICE - 1, 1), lambda: layer)
 
 
 @pytest.mark.parametrize("mode", BLENDS)

@@ -7,6 +7,8 @@ from gcs_mosaic.stitch.painting.edges import edge, edge_density
 from gcs_mosaic.stitch.painting.lattice import LATTICE
 from gcs_mosaic.stitch.painting.layers import Layer, make_layer
 
+FINE = 2 * LATTICE - 1
+
 
 def plain(value: int, weight: float) -> Layer:
     return make_layer(np.full((256, 256, 3), value, np.uint8), None, np.full((LATTICE, LATTICE), weight, np.float32))
@@ -14,7 +16,7 @@ def plain(value: int, weight: float) -> Layer:
 
 def part(value: int, weight: float, density: float = 0.0) -> Part:
     layer = plain(value, weight)
-    return Part(layer.weight, np.full((LATTICE, LATTICE, 1), density, np.float32), lambda: layer)
+    return Part(layer.weight, np.full((FINE, FINE, 1), density, np.float32), lambda: layer)
 
 
 def test_on_smooth_ground_the_heavier_frame_shows_more() -> None:
@@ -34,7 +36,7 @@ def test_a_new_frame_without_weight_is_not_even_looked_at() -> None:
         raise AssertionError("looked at")
 
     shown = plain(100, 0.9)
-    after = edge(shown, Part(shown.weight * 0, np.zeros((LATTICE, LATTICE, 1), np.float32), never))
+    after = edge(shown, Part(shown.weight * 0, np.zeros((FINE, FINE, 1), np.float32), never))
     assert after.colour is shown.colour
 
 

@@ -14,7 +14,7 @@ def layer(seed: int, full: bool = True):
     coverage = None if full else (rng.random((256, 256)) < 0.5).astype(np.uint8) * 255
     colour = rng.integers(0, 255, (256, 256, 3), dtype=np.uint8)
     weight = rng.random((LATTICE, LATTICE), dtype=np.float32)
-    measured = None if seed % 3 == 0 else rng.random((LATTICE, LATTICE, seed % 3), dtype=np.float32)
+    measured = None if seed % 3 == 0 else rng.random((2 * LATTICE - 1, 2 * LATTICE - 1, seed % 3)).astype(np.float16)
     return make_layer(colour, coverage, weight, None, measured)
 
 
