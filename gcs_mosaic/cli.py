@@ -19,7 +19,16 @@ from rich.console import Console
 from gcs_mosaic.config import Config, load_config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import CannotWrite
-from gcs_mosaic.options import add_blend, add_method, add_output, blended, config_of, flight_config, make_parser
+from gcs_mosaic.options import (
+    add_announce,
+    add_blend,
+    add_method,
+    add_output,
+    blended,
+    config_of,
+    flight_config,
+    make_parser,
+)
 
 USAGE = """\
 gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
@@ -74,6 +83,7 @@ def fly(words: Sequence[str]) -> None:
     parser.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
     parser.add_argument("--from", dest="oldest", metavar="now|start|30m", help="how old a file may be at the start")
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
+    add_announce(parser)
     add_blend(parser)
     add_method(parser)
     add_output(parser)

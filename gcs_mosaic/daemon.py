@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from gcs_mosaic.announcements import Announcements
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
 from gcs_mosaic.flight.disk import CannotWrite
@@ -24,7 +25,7 @@ from gcs_mosaic.patience import Patience
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
-from gcs_mosaic.sources import Inbox, Item, Source, listen, record, watching
+from gcs_mosaic.sources import Inbox, Item, Links, listen, record, watching
 from gcs_mosaic.stitch.painting.painted import TileKey
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
@@ -51,13 +52,13 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
-        sources, recording = listen(config, ending.stop, stack)
+        links = listen(config, ending.stop, stack)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
         refuse_watching_ourselves(watched, folder.path)
-        recorded = record(config, recording, folder.path)
+        recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
-        sources.append(watching(config, ending.stop))
+        links.sources.append(watching(config, ending.stop))
         daemon = _Daemon(config, folder, console, ending, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
@@ -65,7 +66,7 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
             daemon.say(recorded)
         if page:
             daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
-        daemon.run(sources)
+        daemon.run(links)
 
 
 def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
@@ -81,6 +82,7 @@ def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) 
 class _Daemon:
     def __init__(self, config: Config, folder: FlightFolder, console: Console, ending: Ending, feed: Feed) -> None:
         self._config, self._ending = config, ending
+        self._announcements = Announcements()
         self._inbox = Inbox(ending.stop)
         self._patience = Patience(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
@@ -96,14 +98,15 @@ class _Daemon:
         self._adjusting = False  # whether an adjustment that was begun in a pause is under way
         self._looked = False  # whether all files that were there at the start have come
 
-    def run(self, sources: Iterable[Source]) -> None:
+    def run(self, links: Links) -> None:
         """Work until told to stop, then finish."""
-        self._inbox.fill(sources)
+        self._announcements.speakers = links.speakers
+        self._inbox.fill(links.sources)
         self._patience.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
         while not self._ending.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
-            self._logbook.tick(time.monotonic())
+            self._announcements.missing(self._logbook.tick(time.monotonic()))
             self._patience.write(self._logbook.save)
             self._report()
         self._inbox.join()
@@ -111,6 +114,7 @@ class _Daemon:
 
     def say(self, notice: Notice) -> None:
         self._reporter.say(notice)
+        self._announcements.notice(notice)
 
     def close(self) -> None:
         self._preparation.close()
@@ -187,6 +191,7 @@ class _Daemon:
 
     def _note_done(self, done: Done) -> None:
         self._state = "flying"
+        self._announcements.frame(done.state)
         latency = time.monotonic() - self._came.pop(done.name)
         self._reporter.last_frame = LastFrame(
             name=done.name,

@@ -36,9 +36,11 @@ class Logbook:
         """A frame has come and stands in the ledger; `fresh` if it was not there before the watch began."""
         self._outcomes += self._pairing.frame(frame, now, fresh=fresh)
 
-    def tick(self, now: float) -> None:
-        """Time has passed: some events are missing their frames."""
-        self._outcomes += self._pairing.tick(now)
+    def tick(self, now: float) -> list[Missing]:
+        """Time has passed; returns the events whose frames are missing now."""
+        missing = self._pairing.tick(now)
+        self._outcomes += missing
+        return missing
 
     def close(self) -> None:
         """Nothing more will come."""

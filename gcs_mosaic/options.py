@@ -11,6 +11,8 @@ from gcs_mosaic.config import Config, Method, load_config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.matching.detectors import FeatureKind, is_available
 
+ANNOUNCE_AS = 191  # MAVLink system id if none is given: no aircraft's, which count from 1, and no ground station's
+
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> None:  # type: ignore[override]
@@ -26,6 +28,15 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     """--out and --config."""
     parser.add_argument("--out", metavar="DIR", help="folder for the map (an earlier flight in it is left as it is)")
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
+
+
+def add_announce(parser: argparse.ArgumentParser) -> None:
+    """What is sent on the link, which is nothing without these."""
+    announce = parser.add_argument(
+        "--announce", type=int, nargs="?", metavar="ID", help="send a heartbeat and warnings, as this MAVLink system"
+    )
+    announce.const = ANNOUNCE_AS
+    parser.add_argument("--recover", action="store_true", help="ask the camera again for messages that were lost")
 
 
 def add_blend(parser: argparse.ArgumentParser) -> None:
@@ -83,6 +94,10 @@ def flight_config(given: argparse.Namespace) -> Config:
         config = replace(config, record=given.record)
     if given.vehicle is not None:
         config = replace(config, link=replace(config.link, vehicle=given.vehicle))
+    if given.announce is not None:
+        config = replace(config, link=replace(config.link, announce=given.announce))
+    if given.recover:
+        config = replace(config, link=replace(config.link, recover=True))
     if given.http or given.no_http:
         config = replace(config, http=None if given.no_http else given.http)
     return config

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -16,7 +17,11 @@ from gcs_mosaic.frames.directory import watch
 from gcs_mosaic.link.address import connection_string, parse_address
 from gcs_mosaic.link.listener import VehicleChoice
 from gcs_mosaic.link.recording import Recording
+from gcs_mosaic.link.recover import Recovery
+from gcs_mosaic.link.signing import Signing, load_key
+from gcs_mosaic.link.speaker import Speaker
 from gcs_mosaic.link.triggers import triggers
+from gcs_mosaic.link.voice import Voice, check_identity
 
 Report = LinkReport | FolderReport
 Item = TriggerEvent | Frame | DamagedFile | Notice | Report
@@ -34,18 +39,34 @@ class Source:
     failed: Report
 
 
-def listen(config: Config, stop: threading.Event, stack: ExitStack) -> tuple[list[Source], Recording]:
-    """The links, opened, and what records them once it is opened; `stack` gives them back. Raises UsageError."""
-    recording = Recording()
-    stack.callback(recording.close)
-    choice = VehicleChoice(config.link.vehicle)
-    sources = []
-    for address in map(parse_address, config.mavlink):
-        failed = LinkReport(address=connection_string(address), state="failed")
-        items = triggers(address, stop, config.link, choice, recording)
+@dataclass(frozen=True, slots=True)
+class Links:
+    """The links of a flight, opened; what records them once it is opened, and what speaks on them (nothing, as a rule)."""
+
+    sources: list[Source]
+    recording: Recording
+    speakers: list[Speaker]
+
+
+def listen(config: Config, stop: threading.Event, stack: ExitStack) -> Links:
+    """Open the links; `stack` gives them back. Raises UsageError."""
+    check_identity(config.link)
+    key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
+    choice, recovery, taken = VehicleChoice(config.link.vehicle), Recovery(), threading.Event()
+    links = Links([], Recording(), [])
+    stack.callback(links.recording.close)
+    for link_id, address in enumerate(map(parse_address, config.mavlink)):
+        name = connection_string(address)
+        signing = Signing(key) if key else None
+        speaker = None
+        if config.link.announce is not None:
+            voice = Voice(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
+            speaker = Speaker(name, voice, recovery if config.link.recover else None, taken)
+            links.speakers.append(speaker)
+        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
         stack.callback(_close, items)
-        sources.append(Source(items, failed))
-    return sources, recording
+        links.sources.append(Source(items, LinkReport(address=name, state="failed")))
+    return links
 
 
 def record(config: Config, recording: Recording, out: Path) -> Notice | None:

@@ -29,6 +29,7 @@ ALLOWED = {
     "pipeline": {"recorder", "config", "painter", "paper", "prepare", "flight", "frames", "stitch", "events"},
     "logbook": {"link", "pairing", "flight", "events"},
     "reporting": {"flight", "events"},
+    "announcements": {"link", "pairing", "flight", "events"},
     "patience": {"flight", "events"},
     "sources": {"config", "link", "frames", "flight", "events"},
     "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "stitch", "events"},
@@ -39,7 +40,7 @@ ALLOWED = {
     },
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
-        *("pipeline", "prepare", "logbook", "reporting", "patience", "sources", "config"),
+        *("pipeline", "prepare", "logbook", "reporting", "announcements", "patience", "sources", "config"),
         *("frames", "flight", "web", "stitch", "events"),
     },
     "options": {"config", "frames", "stitch", "errors"},

@@ -11,7 +11,7 @@ from typing import Literal
 
 from gcs_mosaic.errors import UsageError
 
-Kind = Literal["udp", "tcp", "tcpin", "serial", "file"]
+Kind = Literal["udp", "udpout", "tcp", "tcpin", "serial", "file"]
 
 DEFAULT_BAUD = 57600  # bits per second; what telemetry radios are sold with
 EVERY_INTERFACE = "0.0.0.0"  # a vehicle on the radio's network must reach us, as it reaches any ground station
@@ -19,11 +19,13 @@ EVERY_INTERFACE = "0.0.0.0"  # a vehicle on the radio's network must reach us, a
 _SCHEMES: dict[str, Kind] = {
     "udp": "udp",
     "udpin": "udp",
+    "udpout": "udpout",
     "tcp": "tcp",
     "tcpout": "tcp",
     "tcpin": "tcpin",
     "serial": "serial",
 }
+_CALLING: tuple[Kind, ...] = ("udpout", "tcp")
 _HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 _DEVICE = re.compile(r"(/dev/(?!.*\.\.)[\w./+-]+|COM\d{1,3})", re.ASCII)
 
@@ -43,7 +45,7 @@ class LinkAddress:
 def parse_address(text: str) -> LinkAddress:
     """The address that `text` names.
 
-    Accepts `udp:PORT`, `udp:HOST:PORT`, `udpin:…`, `tcp:HOST:PORT`, `tcpin:[HOST:]PORT`, the same with `://`,
+    Accepts `udp:PORT`, `udp:HOST:PORT`, `udpin:…`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, `tcpin:[HOST:]PORT`, the same with `://`,
     `serial:/dev/ttyACM0:57600`, a plain `/dev/tty…` or `COM3`, and `FILE.tlog`. Raises UsageError for all else.
     """
     text = text.strip()
@@ -52,11 +54,6 @@ def parse_address(text: str) -> LinkAddress:
     if text.startswith("/dev/") or re.match(r"COM\d", text):
         return _serial(text, text)
     scheme, colon, rest = text.partition(":")
-    if scheme.lower() in ("udpout", "udpbcast"):
-        raise UsageError(
-            f"--mavlink {text!r} calls out, but nothing is ever sent and so nothing would answer: "
-            "use udp:14550 and let the other side send to that port."
-        )
     kind = _SCHEMES.get(scheme.lower())
     if kind is None or not colon:
         raise _malformed(text, "an address such as udp:14550, tcp:HOST:5760, serial:/dev/ttyACM0:57600 or FLIGHT.tlog")
@@ -69,7 +66,7 @@ def connection_string(address: LinkAddress) -> str:
     match address.kind:
         case "udp":
             return f"udpin:{address.host}:{address.port}"
-        case "tcp" | "tcpin":
+        case "udpout" | "tcp" | "tcpin":
             return f"{address.kind}:{address.host}:{address.port}"
         case "serial":
             return address.device
@@ -81,8 +78,8 @@ def _socket(text: str, kind: Kind, rest: str) -> LinkAddress:
     host, _, port = rest.rpartition(":")
     if not re.fullmatch(r"[0-9]{1,5}", port) or not 1 <= int(port) <= 65535:
         raise _malformed(text, f"a port from 1 to 65535 at the end, such as {kind}:{_example_host(kind)}14550")
-    if not host and kind == "tcp":
-        raise _malformed(text, "the host to connect to, such as tcp:127.0.0.1:5760")
+    if not host and kind in _CALLING:
+        raise _malformed(text, f"the host to call, such as {kind}:127.0.0.1:{port}")
     host = host or EVERY_INTERFACE
     if not _is_host(host):
         raise _malformed(text, f"a host name or an IPv4 address before the port, such as {kind}:127.0.0.1:{port}")
@@ -107,7 +104,7 @@ def _is_host(host: str) -> bool:
 
 
 def _example_host(kind: Kind) -> str:
-    return "127.0.0.1:" if kind == "tcp" else ""
+    return "127.0.0.1:" if kind in _CALLING else ""
 
 
 def _malformed(text: str, wanted: str) -> UsageError:

@@ -17,6 +17,11 @@ LinkState = Literal["listening", "heard", "silent", "failed"]
 REPORT_EVERY_S = 1.0
 MOST_NAMED = 8  # other aircraft that are named; system ids can be forged, and the status must stay small
 NO_REFUSALS = Refusals()
+_REFUSED = {
+    "unsigned": "has the aircraft been given the signing key? (a radio's own reports on itself never are signed)",
+    "forged": "they are signed with another key, or somebody has changed them",
+    "replayed": "they are older than what was heard before; two ways by which the same packets come do that, too",
+}
 MAV_TYPE_GCS = 6
 GROUND_STATION_PORT = 14550  # where every ground station listens unless told otherwise
 _AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
@@ -57,13 +62,15 @@ class Listener:
         self._silent, self._silences = False, 0
         self._others: Counter[int] = Counter()  # triggers of other aircraft, by MAVLink system id
         self._times = VehicleTimes()
+        self._refusals_said: set[str] = set()
         self._first_vehicle: float | None = None
         self._systems: set[int] = set()
         self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
 
-    def greeting(self) -> Notice:
-        """What is said at the start."""
-        return self._notice("info", f"listening on {self._name}; nothing is ever sent")
+    def greeting(self, identity: str | None = None) -> Notice:
+        """What is said at the start; `identity` is ours on the link, if we announce ourselves."""
+        manner = f"announcing ourselves as {identity}" if identity else "nothing is ever sent"
+        return self._notice("info", f"listening on {self._name}; {manner}")
 
     def farewell(self) -> Notice:
         """What is said at the end."""
@@ -92,6 +99,7 @@ class Listener:
         if self._is_news(report, now):
             self._reported = (report, now)
             yield report
+        yield from self._refusals(refused)
         if not self._silent and now - self._last_heard > self._settings.silent_after_s:
             self._silent, self._silences = True, self._silences + 1
             but = " but bytes that are not MAVLink (is the speed right?)" if noise > self._noise else ""
@@ -103,6 +111,13 @@ class Listener:
             # A forwarding ground station keeps its own heartbeats to itself; where it listens itself, we are in its way.
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
+
+    def _refusals(self, refused: Refusals) -> Iterator[Notice]:
+        """Each reason is said once."""
+        for reason, advice in _REFUSED.items():
+            if getattr(refused, reason) and reason not in self._refusals_said:
+                self._refusals_said.add(reason)
+                yield self._notice("warning", f"{reason} packets are refused on {self._name}: {advice}")
 
     def _report(self, working: bool, refused: Refusals, sent: int) -> LinkReport:
         heard_utc = self._last_heard + self._utc_of_zero if self._ever_heard else None

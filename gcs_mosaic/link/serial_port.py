@@ -1,4 +1,4 @@
-"""A serial device, opened for reading only (POSIX)."""
+"""A serial device, opened for reading only unless we are to send (POSIX)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import tty
 _SPEED_AT = (4, 5)  # where tcgetattr keeps the input and the output speed
 
 
-def open_serial(device: str, baud: int) -> io.RawIOBase:
+def open_serial(device: str, baud: int, *, writing: bool = False) -> io.RawIOBase:
     """The raw bytes of `device` at `baud` bits per second.
 
     Raises OSError if it is not there, not ours to read, not a terminal, or held by another program: two readers of
     one serial line would each get half of the bytes.
     """
-    descriptor = os.open(device, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+    descriptor = os.open(device, (os.O_RDWR if writing else os.O_RDONLY) | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.ioctl(descriptor, termios.TIOCEXCL)
@@ -32,7 +32,7 @@ def open_serial(device: str, baud: int) -> io.RawIOBase:
     except OSError:
         os.close(descriptor)
         raise
-    return io.FileIO(descriptor, "rb")
+    return io.FileIO(descriptor, "r+b" if writing else "rb")
 
 
 def _make_raw(descriptor: int, baud: int) -> None:

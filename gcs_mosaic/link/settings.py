@@ -23,5 +23,11 @@ class LinkSettings:
     """Wait before a lost TCP or serial link is opened again; it doubles with each failure."""
     reconnect_longest_s: float = 5.0
     """Longest such wait: after a repair nobody wants to wait longer."""
+    announce: int | None = None
+    """Own MAVLink system id, such as 191, under which a heartbeat and warnings are sent; none = nothing is ever sent."""
+    recover: bool = False
+    """Ask a camera again, at most once a second, for messages of which its counter shows that they were lost."""
+    signing_key: str | None = None
+    """File (mode 600) with the key of MAVLink's signing; packets that are not signed with it are refused."""
     receive_buffer_bytes: int = 1 << 20
     """What the kernel keeps for us while we are busy: a second of 5,000 messages."""

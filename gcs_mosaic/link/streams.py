@@ -7,6 +7,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
+from typing import Literal
 
 from gcs_mosaic.events import Notice
 from gcs_mosaic.link.address import LinkAddress
@@ -18,6 +19,7 @@ from gcs_mosaic.link.wire import PacketReader
 _CHUNK = 4096
 _KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # seconds, seconds, questions: gone after 25 s
 
+Mode = Literal["rb", "rwb"]
 Opener = Callable[[], io.RawIOBase | None]
 """Opens the stream; None if there is nobody yet, OSError if it cannot be opened now."""
 
@@ -29,11 +31,15 @@ class StreamChannel:
     device opens and fails, the waits grow too.
     """
 
-    def __init__(self, name: str, opener: Opener, settings: LinkSettings) -> None:
+    def __init__(
+        self, name: str, opener: Opener, settings: LinkSettings, admits: Callable[[bytes], bool] | None = None
+    ) -> None:
         self.ended, self.working = False, True
         self._name, self._open, self._settings = name, opener, settings
         self._stream: io.RawIOBase | None = None
-        self._reader = PacketReader(datagrams=False)
+        self._admits = admits
+        self._reader = PacketReader(datagrams=False, admits=admits)
+        self._unsent = b""  # the rest of a packet that was begun
         self._trouble: str | None = None  # the last one that was said
         self._brought, self._hangs_up = False, False  # this connection something; the one before nothing
         self._skipped_before = 0  # bytes, by the connections before
@@ -58,6 +64,25 @@ class StreamChannel:
         arrivals = [Arrival(message, received) for message in self._reader.feed(data)]
         return [*self._works(), *arrivals]
 
+    def send(self, packet: bytes) -> bool:
+        if self._unsent:  # what was begun comes first, or a packet would be cut off
+            self._unsent = self._unsent[self._written(self._unsent) :]
+        if self._unsent:
+            return False
+        written = self._written(packet)
+        self._unsent = packet[written:] if written else b""
+        return written > 0
+
+    def _written(self, data: bytes) -> int:
+        """How many bytes of `data` the stream takes now."""
+        if self._stream is None:
+            return 0
+        try:
+            ready = select.select([], [self._stream], [], 0.0)[1]
+            return (self._stream.write(data) or 0) if ready else 0
+        except OSError:  # reading will find out what is wrong
+            return 0
+
     def close(self) -> None:
         if self._stream is not None:
             self._stream.close()
@@ -77,7 +102,7 @@ class StreamChannel:
         if self._stream is None:
             return []
         self._skipped_before += self._reader.skipped_bytes
-        self._reader = PacketReader(datagrams=False)
+        self._reader, self._unsent = PacketReader(datagrams=False, admits=self._admits), b""
         self.working, self._brought = True, False
         return [] if self._hangs_up else [self._connected()]
 
@@ -112,14 +137,26 @@ class StreamChannel:
         return [Notice(source=self._name, level="warning", text=trouble)]
 
 
-def tcp_client(address: LinkAddress, settings: LinkSettings) -> Opener:
+def opener(address: LinkAddress, settings: LinkSettings) -> Opener:
+    """What opens a TCP or serial address: for reading alone, unless we are to announce ourselves."""
+    mode: Mode = "rb" if settings.announce is None else "rwb"
+    match address.kind:
+        case "tcp":
+            return tcp_client(address, settings, mode)
+        case "tcpin":
+            return TcpServer(address, settings, mode)
+        case _:
+            return serial(address, mode)
+
+
+def tcp_client(address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") -> Opener:
     """Connects to the address."""
 
     def connect() -> io.RawIOBase:
         where = (address.host, address.port)
         with socket.create_connection(where, timeout=settings.connect_timeout_s) as connection:
             notice_when_gone(connection)
-            return connection.makefile("rb", buffering=0)  # keeps the connection open after the socket object is gone
+            return connection.makefile(mode, buffering=0)  # keeps the connection open after the socket object is gone
 
     return connect
 
@@ -135,7 +172,8 @@ def notice_when_gone(connection: socket.socket) -> None:
 class TcpServer:
     """Takes one caller at a time; the port is taken at once, so that a wrong one is known at the start."""
 
-    def __init__(self, address: LinkAddress, settings: LinkSettings) -> None:
+    def __init__(self, address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") -> None:
+        self._mode: Mode = mode
         self._listener = listen_tcp(address.host, address.port, settings.receive_buffer_bytes)
         self._listener.settimeout(settings.poll_s)
 
@@ -146,18 +184,18 @@ class TcpServer:
             return None
         with connection:
             notice_when_gone(connection)
-            return connection.makefile("rb", buffering=0)
+            return connection.makefile(self._mode, buffering=0)
 
     def close(self) -> None:
         self._listener.close()
 
 
-def serial(address: LinkAddress) -> Opener:
+def serial(address: LinkAddress, mode: Mode = "rb") -> Opener:
     """Opens the serial device."""
 
     def open_device() -> io.RawIOBase:
         from gcs_mosaic.link.serial_port import open_serial  # not every system has terminals
 
-        return open_serial(address.device, address.baud)
+        return open_serial(address.device, address.baud, writing=mode == "rwb")
 
     return open_device

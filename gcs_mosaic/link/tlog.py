@@ -42,6 +42,9 @@ class TlogChannel:
         self.ended = not arrivals
         return arrivals
 
+    def send(self, packet: bytes) -> bool:
+        return False
+
     def close(self) -> None:
         self._file.close()
 

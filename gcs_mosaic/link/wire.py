@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 
 os.environ["MAVLINK20"] = "1"  # whatever loads pymavlink later must agree that messages above 255 exist
 from pymavlink.dialects.v20 import ardupilotmega as dialect  # the one dialect with 112, 180 and 263
 
 from gcs_mosaic.link.decode import MavMessage
+
+__all__ = ["MARKERS", "PacketReader", "decode_packet", "dialect", "packet_length"]
 
 _MARKER_V1 = 0xFE
 MARKERS = re.compile(rb"[\xfd\xfe]")
@@ -25,12 +28,12 @@ class PacketReader:
 
     After a broken packet the search goes on one byte later. pymavlink's own parser would drop as many bytes as the
     broken header claims, and good packets with them. `datagrams`: a datagram that begins with a whole packet is not
-    the rest of the one before.
+    the rest of the one before. `admits` is asked of every undamaged packet whether it is to be believed.
     """
 
-    def __init__(self, *, datagrams: bool) -> None:
+    def __init__(self, *, datagrams: bool, admits: Callable[[bytes], bool] | None = None) -> None:
         self.skipped_bytes = 0
-        self._datagrams = datagrams
+        self._datagrams, self._admits = datagrams, admits
         self._rest = b""
 
     def feed(self, data: bytes) -> list[MavMessage]:
@@ -45,8 +48,9 @@ class PacketReader:
                 break
             message = decode_packet(buffer[position:end])
             if message:
-                messages.append(message)
                 used += end - position
+                if self._admits is None or self._admits(buffer[position:end]):
+                    messages.append(message)
             position = end if message else position + 1
         self._rest = buffer[position:] if marker else b""
         self.skipped_bytes += len(buffer) - len(self._rest) - used

@@ -69,7 +69,7 @@ class Pairing:
         outcomes = [*self._check_counters(held), *(() if held.event else self._find_event(held))]
         return outcomes if held.event else [*outcomes, Orphan(frame)]
 
-    def tick(self, now: float) -> list[Outcome]:
+    def tick(self, now: float) -> list[Missing]:
         """Time has passed."""
         due = [
             held
@@ -78,7 +78,7 @@ class Pairing:
         ]
         return [self._missing(held) for held in due]
 
-    def close(self) -> list[Outcome]:
+    def close(self) -> list[Missing]:
         """Nothing more will come: what is pending is missing."""
         return [self._missing(held) for held in self._events.oldest_first() if held.state is State.PENDING]
 

@@ -25,6 +25,7 @@ LOCAL = LinkAddress(kind="udp", host="127.0.0.1", port=14445)
         ("udpin://0.0.0.0:14550/", UDP),
         ("udp:127.0.0.1:14445", LOCAL),
         ("UDP://127.0.0.1:14445", LOCAL),
+        ("udpout:10.0.0.1:14550", LinkAddress(kind="udpout", host="10.0.0.1", port=14550)),
         ("tcp:sitl.local:5760", LinkAddress(kind="tcp", host="sitl.local", port=5760)),
         ("tcpout://10.0.0.1:5760", LinkAddress(kind="tcp", host="10.0.0.1", port=5760)),
         ("tcpin:5760", LinkAddress(kind="tcpin", host="0.0.0.0", port=5760)),
@@ -44,7 +45,8 @@ def test_every_form_is_understood(text: str, address: LinkAddress) -> None:
     "text",
     [
         "", "udp", "udp:", "udp:host", "udp:0", "udp:65536", "udp:-1", "udp:14550:14551", "udp:١٤٥٥٠", "udp:a b:14550",
-        "udp:[::1]:14550", "tcp:5760", "tcp::5760", "tcp:host", "serial:", "serial:/etc/passwd", "/dev/../etc/passwd",
+        "udp:[::1]:14550", "udpout:14550", "udpout::14550", "udpbcast:14550",
+        "tcp:5760", "tcp::5760", "tcp:host", "serial:", "serial:/etc/passwd", "/dev/../etc/passwd",
         "serial:/dev/ttyACM0:fast", "serial:/dev/ttyACM0:9", "/bin/ls", "vehicle.elf", "flight.bin", "csv:x", "14550",
         "mcast:", "ws:1.2.3.4:80", "udp:-o.Proxy:14550",
     ],
@@ -56,18 +58,13 @@ def test_a_malformed_address_is_shown_with_what_was_wanted(text: str) -> None:
     assert "such as" in str(caught.value)
 
 
-def test_a_listener_that_calls_out_is_refused_with_the_reason() -> None:
-    with pytest.raises(UsageError, match="nothing is ever sent"):
-        parse_address("udpout:127.0.0.1:14550")
-
-
-@given(st.text(max_size=40) | st.from_regex(r"(udp|tcp|tcpin|serial):(//)?[\w./:-]*", fullmatch=True))
+@given(st.text(max_size=40) | st.from_regex(r"(udp|udpout|tcp|tcpin|serial):(//)?[\w./:-]*", fullmatch=True))
 def test_anything_else_is_an_address_or_a_usage_error(text: str) -> None:
     try:
         address = parse_address(text)
     except UsageError:
         return
-    if address.kind in ("udp", "tcp", "tcpin"):
+    if address.kind in ("udp", "udpout", "tcp", "tcpin"):
         assert parse_address(connection_string(address)) == address
         assert 1 <= address.port <= 65535
 

@@ -13,7 +13,6 @@ from gcs_mosaic.events import Notice, TriggerEvent
 from gcs_mosaic.link.address import parse_address
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.triggers import triggers
-from gcs_mosaic.link.wire import dialect
 
 QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 
@@ -53,22 +52,6 @@ def test_all_three_messages_are_heard(vehicle: Vehicle) -> None:
     assert [event.sequence for event in events] == [1, 2, 3]
     assert events[2].file_hint == "b.jpg"
     assert 0 <= time.monotonic() - events[0].received < 5
-
-
-def test_not_one_byte_is_sent_while_a_peer_asks_for_everything(vehicle: Vehicle) -> None:
-    asks = [
-        dialect.MAVLink_ping_message(0, 1, 0, 0),
-        dialect.MAVLink_command_long_message(0, 0, dialect.MAV_CMD_REQUEST_MESSAGE, 0, 0, 0, 0, 0, 0, 0, 0),
-        dialect.MAVLink_param_request_list_message(0, 0),
-        dialect.MAVLink_timesync_message(0, 1),
-        dialect.MAVLink_file_transfer_protocol_message(0, 0, 0, bytes(251)),
-    ]
-    vehicle.send(*(packet(message) for message in asks), packet(heartbeat()), packet(trigger(1)))
-    assert vehicle.next_event().sequence == 1
-    vehicle.next_notice("silent")
-    vehicle.socket.settimeout(0.1)
-    with pytest.raises(TimeoutError):
-        vehicle.socket.recv(1)
 
 
 def test_noise_from_one_peer_harms_no_other(vehicle: Vehicle) -> None:
