@@ -17,7 +17,7 @@ from rich.console import Console
 from running import PROGRAM, run, until
 
 import sitl.flight
-from gcs_mosaic import cli
+from gcs_mosaic import cli, options
 from gcs_mosaic.batch import stitch
 from gcs_mosaic.config import Config
 from sitl.__main__ import free_port
@@ -98,6 +98,10 @@ def empty(tmp_path) -> Path:
         (["stitch", "nowhere", "--out", "mosaic"], "cannot be read"),
         (["export", ".", "--format", "png"], ". holds no flight"),
         (["export", ".", "--format", "jpeg"], "invalid choice: 'jpeg'"),
+        (["--announce", "255"], "255 is the ground station's own number"),
+        (["--vehicle", "7", "--announce", "7"], "7 is the number of the aircraft that is followed"),
+        (["--recover"], "add --announce"),
+        (["--mavlink", "udpout:127.0.0.1:14550"], "calls out, but nothing is ever sent"),
     ],
 )
 def test_misuse_is_told_in_one_sentence(refused, words, sentence):
@@ -108,11 +112,12 @@ def test_misuse_is_told_in_one_sentence(refused, words, sentence):
 def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):
     file = tmp_path / "settings.yaml"
     file.write_text("paint: {canvas: {blend: first, threads: 1}}")
-    parser = cli._parser("gcs-mosaic")
-    cli._add_blend(parser)
-    cli._add_output(parser)
+    parser = options.make_parser("gcs-mosaic")
+    options.add_blend(parser)
+    options.add_method(parser)
+    options.add_output(parser)
     given = parser.parse_args(["--config", str(file), "--blend", "newest"])
-    canvas = cli._blended(cli._config(given), given.blend).paint.canvas
+    canvas = options.blended(options.config_of(given), given.blend).paint.canvas
     assert (canvas.blend, canvas.threads) == ("newest", 1)
 
 
