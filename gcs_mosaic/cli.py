@@ -200,12 +200,18 @@ def export(words: Sequence[str]) -> None:
 
     parser = make_parser("gcs-mosaic export")
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
-    parser.add_argument("--format", choices=["png", "placements"], required=True)
-    parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or placements-export.json in DIR")
+    parser.add_argument("--format", choices=["png", "tiff", "placements"], required=True)
+    parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or the like, in DIR")
     parser.add_argument("--island", type=int, metavar="N", help="which island; default: the largest")
     parser.add_argument("--zoom", type=int, metavar="Z", help="level of the picture; default: the finest that fits")
+    parser.add_argument("--no-gains", action="store_true", help="tiff: counts as the camera wrote them, seams and all")
     given = parser.parse_args(words)
-    if given.format == "placements":
+    if given.format == "tiff":
+        from gcs_mosaic.tiffexport import export_tiff
+
+        target = given.to or given.flight / "mosaic.tif"
+        print(export_tiff(given.flight, target, island=given.island, level=given.zoom, gains=not given.no_gains))
+    elif given.format == "placements":
         target = given.to or given.flight / "placements-export.json"
         print(exports.export_placements(given.flight, target))
     else:

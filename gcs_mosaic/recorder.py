@@ -60,7 +60,7 @@ class Recorder:
     ) -> None:
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
-        self.flight = FlightRecord(name=out.resolve().name, started_utc=utc())
+        self.flight = FlightRecord(name=out.resolve().name, started_utc=utc(), canvas=config.paint.canvas)
         self.ledger.begin_flight(self.flight)
         self.changes = Changes()
         self._originals = Originals(out, config.originals)

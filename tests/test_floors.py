@@ -38,13 +38,18 @@ ALLOWED = {
         *("arrivals", "batch", "pipeline", "prepare", "logbook", "config"),
         *("frames", "link", "flight", "events", "errors"),
     },
+    "rebuilding": {"flight", "frames", "stitch", "errors"},
+    "tiffexport": {"rebuilding", "flight", "stitch", "errors"},
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
         *("pipeline", "prepare", "logbook", "reporting", "announcements", "patience", "sources", "config"),
         *("frames", "flight", "web", "stitch", "events"),
     },
     "options": {"config", "frames", "stitch", "errors"},
-    "cli": {"daemon", "batch", "replay", "benchmark", "config", "frames", "flight", "web", "options", "errors"},
+    "cli": {
+        *("daemon", "batch", "replay", "benchmark", "tiffexport", "config", "frames", "flight", "web", "options"),
+        "errors",
+    },
     "__main__": {"cli"},
 }
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra

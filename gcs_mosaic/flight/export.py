@@ -39,7 +39,7 @@ def export_placements(flight: Path, target: Path) -> str:
     document = placements_document(contents, last_revision(flight))
     for entry, estimate in zip(cast("list[Document]", document["frames"]), estimates, strict=True):
         entry["warp"] = warp(estimate)
-    with _telling_where(target):
+    with telling_where(target):
         write_json(target, document)
     return f"{len(estimates)} placements written to {target}"
 
@@ -66,7 +66,7 @@ def _places(estimate: Estimate, pixels: Array) -> Array:
 
 def export_png(flight: Path, target: Path, *, island: int | None = None, level: int | None = None) -> str:
     """Write an island (the largest if none is named) as one picture with alpha; returns what was done."""
-    chosen = _island(find_flight(flight), island)
+    chosen = chosen_island(find_flight(flight), island)
     bounds, finest = chosen["bounds"], chosen["maxzoom"]
     zoom = level_within(bounds, LARGEST_PICTURE, finest) if level is None else level
     left, top, right, bottom = pixel_bounds(bounds, zoom)
@@ -75,7 +75,7 @@ def export_png(flight: Path, target: Path, *, island: int | None = None, level: 
             f"A picture of level {zoom} would have {right - left} x {bottom - top} pixels; give a lower --zoom."
         )
     bgra = picture(flight, chosen["id"], bounds, zoom)
-    with _telling_where(target):
+    with telling_where(target):
         write_beside(target, encode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 1]))
     finer = f"; --zoom {finest} is the finest" if zoom < finest else ""
     return (
@@ -83,7 +83,7 @@ def export_png(flight: Path, target: Path, *, island: int | None = None, level: 
     )
 
 
-def _island(flight: Path, number: int | None) -> dict[str, Any]:
+def chosen_island(flight: Path, number: int | None) -> dict[str, Any]:
     """The entry of mosaic.json for an island."""
     islands = [i for i in _islands(flight) if "merged_into" not in i]
     if not islands:
@@ -106,7 +106,7 @@ def _islands(flight: Path) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def _telling_where(target: Path) -> Iterator[None]:
+def telling_where(target: Path) -> Iterator[None]:
     """A place that cannot be written is the operator's to change."""
     try:
         yield

@@ -7,7 +7,9 @@ All methods that write raise DiskFull when nothing more fits; the ledger then is
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
+from dataclasses import asdict
 
 from gcs_mosaic.events import DamagedFile, Frame, Notice, TriggerEvent
 from gcs_mosaic.flight.ledgerfile import LedgerFile
@@ -32,6 +34,7 @@ from gcs_mosaic.flight.rows import (
     RELIEF_COLUMNS,
     SUPPORT_COLUMNS,
     camera_row,
+    canvas_of,
     estimate_of,
     event_record_of,
     event_row,
@@ -55,11 +58,13 @@ class Ledger(LedgerFile):
 
     def begin_flight(self, flight: FlightRecord) -> None:
         """Write down which flight this is; a ledger holds exactly one."""
-        self.write("INSERT INTO flight (id, name, started_utc) VALUES (1, ?, ?)", flight.name, flight.started_utc)
+        values = (flight.name, flight.started_utc, json.dumps(asdict(flight.canvas)))
+        self.write("INSERT INTO flight (id, name, started_utc, canvas) VALUES (1, ?, ?, ?)", *values)
 
     def flight(self) -> FlightRecord | None:
-        for row in self.rows("SELECT name, started_utc FROM flight"):
-            return FlightRecord(name=row["name"], started_utc=row["started_utc"])
+        for row in self.rows("SELECT * FROM flight"):
+            canvas = canvas_of(row)
+            return FlightRecord(name=row["name"], started_utc=row["started_utc"], canvas=canvas)
         return None
 
     def record_notice(self, notice: Notice, utc: float) -> None:

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.flight.filling import fade, filled_picture
+from gcs_mosaic.flight.filling import WrittenTiles, fade, filled_picture
 from gcs_mosaic.flight.tiles import encode, encode_jpeg, mask_path, tile_path
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
 
@@ -37,7 +37,7 @@ def filled(root: Path, island: int, tile: Tile) -> EncodedTile | None:
     straight = _full_tile(root, island, tile)
     if straight is not None:
         return EncodedTile(straight, "image/jpeg")
-    picture = filled_picture(root, island, tile)
+    picture = filled_picture(WrittenTiles(root, island), tile)
     if picture is None:
         return None
     if int(picture.coverage.min()) == 255:
@@ -54,7 +54,7 @@ def picture(root: Path, island: int, bounds: Box, level: int) -> Image:
     left, top, right, bottom = pixel_bounds(bounds, level)
     result = np.zeros((bottom - top, right - left, 4), np.uint8)
     for tile in tiles_over(bounds, level):
-        seen = filled_picture(root, island, tile)
+        seen = filled_picture(WrittenTiles(root, island), tile)
         if seen is not None:
             x, y = tile.x * TILE_SIZE, tile.y * TILE_SIZE
             rows = slice(max(top - y, 0), max(bottom - y, 0))
@@ -85,4 +85,6 @@ def _full_tile(root: Path, island: int, tile: Tile) -> bytes | None:
         data = tile_path(root, island, tile).read_bytes()
     except OSError:
         return None
-    return None if mask_path(root, island, tile).exists() or fade(root, island, tile) is not None else data
+    return (
+        None if mask_path(root, island, tile).exists() or fade(WrittenTiles(root, island), tile) is not None else data
+    )

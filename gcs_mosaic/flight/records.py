@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gcs_mosaic.events import TriggerEvent
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.canvas import CanvasSettings
 from gcs_mosaic.stitch.placement import Homography
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
@@ -35,10 +36,11 @@ class FrameState(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRecord:
-    """Which flight a folder holds; `started_utc` in seconds since 1970."""
+    """Which flight a folder holds, and how its frames are painted; `started_utc` in seconds since 1970."""
 
     name: str
     started_utc: float
+    canvas: CanvasSettings = field(default_factory=CanvasSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

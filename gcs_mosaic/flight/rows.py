@@ -12,7 +12,8 @@ import numpy as np
 from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
 from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painting.display import Display
+from gcs_mosaic.stitch.painting.canvas import CanvasSettings
+from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.placement import Homography
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
@@ -156,7 +157,19 @@ def look_row(painted: Painted) -> tuple[object, ...]:
     return np.array(painted.gain, dtype="<f8").tobytes(), json.dumps(asdict(painted.display))
 
 
+def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
+    if "gain" in row.keys():  # noqa: SIM118 -- a row's `in` asks its values
+        return tuple(np.frombuffer(row["gain"], dtype="<f8").tolist())
+    return row["gain_b"], row["gain_g"], row["gain_r"]  # version 2
+
+
+def canvas_of(row: sqlite3.Row) -> CanvasSettings:
+    return CanvasSettings(**json.loads(row["canvas"])) if "canvas" in row.keys() else CanvasSettings()  # noqa: SIM118
+
+
 def display_of(row: sqlite3.Row) -> Display:
+    if "display" not in row.keys():  # noqa: SIM118
+        return PLAIN
     blue, green, red = (values := json.loads(row["display"]))["shown"]
     return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]))
 
@@ -180,7 +193,7 @@ def painted_of(row: sqlite3.Row) -> Painted:
         pose=pose_of(row),
         camera=camera_of(row),
         relief=relief_of(row),
-        gain=tuple(np.frombuffer(row["gain"], dtype="<f8").tolist()),
+        gain=gain_of(row),
         display=display_of(row),
         level=row["level"],
     )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import telling_disk_full
 
-VERSION = 2  # PRAGMA user_version; raise it with every change to the tables below, and migrate
+VERSION = 3  # PRAGMA user_version; raise it with every change to the tables below, and migrate
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
 BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
 
@@ -18,7 +19,8 @@ TABLES = """
 CREATE TABLE flight (
     id INTEGER PRIMARY KEY CHECK (id = 1),
     name TEXT NOT NULL,
-    started_utc NOT NULL
+    started_utc NOT NULL,
+    canvas TEXT NOT NULL -- how frames are painted, JSON
 );
 CREATE TABLE frames (
     id INTEGER PRIMARY KEY,
@@ -109,7 +111,18 @@ CREATE TABLE notices (
 """
 
 # What makes the tables of each older version those of the next one.
-MIGRATIONS = {1: "ALTER TABLE estimates ADD COLUMN homography BLOB;"}
+MIGRATIONS = {
+    1: "ALTER TABLE estimates ADD COLUMN homography BLOB;",
+    2: """
+ALTER TABLE flight ADD COLUMN canvas TEXT NOT NULL DEFAULT '{}';
+ALTER TABLE painted ADD COLUMN gain BLOB NOT NULL DEFAULT x'';
+ALTER TABLE painted ADD COLUMN display TEXT NOT NULL DEFAULT '{"shown": [0, 1, 2], "black": [0, 0, 0], "white": [255, 255, 255]}';
+UPDATE painted SET gain = numbers(gain_b, gain_g, gain_r);
+ALTER TABLE painted DROP COLUMN gain_b;
+ALTER TABLE painted DROP COLUMN gain_g;
+ALTER TABLE painted DROP COLUMN gain_r;
+""",
+}
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -147,6 +160,7 @@ def prepare(connection: sqlite3.Connection, path: Path) -> None:
         connection.executescript(
             f"BEGIN; {TABLES} PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {VERSION}; COMMIT;"
         )
+    connection.create_function("numbers", 3, lambda *values: struct.pack("<3d", *values))
     for old in range(version or VERSION, VERSION):
         connection.executescript(f"BEGIN; {MIGRATIONS[old]} PRAGMA user_version = {old + 1}; COMMIT;")
     connection.execute("PRAGMA journal_mode = WAL")

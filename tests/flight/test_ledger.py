@@ -15,6 +15,7 @@ from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.canvas import CanvasSettings
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
@@ -182,7 +183,7 @@ def one_frame_and_a_mistake(ledger: Ledger) -> None:
 
 
 def test_everything_is_there_after_opening_again(tmp_path: Path) -> None:
-    flight = FlightRecord(name="2024-05-01 12:00", started_utc=1.7e9)
+    flight = FlightRecord(name="2024-05-01 12:00", started_utc=1.7e9, canvas=CanvasSettings(blend="first"))
     with Ledger(tmp_path / "flight.sqlite") as ledger:
         ledger.begin_flight(flight)
         ledger.record_frame(a_frame("a.jpg"))

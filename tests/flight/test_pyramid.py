@@ -2,7 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.flight.pyramid import EncodedTile, filled, filled_picture, level_within, picture
+from gcs_mosaic.flight.filling import WrittenTiles, filled_picture
+from gcs_mosaic.flight.pyramid import EncodedTile, filled, level_within, picture
 from gcs_mosaic.flight.tiles import mask_path, tile_path, write_tile
 from gcs_mosaic.stitch.painting.grid import Tile, ancestor, tile_box
 from gcs_mosaic.stitch.painting.stack import TilePicture
@@ -65,7 +66,7 @@ def test_at_the_outer_border_nothing_fades(tmp_path) -> None:
         put(tmp_path, tile, plain(200, covered))
     put(tmp_path, TILE.parent, plain(100, covered=133))
     assert filled(tmp_path, 0, left).data == tile_path(tmp_path, 0, left).read_bytes()
-    assert filled_picture(tmp_path, 0, right).colour[100, :11, 0] == pytest.approx([200] * 11, abs=2)
+    assert filled_picture(WrittenTiles(tmp_path, 0), right).colour[100, :11, 0] == pytest.approx([200] * 11, abs=2)
 
 
 def test_holes_that_remain_are_transparent(tmp_path) -> None:
@@ -80,7 +81,7 @@ def test_an_enlarged_tile_lies_where_the_coarse_one_does(tmp_path) -> None:
     ramp = np.tile(np.arange(256, dtype=np.uint8)[:, None, None], (1, 256, 3))
     put(tmp_path, TILE.parent, TilePicture(ramp, np.full((256, 256), 255, np.uint8)))
     for child in TILE.parent.children:
-        rows = filled_picture(tmp_path, 0, child).colour[:, 128, 0].astype(float)
+        rows = filled_picture(WrittenTiles(tmp_path, 0), child).colour[:, 128, 0].astype(float)
         exact = (np.arange(256) + 0.5) / 2 - 0.5 + 128 * (child.y % 2)
         assert np.abs(rows - exact).max() < 2.1
         assert abs((rows - exact).mean()) < 0.12
@@ -88,7 +89,7 @@ def test_an_enlarged_tile_lies_where_the_coarse_one_does(tmp_path) -> None:
 
 def test_no_dark_fringe_where_the_coarse_tile_ends(tmp_path) -> None:
     put(tmp_path, TILE.parent, plain(180, covered=60))
-    shown = filled_picture(tmp_path, 0, TILE.parent.children[0])
+    shown = filled_picture(WrittenTiles(tmp_path, 0), TILE.parent.children[0])
     assert 100 < (shown.coverage > 0).mean(axis=1)[0] * 256 < 130
     assert np.abs(shown.colour[shown.coverage > 0].astype(int) - 180).max() <= 3
 
@@ -129,6 +130,6 @@ def test_nothing_is_invented_beyond_the_outer_border(tmp_path) -> None:
         shown = plain(200, whole + 1)
         shown.coverage[:, whole] = 255 * part // up
         put(tmp_path, ancestor(TILE, level), shown)
-    coverage = filled_picture(tmp_path, 0, TILE).coverage
+    coverage = filled_picture(WrittenTiles(tmp_path, 0), TILE).coverage
     assert (coverage[:, :covered] == 255).all()
     assert not coverage[:, covered:].any()

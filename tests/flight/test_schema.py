@@ -4,8 +4,11 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+from ledger_parts import a_frame, a_painted
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.records import FlightRecord
 from gcs_mosaic.flight.schema import VERSION, connect, connect_for_reading
 
 
@@ -24,9 +27,32 @@ def test_newer_version_is_refused_and_left_alone(tmp_path: Path, open_file: type
     connection.execute(f"PRAGMA user_version = {VERSION + 1}")
     connection.close()
     before = path.read_bytes()
-    with pytest.raises(UsageError, match=r"newer gcs-mosaic \(ledger version 3, this one knows up to 2\)"):
+    with pytest.raises(
+        UsageError, match=rf"newer gcs-mosaic \(ledger version {VERSION + 1}, this one knows up to {VERSION}\)"
+    ):
         open_file(path)
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("read_only", [True, False])
+def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_only: bool) -> None:
+    """Version 2: gains of blue, green and red, no display, no word of how frames are painted."""
+    path = tmp_path / "flight.sqlite"
+    painted = a_painted("a.jpg")
+    with Ledger(path) as ledger:
+        ledger.begin_flight(FlightRecord(name="old", started_utc=1.0))
+        ledger.record_island(painted.island)
+        ledger.record_frame(a_frame("a.jpg"))
+        ledger.record_painted(painted)
+    old = sqlite3.connect(path)
+    old.executescript("ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;")
+    old.executescript("ALTER TABLE painted DROP COLUMN gain; PRAGMA user_version = 2;")
+    for column, gain in zip(("gain_b", "gain_g", "gain_r"), painted.gain, strict=True):
+        old.execute(f"ALTER TABLE painted ADD COLUMN {column} NOT NULL DEFAULT {gain!r}")
+    old.close()
+    with Ledger(path, read_only=read_only) as ledger:
+        assert ledger.painted(painted.island) == [painted]
+        assert ledger.flight() == FlightRecord(name="old", started_utc=1.0)
 
 
 def test_database_of_another_program_is_refused(tmp_path: Path) -> None:
