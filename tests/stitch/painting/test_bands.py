@@ -18,9 +18,7 @@ FIVE = Display((0, 1, 2), (0,) * 5, (65_535,) * 5)
 def canvas():
     """Makes canvases, and closes them in the end."""
     with ExitStack() as stack:
-        yield lambda load, memory_mb=64, **more: stack.enter_context(
-            Canvas(load, CanvasSettings(memory_mb=memory_mb), **more)
-        )
+        yield lambda load, settings=None, **more: stack.enter_context(Canvas(load, settings, **more))
 
 
 def five(name: str) -> np.ndarray:
@@ -40,9 +38,10 @@ def all_tiles(c: Canvas) -> dict:
     return {tile: shown for tile in tiles if (shown := c.tile(0, tile)) is not None}
 
 
-def test_all_bands_are_painted_as_the_colours_are(canvas) -> None:
+@pytest.mark.parametrize("blend", ["edge", "newest", "first"])
+def test_all_bands_are_painted_as_the_colours_are(canvas, blend: str) -> None:
     """Same places, same shares, through the store and the overviews; rounding is finer by the depth."""
-    c = canvas(five, memory_mb=1, keep_bands="raw")
+    c = canvas(five, CanvasSettings(memory_mb=1, blend=blend), keep_bands="raw")
     for frame in flight(gain=(1.0,) * 5, display=FIVE):
         c.paint(five(frame.name), frame)
     tiles = all_tiles(c)
@@ -54,6 +53,31 @@ def test_all_bands_are_painted_as_the_colours_are(canvas) -> None:
         known = tile.coverage > 0
         np.testing.assert_allclose(tile.bands[known][:, 4], 65_535.0 - tile.bands[known][:, 0], atol=3)
         assert (tile.bands[~known] == 0).all()
+
+
+def test_bands_are_cut_where_the_colours_are(canvas) -> None:
+    """Also where tones are shifted at seams, which is for the eye and leaves the bands as they are."""
+
+    def numbered(name: str) -> np.ndarray:
+        return np.full((120, 160, 5), 1000 * (1 + int(name.removesuffix(".jpg"))), np.uint16)
+
+    def structured(name: str) -> np.ndarray:
+        return np.dstack([five(name)[..., :4], numbered(name)[..., 4]])
+
+    c = canvas(structured, keep_bands="raw")
+    frames = [painted(i, 45.0 * i, 20.0 * i, yaw=0.7 * i, gain=(1.0,) * 5, display=FIVE) for i in range(3)]
+    for frame in frames:
+        c.paint(structured(frame.name), frame)
+    for i, frame in enumerate(frames):
+        alone = canvas(structured, keep_bands="raw")
+        alone.paint(structured(frame.name), frame)
+        for tile, shown in all_tiles(c).items():
+            own = alone.tile(0, tile)
+            mine = shown.bands[..., 4] == 1000 * (i + 1)
+            if own is not None and tile.z == frame.level:
+                off = np.abs(shown.bands[mine].astype(int) - own.bands[mine])
+                assert off.max(initial=0) <= 1
+                assert np.abs(shown.colour[mine].astype(int) - own.colour[mine]).max(initial=0) <= 40
 
 
 def test_bands_are_those_of_a_rebuild(canvas) -> None:
