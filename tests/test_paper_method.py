@@ -7,6 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from running import flying, six_pictures
 
 import sitl.flight
 from gcs_mosaic import cli
@@ -128,3 +129,14 @@ def test_the_blend_is_the_papers_own(frames, tmp_path, capsys):
     words = ["--out", str(tmp_path / "out"), "--method", "paper", "--blend", "newest"]
     assert cli.main(["stitch", str(frames), *words]) == 2
     assert "leave out --blend" in capsys.readouterr().err
+
+
+def test_a_live_flight_is_stitched_so_too(tmp_path, world_cache):
+    with flying(tmp_path, "--method", "paper") as flight:
+        for k, picture in enumerate(six_pictures(world_cache)[:3]):
+            flight.take(f"IMG_{k}.JPG", picture)
+        flight.wait_for_frames(placed=3)
+        assert flight.end() == 0
+    entries = flight.document("placements.json")["frames"]
+    assert [entry["hops"] for entry in entries] == [0, 1, 2]
+    assert flight.document("mosaic.json")["events"]["matched"] == 3

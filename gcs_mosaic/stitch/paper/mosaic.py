@@ -106,7 +106,9 @@ class PaperMosaic:
         self._last, self._region = box, None
         return self.raster.tiles(box)
 
-    def _founder(self, features: Features, name: str) -> Placement:
+    def _founder(self, features: Features, name: str) -> Placement | Rejection:
+        if len(features) < self.settings.least_inliers:  # nothing could ever be laid on it
+            return Rejection(name, f"too little to see: {len(features)} features")
         self.islands = [Island(0)]
         return self._settled(features, name, Fit(np.eye(3), 0, math.nan))
 
@@ -164,7 +166,8 @@ class PaperMosaic:
         shown, coverage = self.raster.part(box)
         size = box.right - box.left, box.bottom - box.top
         box_from_frame = np.array([[1, 0, -box.left], [0, 1, -box.top], [0, 0, 1]]) @ mosaic_from_frame
-        new = cv2.warpPerspective(image, box_from_frame, size, flags=cv2.INTER_LINEAR)
+        # The border is replicated, so that no pixel at the edge is mixed with black.
+        new = cv2.warpPerspective(image, box_from_frame, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         everywhere = np.full(image.shape[:2], 255, np.uint8)
         covered = np.asarray(cv2.warpPerspective(everywhere, box_from_frame, size, flags=cv2.INTER_NEAREST), np.uint8)
         shown[:] = blend(shown, self._weight_shown(box), np.asarray(new, np.uint8), covered)

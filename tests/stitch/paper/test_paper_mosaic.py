@@ -72,6 +72,13 @@ def test_a_stranger_is_rejected_and_changes_nothing(ground, other_ground):
     assert isinstance(mosaic.add(frame(ground, LINE[2]), "2"), Placement)
 
 
+def test_a_flight_does_not_begin_with_a_frame_that_shows_nothing(ground):
+    mosaic = PaperMosaic()
+    outcome = mosaic.add(np.full((360, 480, 3), 90, np.uint8), "nothing")
+    assert outcome == Rejection("nothing", "too little to see: 0 features")
+    assert isinstance(mosaic.add(frame(ground, LINE[0]), "0"), Placement)
+
+
 def test_ground_outside_the_region_of_interest_is_not_found_again(ground):
     """The one thing that keeps the cost of a frame constant: what is farther off than a frame's width is not looked at."""
     away = [Pose(400.0 + 200 * k, 500.0) for k in range(8)]
