@@ -42,10 +42,10 @@ class PaperSettings:
     ratio: float = 0.75  # of the distances to the best and second-best match; the paper says: "manually selected"
     threshold_px: float = 3.0  # how far an inlier of RANSAC may miss, pixels of the mosaic; OpenCV's default
     least_inliers: int = 10  # with fewer nothing is believed: some homography fits any few matches
-    largest_growth: float = (
-        25.0  # area of a frame on the mosaic, in frames of its size: five times the first one's height
-    )
-    most_megapixels: float = 400.0  # of the mosaic, 4 bytes each; beyond it a frame is refused
+    # Area of a frame on the mosaic, in frames of its size: a flight at five times its first height.
+    largest_growth: float = 25.0
+    # Of the mosaic, beyond which a frame is refused: 4 bytes for each, and some 20 of a frame's while it is blended.
+    most_megapixels: float = 400.0
 
 
 class PaperMosaic:
@@ -181,7 +181,7 @@ class PaperMosaic:
         return self._displays[kind].picture(image)
 
     def _weight_shown(self, box: Window) -> NDArray[np.float32]:
-        """How far each place is from the mosaic's border, exactly as far as half the box: no frame weighs more."""
+        """How far each place of a frame's box is from the mosaic's border; exact up to half the box, the most a frame weighs."""
         wide, high = (box.right - box.left) // 2, (box.bottom - box.top) // 2
         around = Window(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(self.raster.window)
         distance = border_distance(self.raster.part(around)[1])
