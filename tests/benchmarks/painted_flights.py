@@ -136,6 +136,11 @@ class Window:
     width: int
     height: int
 
+    def meets(self, other: Window) -> bool:
+        """Whether a pixel of this level belongs to both."""
+        across = self.x < other.x + other.width and other.x < self.x + self.width
+        return across and self.y < other.y + other.height and other.y < self.y + self.height
+
     def tiles(self) -> Iterator[Tile]:
         for y in range(self.y // TILE_SIZE, (self.y + self.height - 1) // TILE_SIZE + 1):
             for x in range(self.x // TILE_SIZE, (self.x + self.width - 1) // TILE_SIZE + 1):

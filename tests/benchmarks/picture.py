@@ -25,6 +25,7 @@ from sitl.camera import Camera
 from sitl.flight import Flight, plan
 from sitl.path import Plan
 from sitl.targets import Crowd
+from sitl.truth import Truth
 from tests.benchmarks.painted_flights import PlacedFlight, Window, painted_map, recorded, shown, simulated
 from tests.benchmarks.picture_measures import (
     HALF_SHOWN,
@@ -50,7 +51,8 @@ class Quality:
 
     detail: of overlaps. steps: (n,) grey levels. movers: of each person and vehicle by its number, the greatest share of its
     contrast shown anywhere; half, transparent: how many of `places` where one was seen show it by half, and with the ground
-    shining through. marks: contrast kept of each still mark.
+    shining through. marks: contrast kept of each still mark. gains: log of each frame's gain times its true exposure, less the
+    mean of all, in capture order: 0 where the map is as bright everywhere as the ground is.
     """
 
     detail: Detail
@@ -60,6 +62,7 @@ class Quality:
     half: int
     transparent: int
     marks: NDArray[np.float64]
+    gains: NDArray[np.float64]
 
     @property
     def whole(self) -> int:
@@ -75,6 +78,8 @@ class Quality:
             told += f"; half there {self.half}, transparent {self.transparent} of {self.places} places"
         if len(self.marks):
             told += f"  marks {self.marks.min():4.0%} at least, median {np.median(self.marks):4.0%}"
+        if len(self.gains):
+            told += f"  gains right within {np.abs(self.gains).max():.1%}"
         return told
 
 
@@ -137,7 +142,8 @@ def measured(
                 windows = squares(known, count)
                 frames = frames_alone(flight, known, chosen, [*windows, *(sight.window for sight in seen)], seen)
             maps: dict[Window, Colours] = {at: shown(painted.canvas, at).colour for at in frames.by_window}
-        found[mode] = judged(maps, frames, windows, seen)
+            gains = gain_errors(flight.truth, known) if flight.truth else np.empty(0)
+        found[mode] = replace(judged(maps, frames, windows, seen), gains=gains)
     for name, reference in REFERENCES.items():
         maps = {window: reference([one for _, one in alone]) for window, alone in frames.by_window.items()}
         found[name] = judged(maps, frames, windows, seen)
@@ -161,7 +167,16 @@ def judged(maps: dict[Window, Colours], frames: Frames, windows: Sequence[Window
         half=half,
         transparent=transparent,
         marks=still(maps, frames, [one for one in seen if one.kind == "mark" and one.alone]),
+        gains=np.empty(0),
     )
+
+
+def gain_errors(truth: Truth, painted: dict[str, Painted]) -> NDArray[np.float64]:
+    """By frame in capture order, as in Quality; of the green channel."""
+    logs = np.array(
+        [np.log(painted[frame.name].gain[1] * frame.gain) for frame in truth.frames if frame.name in painted]
+    )
+    return np.asarray(logs - logs.mean(), np.float64)
 
 
 def moving(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -> tuple[dict[int, float], int, int]:
