@@ -66,6 +66,10 @@ def source_of(flight: Path, island: int) -> Source:
     with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
         painted, record = ledger.painted(island), ledger.flight()
         frames = {frame.name: frame for frame in ledger.frames()}
+    if not painted:
+        raise UsageError(
+            f"{flight} is a map of --method paper, which is not painted again from its frames: give --format png."
+        )
     kinds = Counter(one.display for one in painted)
     of_kind = [one for one in painted if one.display == kinds.most_common(1)[0][0]]
     there = [one for one in of_kind if _is_there(flight, frames[one.name])]

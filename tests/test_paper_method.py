@@ -81,6 +81,12 @@ def test_the_map_is_exported_as_a_picture(out, tmp_path):
     assert (picture[..., 3] > 0).sum() > 320 * 240
 
 
+def test_it_is_not_painted_again_with_all_bands(out, tmp_path, capsys):
+    assert cli.main(["export", str(out), "--format", "tiff", "--to", str(tmp_path / "map.tif")]) == 2
+    assert "is a map of --method paper" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("method", ["paper", "adjusted"])
 @pytest.mark.parametrize("kind", ["orb", "surf"])
 def test_other_features_stitch_too(frames, tmp_path, method, kind):
