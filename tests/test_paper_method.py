@@ -122,7 +122,10 @@ def test_a_flight_of_an_earlier_version_is_still_exported(out, tmp_path):
     earlier = tmp_path / "earlier"
     shutil.copytree(out, earlier)
     with Ledger(earlier / LEDGER_NAME) as ledger:
-        ledger.write("ALTER TABLE estimates DROP COLUMN homography")
+        for column in ("estimates DROP homography", "flight DROP canvas", "painted DROP gain", "painted DROP display"):
+            ledger.write(f"ALTER TABLE {column}")
+        for column in ("gain_b", "gain_g", "gain_r"):
+            ledger.write(f"ALTER TABLE painted ADD {column} NOT NULL DEFAULT 1")
         ledger.write("PRAGMA user_version = 1")
     assert cli.main(["export", str(earlier), "--format", "placements", "--to", str(tmp_path / "p.json")]) == 0
     assert len(json.loads((tmp_path / "p.json").read_text())["frames"]) == 6
