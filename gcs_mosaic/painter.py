@@ -55,6 +55,12 @@ class PaintSettings:
     final_px: float = 0.25  # the same at the end of a flight, when there is time
     final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
 
+    def __post_init__(self) -> None:
+        if len(self.bands) not in (0, 1, 3) or min(self.bands, default=1) < 1:
+            raise ValueError(
+                f"bands: expected one, or three as red, green, blue, counted from 1, got {list(self.bands)}"
+            )
+
 
 class Painter:
     """The canvas, and what is to be painted on it.

@@ -39,6 +39,8 @@ def test_one_setting_deep_inside_is_changed(tmp_path):
         ("stitch: {search: {neighbours: true}}", "expected a whole number"),
         ("stitch: {registration: {threshold_px: .nan}}", "expected a number"),
         ("stitch: [1]", "expected settings"),
+        ("paint: {bands: [2, 1]}", "bands: expected one, or three as red, green, blue, counted from 1, got [2, 1]"),
+        ("paint: {bands: [0, 1, 2]}", "counted from 1"),
         ("watch: [", "is not YAML"),
     ],
 )

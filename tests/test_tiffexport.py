@@ -132,6 +132,7 @@ def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_p
         assert page.is_tiled
         assert page.compression == tifffile.COMPRESSION.ADOBE_DEFLATE
         assert tuple(page.extrasamples) == (0, 0, 0, 0, 2)
+        assert page.nodata == 0
         assert sum(page.databytecounts) < 0.9 * page.nbytes
 
 

@@ -15,6 +15,7 @@ from gcs_mosaic.flight.filling import Tiles, filled_picture
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
 
 BIG = 3_900_000_000  # bytes before compression from which offsets of 32 bits might not do
+GDAL_NODATA = 42113  # tag: the count, as text, where there is nothing
 UNASSOCIATED_ALPHA = 2  # of TIFF's ExtraSamples
 
 
@@ -47,6 +48,8 @@ def write_raster(
         compression="zlib",
         predictor=True,
         bigtiff=size > BIG,
+        # Of a file with an own number of bands many programs take no band for transparency, but this they know.
+        extratags=[] if bands in (1, 3) else [(GDAL_NODATA, "s", 0, "0", True)],
         metadata=None,
         description=json.dumps(about),
     )
