@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -34,6 +34,7 @@ from gcs_mosaic.stitch.painting.exposure import (
 )
 from gcs_mosaic.stitch.painting.lattice import own_level
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey
+from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings, log_brightness
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
 
@@ -50,6 +51,7 @@ class PaintSettings:
 
     canvas: CanvasSettings = field(default_factory=CanvasSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
+    vignetting: VignettingSettings = field(default_factory=VignettingSettings)
     bands: tuple[int, ...] = ()  # shown as red, green, blue, or one as grey, counted from 1; none: told by their number
     repaint_px: float = 1.0  # how far a corner may be off, in the frame's own pixels, before the frame is repainted
     final_px: float = 0.25  # the same at the end of a flight, when there is time
@@ -85,6 +87,7 @@ class Painter:
         ] = {}  # by number of bands and depth, from the first frame of each kind
         self._thumbnails: dict[str, Levels] = {}
         self._overlaps: list[tuple[str, str, OverlapMeans]] = []
+        self._vignetting: dict[tuple[int, int], VignettingEstimate] = {}  # by width and height: each size is one camera
         self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
         # Those that moved too far, and how far in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
@@ -104,6 +107,8 @@ class Painter:
         display = self._display_of(image)
         self._thumbnails[placement.name] = display.levels(thumbnail)
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
+        overlaps = self._find_overlaps(placement, display)
+        vignetting = self._vignetting_of(camera).curve
         painted = Painted(
             name=placement.name,
             order=order,
@@ -111,7 +116,8 @@ class Painter:
             pose=pose,
             camera=camera,
             relief=placement.relief,
-            gain=self._gain_of(placement, display),
+            gain=self._gain_of(overlaps, vignetting, display),
+            vignetting=vignetting,
             display=display,
             level=own_level(pose, camera),
         )
@@ -146,10 +152,12 @@ class Painter:
         self._unchecked.clear()
         self._stale.clear()
         self._repainting = None
-        gains = self._final_gains()
+        looks = self._final_looks()
         for painted in list(self._painted.values()):
-            if _contrast(gains[painted.name], painted.gain) > self._settings.final_gain:
-                self._change(replace(painted, gain=gains[painted.name]))
+            gain, vignetting = looks[painted.name]
+            final = replace(painted, gain=gain, vignetting=vignetting)
+            if _contrast(final, painted) > self._settings.final_gain:
+                self._change(final)
         for placement in placements:
             if placement.name in self._painted:
                 off_px = _displacement(self._painted[placement.name], placement)
@@ -193,16 +201,28 @@ class Painter:
             self._displays[kind] = display_of(image, self._settings.bands)
         return self._displays[kind]
 
-    def _gain_of(self, placement: Placement, display: Display) -> Gain:
-        """The brightness that fits the painted frames of the same kind which this one overlaps."""
-        beside: list[tuple[OverlapMeans, Gain]] = []
+    def _find_overlaps(self, placement: Placement, display: Display) -> list[tuple[OverlapMeans, Painted]]:
+        """What a new frame has in common with painted ones of the same kind; kept for the end, and told the vignetting."""
+        found: list[tuple[OverlapMeans, Painted]] = []
         for name in placement.neighbours:
             painted = self._painted.get(name)
             if painted is not None and painted.island == placement.island and painted.display == display:
                 means = self._overlap(placement, painted)
                 if means is not None:
                     self._overlaps.append((placement.name, name, means))
-                    beside.append((means, painted.gain))
+                    found.append((means, painted))
+                    self._vignetting_of(painted.camera).add(means.radial)
+        return found
+
+    def _vignetting_of(self, camera: Camera) -> VignettingEstimate:
+        size = camera.width, camera.height
+        return self._vignetting.setdefault(size, VignettingEstimate(self._settings.vignetting))
+
+    def _gain_of(
+        self, overlaps: Sequence[tuple[OverlapMeans, Painted]], vignetting: Vignetting, display: Display
+    ) -> Gain:
+        """The brightness that fits the painted frames which a new one overlaps."""
+        beside = [(means.flattened(vignetting, other.vignetting), other.gain) for means, other in overlaps]
         return gain_beside(beside, self._settings.exposure, len(display.black))
 
     def _overlap(self, placement: Placement, painted: Painted) -> OverlapMeans | None:
@@ -217,14 +237,20 @@ class Painter:
 
         return overlap_means(small_i, small_j, j_from_i)
 
-    def _final_gains(self) -> dict[str, Gain]:
+    def _final_looks(self) -> dict[str, tuple[Gain, Vignetting]]:
+        """Gain and vignetting of each frame by all that is known."""
+        curves = {name: self._vignetting_of(painted.camera).curve for name, painted in self._painted.items()}
         gains: dict[str, Gain] = {}
         for display in self._displays.values():  # frames of different kinds tell nothing of each other's exposure
             names = {name: i for i, name in enumerate(n for n, p in self._painted.items() if p.display == display)}
-            seen: list[Observation] = [(names[i], names[j], means) for i, j, means in self._overlaps if i in names]
+            seen: list[Observation] = [
+                (names[i], names[j], means.flattened(curves[i], curves[j]))
+                for i, j, means in self._overlaps
+                if i in names
+            ]
             solved = solve_gains(len(names), seen, self._settings.exposure, len(display.black))
             gains |= dict(zip(names, solved, strict=True))
-        return gains
+        return {name: (gains[name], curves[name]) for name in self._painted}
 
 
 def _displacement(painted: Painted, placement: Placement) -> float:
@@ -243,5 +269,11 @@ def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Ar
     return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
 
 
-def _contrast(gain: Gain, other: Gain) -> float:
-    return float(np.abs(np.log(np.array(gain) / np.array(other))).max())
+def _contrast(one: Painted, other: Painted) -> float:
+    """The greatest difference in log brightness, anywhere in the frame and in any band."""
+    gains = np.log(np.array(one.gain) / np.array(other.gain))
+    falls = [
+        log_brightness(other.vignetting, at) - log_brightness(one.vignetting, at)
+        for at in ((0, 0), (0.5, 0.25), (1, 1))
+    ]
+    return float(np.abs(gains[:, None] + falls).max())

@@ -15,6 +15,7 @@ from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.canvas import CanvasSettings
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.painting.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.placement import Homography
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
@@ -25,7 +26,7 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
-LOOK_COLUMNS = "gain, display"
+LOOK_COLUMNS = "gain, vignetting, display"
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 Stored = str | bytes | None
@@ -153,8 +154,18 @@ def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
 
 
 def look_row(painted: Painted) -> tuple[object, ...]:
-    """Values for LOOK_COLUMNS: the gains as 64-bit numbers, the display as JSON."""
-    return np.array(painted.gain, dtype="<f8").tobytes(), json.dumps(asdict(painted.display))
+    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit numbers, the display as JSON."""
+    gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
+    return gain, vignetting, json.dumps(asdict(painted.display))
+
+
+def vignetting_of(row: sqlite3.Row) -> Vignetting:
+    """Also for a ledger that was written before there was any."""
+    stored = row["vignetting"] if "vignetting" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    if stored is None:
+        return FLAT
+    a, b = np.frombuffer(stored, "<f8").tolist()
+    return a, b
 
 
 def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
@@ -164,7 +175,7 @@ def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
 
 
 def canvas_of(row: sqlite3.Row) -> CanvasSettings:
-    return CanvasSettings(**json.loads(row["canvas"])) if "canvas" in row.keys() else CanvasSettings()  # noqa: SIM118
+    return CanvasSettings(**json.loads(row["canvas"])) if "canvas" in row.keys() else CanvasSettings(blend="edge")  # noqa: SIM118
 
 
 def display_of(row: sqlite3.Row) -> Display:
@@ -194,6 +205,7 @@ def painted_of(row: sqlite3.Row) -> Painted:
         camera=camera_of(row),
         relief=relief_of(row),
         gain=gain_of(row),
+        vignetting=vignetting_of(row),
         display=display_of(row),
         level=row["level"],
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import telling_disk_full
 
-VERSION = 3  # PRAGMA user_version; raise it with every change to the tables below, and migrate
+VERSION = 4  # PRAGMA user_version; raise it with every change to the tables below, and migrate
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
 BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
 
@@ -84,7 +84,7 @@ CREATE TABLE painted (
     level INTEGER NOT NULL,
     camera INTEGER NOT NULL REFERENCES cameras (id),
     x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
-    gain BLOB NOT NULL, display TEXT NOT NULL,
+    gain BLOB NOT NULL, display TEXT NOT NULL, vignetting BLOB,
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
 );
 CREATE INDEX painted_by_island ON painted (island, "order");
@@ -114,7 +114,7 @@ CREATE TABLE notices (
 MIGRATIONS = {
     1: "ALTER TABLE estimates ADD COLUMN homography BLOB;",
     2: """
-ALTER TABLE flight ADD COLUMN canvas TEXT NOT NULL DEFAULT '{}';
+ALTER TABLE flight ADD COLUMN canvas TEXT NOT NULL DEFAULT '{"blend": "edge"}';
 ALTER TABLE painted ADD COLUMN gain BLOB NOT NULL DEFAULT x'';
 ALTER TABLE painted ADD COLUMN display TEXT NOT NULL DEFAULT '{"shown": [0, 1, 2], "black": [0, 0, 0], "white": [255, 255, 255]}';
 UPDATE painted SET gain = numbers(gain_b, gain_g, gain_r);
@@ -122,6 +122,7 @@ ALTER TABLE painted DROP COLUMN gain_b;
 ALTER TABLE painted DROP COLUMN gain_g;
 ALTER TABLE painted DROP COLUMN gain_r;
 """,
+    3: "ALTER TABLE painted ADD COLUMN vignetting BLOB;",
 }
 
 

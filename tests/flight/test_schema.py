@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import FlightRecord
 from gcs_mosaic.flight.schema import VERSION, connect, connect_for_reading
+from gcs_mosaic.stitch.painting.canvas import CanvasSettings
+from gcs_mosaic.stitch.painting.vignetting import FLAT
 
 
 def test_new_file_carries_our_version_and_a_write_ahead_log(tmp_path: Path) -> None:
@@ -36,7 +39,7 @@ def test_newer_version_is_refused_and_left_alone(tmp_path: Path, open_file: type
 
 @pytest.mark.parametrize("read_only", [True, False])
 def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_only: bool) -> None:
-    """Version 2: gains of blue, green and red, no display, no word of how frames are painted."""
+    """Version 2: gains of blue, green and red, no display, no vignetting, no word of how frames are painted."""
     path = tmp_path / "flight.sqlite"
     painted = a_painted("a.jpg")
     with Ledger(path) as ledger:
@@ -46,13 +49,15 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
         ledger.record_painted(painted)
     old = sqlite3.connect(path)
     old.executescript("ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;")
-    old.executescript("ALTER TABLE painted DROP COLUMN gain; PRAGMA user_version = 2;")
+    old.executescript("ALTER TABLE painted DROP COLUMN gain; ALTER TABLE painted DROP COLUMN vignetting;")
+    old.execute("PRAGMA user_version = 2")
     for column, gain in zip(("gain_b", "gain_g", "gain_r"), painted.gain, strict=True):
         old.execute(f"ALTER TABLE painted ADD COLUMN {column} NOT NULL DEFAULT {gain!r}")
     old.close()
     with Ledger(path, read_only=read_only) as ledger:
-        assert ledger.painted(painted.island) == [painted]
-        assert ledger.flight() == FlightRecord(name="old", started_utc=1.0)
+        assert ledger.painted(painted.island) == [replace(painted, vignetting=FLAT)]
+        canvas = CanvasSettings(blend="edge")  # the only way to mix frames that those versions had by default
+        assert ledger.flight() == FlightRecord(name="old", started_utc=1.0, canvas=canvas)
 
 
 def test_database_of_another_program_is_refused(tmp_path: Path) -> None:

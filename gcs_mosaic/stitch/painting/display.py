@@ -51,6 +51,12 @@ class Display:
         bands = [table.astype(image.dtype)[image[..., band]] for band, table in enumerate(tables)]
         return np.stack(bands, axis=-1)
 
+    def times(self, image: Bands, factor: NDArray[np.float32]) -> Bands:
+        """All bands (h, w, bands) with what they have above black times a factor (h, w), at their own depth."""
+        black = np.array(self.black, np.float32)
+        counts = black + (image - black) * factor[..., None]
+        return np.clip(np.rint(counts), 0, np.iinfo(image.dtype).max).astype(image.dtype)
+
     def of_shown(self, gain: tuple[float, ...]) -> tuple[float, float, float]:
         """What is said of each band, for what is shown as blue, green and red."""
         blue, green, red = self.shown

@@ -10,7 +10,7 @@ balance moves them apart.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -18,6 +18,14 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
+from gcs_mosaic.stitch.painting.vignetting import (
+    NO_SUMS,
+    RadialSums,
+    Vignetting,
+    log_brightness,
+    radial_sums,
+    radii,
+)
 from gcs_mosaic.stitch.painting.warping import warped
 
 Image = NDArray[np.uint8]
@@ -41,11 +49,22 @@ class ExposureSettings:
 
 @dataclass(frozen=True, slots=True)
 class OverlapMeans:
-    """Mean levels of each band over the ground two frames share, and how many thumbnail pixels that is."""
+    """Mean levels of each band over the ground two frames share, how many thumbnail pixels that is, and what it tells of
+    vignetting."""
 
     mean_i: Gain
     mean_j: Gain
     count: int
+    radial: RadialSums = NO_SUMS
+
+    def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:
+        """The same with the vignetting of both frames taken out."""
+        fall_i, fall_j = log_brightness(of_i, self.radial.mean_i), log_brightness(of_j, self.radial.mean_j)
+        flat_i, flat_j = (
+            tuple((np.array(mean) * np.exp(-fall)).tolist())
+            for mean, fall in ((self.mean_i, fall_i), (self.mean_j, fall_j))
+        )
+        return replace(self, mean_i=flat_i, mean_j=flat_j)
 
 
 Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, what they see of each other
@@ -67,7 +86,13 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], 
     usable = ((there >= 0) & (there <= limits)).all(axis=-1) & _unclipped(small_i) & _unclipped(seen_from_i)
     if not usable.any():
         return None
-    return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()))
+    log_ratio = np.log(small_i[usable].mean(axis=1) / seen_from_i[usable].mean(axis=1))
+    at_i, at_j = (
+        radii(grid[usable], width, height),
+        radii(there[usable].astype(np.float64), small_j.shape[1], small_j.shape[0]),
+    )
+    sums = radial_sums(at_i, at_j, log_ratio)
+    return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()), sums)
 
 
 def solve_gains(

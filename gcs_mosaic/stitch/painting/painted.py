@@ -11,6 +11,7 @@ from typing import NamedTuple
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
+from gcs_mosaic.stitch.painting.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 TileKey = tuple[int, Tile]  # island, tile
@@ -19,8 +20,8 @@ Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then na
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Painted:
-    """A frame as it is (to be) painted. `gain` multiplies what each of its bands has above the display's black; `level` is
-    usually `own_level(pose, camera)`."""
+    """A frame as it is (to be) painted. `gain` multiplies what each of its bands has above the display's black, and
+    `vignetting` is taken out; `level` is usually `own_level(pose, camera)`."""
 
     name: str
     order: int  # capture order
@@ -29,6 +30,7 @@ class Painted:
     camera: Camera
     relief: ReliefDisplacement | None = None
     gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+    vignetting: Vignetting = FLAT
     display: Display = PLAIN
     level: int
 

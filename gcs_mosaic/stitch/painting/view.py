@@ -13,10 +13,11 @@ from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.blending import Blend, Part
 from gcs_mosaic.stitch.painting.exposure import apply_gain
 from gcs_mosaic.stitch.painting.grid import Tile
-from gcs_mosaic.stitch.painting.lattice import FrameLattice
+from gcs_mosaic.stitch.painting.lattice import FrameLattice, Lattice
 from gcs_mosaic.stitch.painting.layers import Layer, Measured, make_layer
 from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.warping import NOWHERE, refined, shrunk, tile_picture
+from gcs_mosaic.stitch.painting.vignetting import FLAT, brightened, brightening, brightening_map
+from gcs_mosaic.stitch.painting.warping import NOWHERE, refined, shrunk, tile_picture, upscale
 
 Image = NDArray[np.uint8]
 # The size a frame is looked at by a blend: 6 px of a 12 MP frame are still 3.
@@ -36,12 +37,17 @@ class FrameView:
     blend: Blend
     interpolation: int
     bands: Bands | None = None
+    brightening: Lattice | None = (
+        None  # at the lattice points: what takes the vignetting out of the image; None: nothing
+    )
 
     def layer(self, tile: Tile) -> Layer | None:
         """What the frame alone shows of a tile; None if nothing."""
         window = self.lattice.window(tile)
         colour, coverage = tile_picture(self.lattice, self.image, tile, self.interpolation)
         bands = None if self.bands is None else tile_picture(self.lattice, self.bands, tile, self.interpolation)[0]
+        if self.brightening is not None:
+            colour = brightened(colour, upscale(self.brightening[window]))
         return make_layer(colour, coverage, self.lattice.weight[window], bands, self._measured(tile))
 
     def over(self, shown: Layer | None, tile: Tile) -> Layer | None:
@@ -66,11 +72,17 @@ def frame_view(
         raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8 or uint16")
     shown = display.picture(image)
     gained = apply_gain(shown, display.of_shown(painted.gain))
-    bands = {"none": None, "raw": image, "gained": None}[keep]
+    bands = image if keep == "raw" else None
     if keep == "gained":
         bands = gained if shown is image else display.gained(image, painted.gain)
-    measured = _at_lattice_points(blend.measure(shrunk(gained, LOOK_PIXELS)), lattice)
-    return FrameView(lattice, gained, measured, blend, interpolation, bands)
+    look, factor = shrunk(gained, LOOK_PIXELS), None
+    if painted.vignetting != FLAT:
+        factor = brightening(painted.vignetting, lattice.pixels, painted.camera.width, painted.camera.height)
+        look = brightened(look, brightening_map(painted.vignetting, look.shape[1], look.shape[0]))
+        if bands is not None and keep == "gained":
+            bands = display.times(bands, brightening_map(painted.vignetting, size[1], size[0]))
+    measured = _at_lattice_points(blend.measure(look), lattice)
+    return FrameView(lattice, gained, measured, blend, interpolation, bands, factor)
 
 
 def _at_lattice_points(maps: NDArray[np.float32], lattice: FrameLattice) -> Measured:

@@ -34,8 +34,9 @@ def random_frame(rng: random.Random, order: int):
     x, y, gsd = rng.uniform(-400, 400), rng.uniform(-300, 300), rng.choice([1.0, 1.0, 2.2, 5.0])
     gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
     relief = rng.choice([None, hilly(rng.randrange(9))])
+    vignetting = rng.choice([(0.0, 0.0), (-0.3, 0.05)])
     yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
-    return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, gain=gain, relief=relief)
+    return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, gain=gain, vignetting=vignetting, relief=relief)
 
 
 def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
