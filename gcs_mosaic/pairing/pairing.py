@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from gcs_mosaic.events import CaptureResult, Frame, TriggerEvent
 from gcs_mosaic.link.clock import SourceClocks
 from gcs_mosaic.link.counters import StreamKey
+from gcs_mosaic.pairing.leftover import counted_off
 from gcs_mosaic.pairing.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
 from gcs_mosaic.pairing.search import Search
 from gcs_mosaic.pairing.settings import PairingSettings
@@ -78,9 +79,11 @@ class Pairing:
         ]
         return [self._missing(held) for held in due]
 
-    def close(self) -> list[Missing]:
-        """Nothing more will come: what is pending is missing."""
-        return [self._missing(held) for held in self._events.oldest_first() if held.state is State.PENDING]
+    def close(self) -> list[Outcome]:
+        """Nothing more will come: what is left is counted off, and what is pending then is missing."""
+        outcomes = list(self._count_off())
+        pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
+        return [*outcomes, *(self._missing(held) for held in pending)]
 
     def accounts(self) -> Accounts:
         """The sums; they always close."""
@@ -166,6 +169,16 @@ class Pairing:
             yield from self._find_frame(robbed)
         if freed and not freed.event:
             yield from self._find_event(freed)
+
+    def _count_off(self) -> Iterator[Outcome]:
+        pairs = counted_off(self._events.oldest_first(), self._frames.oldest_first(), self._search.learnt)
+        wrong = [(event, frame) for event, frame in pairs if frame.event is not event]
+        for event, frame in wrong:
+            yield from self._release(event)
+            if frame.event:
+                yield from self._release(frame.event)
+        for event, frame in wrong:
+            yield from self._match(event, frame, How.SEQUENCE)
 
     def _release(self, held: HeldEvent) -> Iterator[Outcome]:
         if held.frame:
