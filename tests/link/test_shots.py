@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+import random
 from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mavlink_peer import captured, feedback, received, trigger
 
 from gcs_mosaic.events import CaptureResult, Source, TriggerEvent
+from gcs_mosaic.link.decode import decode
 from gcs_mosaic.link.shots import Better, Duplicate, New, ShotMerger, Verdict
 
 TRIGGER, FEEDBACK, AUTOPILOT, CAMERA = Source
@@ -149,3 +152,40 @@ def test_a_forger_with_many_cameras_is_not_remembered_for_ever() -> None:
         )
     assert len(merger._seen) <= 32
     assert len(merger._counters._votes) <= 32 * 32
+
+
+def test_four_messages_over_two_links_are_one_shot_even_where_a_counter_wraps_or_begins_anew() -> None:
+    """PX4's 112 and 263, ArduPilot's 180 (16 bits) and the camera's own 263, each twice; the vehicle boots in between."""
+    merger, verdicts_of, dice = ShotMerger(), dict[int, list[tuple[int, Verdict]]](), random.Random(4)
+    heard = []
+    for shot in range(40):
+        booted, count = (0.0, 65520 + shot) if shot < 25 else (50.0, shot - 25)
+        boot_ms = round(1000 * (300 + 2 * shot - booted))
+        messages = [
+            (trigger(count, 1000 * boot_ms), 1),
+            (captured(count, time_boot_ms=boot_ms, camera_id=1, capture_result=-1), 1),
+            (feedback(count % 65536, time_usec=1000 * boot_ms), 1),
+            (captured(7000 + shot, time_boot_ms=boot_ms, file_url=b"x/%d.jpg" % shot), 100),
+        ]
+        for message, component in messages:
+            for link in range(2):
+                event = decode(received(message, component=component), 2.0 * shot + 0.3 * dice.random() + 0.1 * link)
+                assert event is not None
+                heard.append((event.received, shot, event))
+    for event_id, (_, shot, event) in enumerate(sorted(heard, key=lambda item: item[0])):
+        verdicts_of.setdefault(shot, []).append((event_id, merger.add(event_id, event)))
+    for shot, told_of in verdicts_of.items():
+        (first, verdict), *others = told_of
+        assert (shot, verdict) == (shot, New())
+        assert {getattr(other, "of", None) for _, other in others} == {first}
+        assert len(told_of) == 8
+
+
+@pytest.mark.parametrize(("value", "result"), [(0, CaptureResult.FAILED), (-1, CaptureResult.UNKNOWN)])
+def test_what_the_better_witness_says_of_a_shot_is_kept(value: int, result: CaptureResult) -> None:
+    merger = ShotMerger()
+    first = decode(received(trigger(1, 5_000_000)), 1.0)
+    second = decode(received(captured(1, time_boot_ms=5000, capture_result=value), component=100), 1.1)
+    assert first is not None
+    assert second is not None
+    assert (merger.add(0, first), merger.add(1, second), second.result) == (New(), Better(0), result)

@@ -16,7 +16,7 @@ from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
 from gcs_mosaic.link.address import parse_address
 from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.settings import LinkSettings
-from gcs_mosaic.link.streams import StreamChannel
+from gcs_mosaic.link.streams import StreamChannel, opener
 from gcs_mosaic.link.triggers import triggers
 
 QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
@@ -138,3 +138,14 @@ def test_a_serial_line_at_a_wrong_speed_is_told_from_a_silent_one() -> None:
     list(heard)
     os.close(ours)
     os.close(theirs)
+
+
+def test_the_kernel_finds_out_that_the_other_side_was_switched_off() -> None:
+    """Whoever only listens would wait for ever; 10 s of silence and three questions 5 s apart end it."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        stream = opener(parse_address(f"tcp:127.0.0.1:{server.getsockname()[1]}"), QUICK)()
+        assert stream is not None
+        with server.accept()[0], stream, socket.socket(fileno=os.dup(stream.fileno())) as ours:
+            assert ours.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+            wanted = {socket.TCP_KEEPIDLE: 10, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEPCNT: 3}
+            assert {option: ours.getsockopt(socket.IPPROTO_TCP, option) for option in wanted} == wanted
