@@ -9,7 +9,8 @@ from gcs_mosaic.link.decode import MavMessage
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A message and when it came, in seconds of the host's monotonic clock."""
+    """A message and when it came, in seconds of the host's monotonic clock; `sender` says from where, if a link can tell."""
 
     message: MavMessage
     received: float
+    sender: str = ""

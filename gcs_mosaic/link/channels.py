@@ -17,6 +17,7 @@ from gcs_mosaic.events import Notice
 from gcs_mosaic.link import streams, tlog
 from gcs_mosaic.link.address import LinkAddress, connection_string
 from gcs_mosaic.link.arrival import Arrival
+from gcs_mosaic.link.datagrams import DatagramReader
 from gcs_mosaic.link.ports import bind_udp
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.signing import Signing
@@ -84,6 +85,7 @@ class UdpChannel:
         self.ended, self.working = False, True
         self._admits = admits
         self._socket = bind_udp(address.host, address.port, settings.receive_buffer_bytes)
+        self._datagrams = DatagramReader(self._socket)
         self._peers: OrderedDict[tuple[str, int], _Peer] = OrderedDict()
 
     @property
@@ -91,16 +93,14 @@ class UdpChannel:
         return sum(peer.reader.skipped_bytes for peer in self._peers.values())
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
-        self._socket.settimeout(timeout_s)
-        try:
-            data, address = self._socket.recvfrom(_LARGEST_DATAGRAM)
-        except (TimeoutError, ConnectionError):  # Windows reports another's closed port here
-            return []
-        received, peer = time.monotonic(), self._peer(address)
-        messages = peer.reader.feed(data)
-        if messages:
-            peer.heard = received
-        return [Arrival(message, received) for message in messages]
+        arrivals: list[Arrival | Notice] = []
+        for data, sender, received in self._datagrams.read(timeout_s):
+            peer = self._peer(sender)
+            messages = peer.reader.feed(data)
+            if messages:
+                peer.heard = received
+            arrivals += [Arrival(message, received, f"{sender[0]}:{sender[1]}") for message in messages]
+        return arrivals
 
     def send(self, packet: bytes) -> bool:
         now, sent = time.monotonic(), False

@@ -9,6 +9,7 @@ from typing import Literal
 from gcs_mosaic.events import LinkReport, Notice, Refusals, TriggerEvent
 from gcs_mosaic.link.address import LinkAddress, connection_string
 from gcs_mosaic.link.decode import MavMessage, decode
+from gcs_mosaic.link.flood import FloodGate, TriggerSource, Verdict
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.utc import VehicleTimes
 
@@ -63,6 +64,7 @@ class Listener:
         self._others: Counter[int] = Counter()  # triggers of other aircraft, by MAVLink system id
         self._times = VehicleTimes()
         self._refusals_said: set[str] = set()
+        self._gate = FloodGate(settings.most_triggers_per_s, settings.most_triggers_at_once)
         self._first_vehicle: float | None = None
         self._systems: set[int] = set()
         self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
@@ -74,16 +76,18 @@ class Listener:
 
     def farewell(self) -> Notice:
         """What is said at the end."""
-        return self._notice("info", f"{self._name} is closed")
+        flood = f"; {self._gate.left_out} triggers of a flood were left out" if self._gate.left_out else ""
+        return self._notice("info", f"{self._name} is closed{flood}")
 
-    def hear(self, message: MavMessage, received: float) -> Iterator[TriggerEvent | Notice]:
-        """What a message means; most mean nothing."""
+    def hear(self, message: MavMessage, received: float, sender: str = "") -> Iterator[TriggerEvent | Notice]:
+        """What a message means; most mean nothing. `sender` is where it comes from, where the link can tell."""
         yield from self._back_again(received)
         if message.get_type() == "HEARTBEAT":
             yield from self._heartbeat(message, received)
         self._times.hear(message, received)
         if event := decode(message, received):
-            yield from self._trigger(self._times.dated(event))
+            source = TriggerSource(sender, event.vehicle, event.component, message.get_type())
+            yield from self._trigger(self._times.dated(event), source)
 
     def tick(
         self, now: float, *, working: bool = True, noise: int = 0, refused: Refusals = NO_REFUSALS, sent: int = 0
@@ -146,13 +150,25 @@ class Listener:
             self._silent = False
             yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")
 
-    def _trigger(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
+    def _trigger(self, event: TriggerEvent, source: TriggerSource) -> Iterator[TriggerEvent | Notice]:
         if self._choice.follows(event):
-            yield event
+            verdict = self._gate.ask(source, event.received)
+            yield from self._about_flood(verdict, source)
+            if verdict in ("admitted", "opened"):
+                yield event
             return
         self._others[event.vehicle] += 1
         if self._others[event.vehicle] == 1:
             yield self._notice("warning", _not_followed(event.vehicle, self._choice))
+
+    def _about_flood(self, verdict: Verdict, source: TriggerSource) -> Iterator[Notice]:
+        if verdict == "closed":
+            most = f"more than {self._settings.most_triggers_per_s:g} times a second"
+            text = f"{source} comes {most}, as from no camera: it is left out until it is quieter"
+            yield self._notice("warning", text)
+        elif verdict == "opened":
+            text = f"{source} is quieter again: it is listened to; {self._gate.left_out} triggers were left out so far"
+            yield self._notice("info", text)
 
     def _heartbeat(self, message: MavMessage, received: float) -> Iterator[Notice]:
         system = message.get_srcSystem()

@@ -11,6 +11,10 @@ class LinkSettings:
 
     vehicle: int | None = None
     """MAVLink system id of the aircraft to follow; none = the first that triggers a camera."""
+    most_triggers_per_s: float = 20.0
+    """A source that announces more pictures a second for longer is no camera, and is left out until it is quieter."""
+    most_triggers_at_once: int = 200
+    """... and so many at once are believed: what a link held back, or a burst."""
     silent_after_s: float = 10.0
     """A link that brings nothing for so long is said to be silent: ten heartbeats, more than a turn of the aircraft."""
     ground_station_after_s: float = 20.0
@@ -29,5 +33,5 @@ class LinkSettings:
     """Ask a camera again, at most once a second, for messages of which its counter shows that they were lost."""
     signing_key: str | None = None
     """File (mode 600) with the key of MAVLink's signing; packets that are not signed with it are refused."""
-    receive_buffer_bytes: int = 1 << 20
-    """What the kernel keeps for us while we are busy: a second of 5,000 messages."""
+    receive_buffer_bytes: int = 1 << 21
+    """What the kernel keeps for us while we are busy, as far as its own limit allows: a second of 5,000 messages."""

@@ -75,7 +75,7 @@ class _Link:
 
     def _hear(self, arrival: Arrival) -> Items:
         self.recording.record(arrival)
-        for item in self.listener.hear(arrival.message, arrival.received):
+        for item in self.listener.hear(arrival.message, arrival.received, arrival.sender):
             if self.speaker and isinstance(item, TriggerEvent):
                 self.speaker.note(item, arrival.received)
             yield item

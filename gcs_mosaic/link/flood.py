@@ -1,0 +1,79 @@
+"""Keeps a flood of triggers, a fault's or a forger's, from burying the real ones. Pure; time comes as an argument.
+
+A leaky bucket for each source. One that overflows is no camera: it is left out until it has been quieter for some seconds.
+The others go on as if it were not there, and no more than a few sources are listened to at a time, so that a forger who
+takes another name for each message gains nothing, as long as the camera was there first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+Verdict = Literal["admitted", "left out", "closed", "opened"]
+
+MOST_SOURCES = 16  # of one link; an autopilot has up to three, each of MAVLink's six cameras one
+_FORGOTTEN_AFTER_S = 60.0  # a source that has said nothing for so long makes room for another
+_OPENED_AT = 0.5  # of a full bucket: a flood that comes in waves is not let in between them
+
+
+class TriggerSource(NamedTuple):
+    """Who sends one kind of camera message. `sender` is where the packets come from, where a link can tell."""
+
+    sender: str
+    system: int
+    component: int
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.message} of system {self.system}, component {self.component}"
+
+
+@dataclass(slots=True)
+class _Bucket:
+    level: float = 0.0
+    last: float = 0.0
+    closed: bool = False
+
+
+class FloodGate:
+    """Says of each camera message whether it may pass; `left_out` counts those that may not."""
+
+    def __init__(self, per_second: float, at_once: int) -> None:
+        self.left_out = 0
+        self._per_second, self._at_once = per_second, at_once
+        self._buckets: dict[TriggerSource, _Bucket] = {}
+
+    def ask(self, source: TriggerSource, now: float) -> Verdict:
+        """Whether a message that came at `now` (monotonic seconds) may pass: also when `opened`, not when `closed`."""
+        bucket = self._bucket(source, now)
+        verdict = "left out" if bucket is None else self._pour(bucket, now)
+        self.left_out += verdict in ("left out", "closed")
+        return verdict
+
+    def _bucket(self, source: TriggerSource, now: float) -> _Bucket | None:
+        bucket = self._buckets.get(source)
+        if bucket is None:
+            if len(self._buckets) >= MOST_SOURCES:
+                recent = {one: kept for one, kept in self._buckets.items() if now - kept.last < _FORGOTTEN_AFTER_S}
+                self._buckets = recent
+            if len(self._buckets) >= MOST_SOURCES:
+                return None
+            bucket = self._buckets[source] = _Bucket(last=now)
+        return bucket
+
+    def _pour(self, bucket: _Bucket, now: float) -> Verdict:
+        leaked = self._per_second * max(0.0, now - bucket.last)
+        bucket.level, bucket.last = max(0.0, bucket.level - leaked), now
+        if bucket.closed:
+            if bucket.level <= _OPENED_AT * self._at_once:
+                bucket.closed = False
+                bucket.level += 1
+                return "opened"
+            bucket.level = min(bucket.level + 1, float(self._at_once))
+            return "left out"
+        bucket.level += 1
+        if bucket.level > self._at_once:
+            bucket.closed, bucket.level = True, float(self._at_once)
+            return "closed"
+        return "admitted"
