@@ -124,7 +124,9 @@ def busy_flight(relief: float = 0.0, size: tuple[int, int] = (1200, 900), frames
 
 
 def without_gains(settings: PaintSettings) -> PaintSettings:
-    return replace(settings, exposure=replace(settings.exposure, least_gain=1.0, most_gain=1.0))
+    """Brightness as the camera left it: no gains, no vignetting taken out."""
+    exposure = replace(settings.exposure, least_gain=1.0, most_gain=1.0)
+    return replace(settings, exposure=exposure, vignetting=replace(settings.vignetting, sigma=1e-6))
 
 
 def measured(

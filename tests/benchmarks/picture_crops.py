@@ -60,7 +60,7 @@ def main() -> None:
 def exposure(flight: PlacedFlight) -> list[Panel]:
     """Automatic exposure in steps of 2x."""
     raw = without_gains(newest(PaintSettings()))
-    return [("exposure steps of 2x as taken", middle(flight, raw)), ("default", middle(flight, PaintSettings()))]
+    return [("exposure steps of 2x as taken", middle(flight, raw)), ("gcs-mosaic", middle(flight, PaintSettings()))]
 
 
 def vignetting() -> list[Panel]:
@@ -68,7 +68,7 @@ def vignetting() -> list[Panel]:
     camera = Camera(vignetting=0.5)
     flight = simulated(plan("survey", (1200, 900), route=Plan(frames=24, height=100), camera=camera))
     raw = without_gains(newest(PaintSettings()))
-    return [("corners half as bright, as taken", middle(flight, raw)), ("default", middle(flight, PaintSettings()))]
+    return [("corners half as bright, as taken", middle(flight, raw)), ("gcs-mosaic", middle(flight, PaintSettings()))]
 
 
 def close_up() -> dict[str, list[Panel]]:
@@ -90,7 +90,7 @@ def close_up() -> dict[str, list[Panel]]:
         sharpness = [
             ("the best frame alone", best.colour),
             ("the paper's alpha blend", blended(frames, window)),
-            ("default", shown(painted.canvas, window).colour),
+            ("gcs-mosaic", shown(painted.canvas, window).colour),
         ]
         return {"sharpness": sharpness, "target": compared(frames, maps, mark)}
 
@@ -116,7 +116,7 @@ def bands() -> list[Panel]:
 
     return [
         ("one band of 16 bits, the upper 8 shown", middle(replace(flight, load=high_bytes), PaintSettings())),
-        ("default", middle(flight, PaintSettings())),
+        ("gcs-mosaic", middle(flight, PaintSettings())),
     ]
 
 
@@ -136,7 +136,7 @@ def compared(frames: Frames, maps: dict[Sight, Colours], sight: Sight) -> list[P
     return [
         ("the frame that saw it", dict(frames.by_window[sight.window])[sight.frame].colour),
         ("the paper's alpha blend", blended(frames, sight.window)),
-        ("default", maps[sight]),
+        ("gcs-mosaic", maps[sight]),
     ]
 
 
