@@ -8,15 +8,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from mavlink_peer import free_udp_port, packet, trigger
 
 from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
-from gcs_mosaic.link.address import parse_address
+from gcs_mosaic.link.address import LinkAddress, parse_address
 from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.settings import LinkSettings
-from gcs_mosaic.link.streams import StreamChannel, opener
+from gcs_mosaic.link.streams import StreamChannel, opener, serial
 from gcs_mosaic.link.triggers import triggers
 
 QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
@@ -149,3 +150,23 @@ def test_the_kernel_finds_out_that_the_other_side_was_switched_off() -> None:
             assert ours.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
             wanted = {socket.TCP_KEEPIDLE: 10, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEPCNT: 3}
             assert {option: ours.getsockopt(socket.IPPROTO_TCP, option) for option in wanted} == wanted
+
+
+def test_a_serial_device_that_was_unplugged_is_read_again_when_it_is_back(tmp_path: Path) -> None:
+    device = tmp_path / "ttyACM0"
+    channel = StreamChannel("x", serial(LinkAddress(kind="serial", device=str(device))), QUICK)
+    heard = list[Arrival | Notice]()
+    for seq in range(2):
+        ours, theirs = pty.openpty()
+        device.symlink_to(os.ttyname(theirs))
+        while not any(isinstance(item, Arrival) and item.message.seq == seq for item in heard):
+            heard += channel.read(QUICK.poll_s)
+            if channel.working:
+                os.write(ours, packet(trigger(seq)))
+        device.unlink()
+        os.close(ours)
+        os.close(theirs)
+        while channel.working:
+            heard += channel.read(QUICK.poll_s)
+    assert [item.text.split()[2] for item in heard if isinstance(item, Notice)] == ["connected", "lost"] * 2
+    channel.close()

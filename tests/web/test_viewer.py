@@ -167,12 +167,12 @@ def test_what_a_link_left_out_is_shown(page: Page, url: str, flight: SmallFlight
     flight.status()
     page.open(url)
     page.wait_for(f"{TEXT}.includes('Flying')")
-    assert not page.evaluate(f"/other aircraft|refused/i.test({TEXT})")
+    assert not page.evaluate(f"/of aircraft|refused/i.test({TEXT})")
     link = LinkReport(
         address="udp:1", state="heard", followed=3, others=((4, 20), (9, 1)), refused=Refusals(unsigned=5)
     )
     flight.status(mavlink=(link, replace(link, others=((4, 22),), refused=Refusals(replayed=3))))
-    page.wait_for(f"/of other aircraft\\s*23/i.test({TEXT}) && /packets refused\\s*8/i.test({TEXT})")
+    page.wait_for(f"/of aircraft 4, 9\\s*23/i.test({TEXT}) && /packets refused\\s*8/i.test({TEXT})")
     assert page.evaluate(
         "Boolean(document.querySelector('[title^=\"22 triggers of system 4, 1 triggers of system 9\"]'))"
     )

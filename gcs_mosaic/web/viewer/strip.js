@@ -95,7 +95,7 @@ function linkCounts(links) {
   }
   const refused = links.flatMap((link) => Object.entries(link.refused ?? {})).filter(([, count]) => count);
   return [
-    ...leftOut("Of other aircraft", [...others], ([system, count]) => `${count} triggers of system ${system}`),
+    ...leftOut(`Of aircraft ${[...others.keys()].slice(0, 3).join(", ")}`, [...others], ([system, count]) => `${count} triggers of system ${system}`),
     ...leftOut("Packets refused", refused, ([why, count]) => `${count} ${why}`),
   ];
 }
