@@ -123,9 +123,9 @@ def test_a_heartbeat_goes_to_whom_we_hear_and_to_nobody_else(peers: Callable[[in
         beat = aircraft.wait_for(is_beat)
         assert (beat.get_srcSystem(), beat.get_srcComponent()) == (191, 191)
         aircraft.send(packet(heartbeat()))
-        assert len([message for message in aircraft.messages(2.0) if is_beat(message)]) == 2
+        assert 1 <= len([message for message in aircraft.messages(1.6) if is_beat(message)]) <= 2
         assert stranger.messages(0.1) == []
-        until(lambda: link.report.sent >= 3)
+        until(lambda: link.report.sent >= 2)
     assert "announcing ourselves as system 191, component 191" in link.texts()
 
 
