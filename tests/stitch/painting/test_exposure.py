@@ -39,6 +39,21 @@ def test_a_long_chain_does_not_drift() -> None:
     assert 0.5 < gains.min() < gains.max() < 2.0
 
 
+@pytest.mark.parametrize("bias", [-0.005, 0.0, 0.005])
+def test_gains_that_are_told_one_by_one_do_not_drift_and_follow_steps(bias: float) -> None:
+    """1,000 frames, each told from the two before it with an error, whose exposure doubles and halves every 40 frames."""
+    rng = np.random.default_rng(5)
+    exposures = np.exp(np.log(2) * (np.arange(1000) // 40 % 2))
+    gains: list[float] = []
+    for i, own in enumerate(exposures):
+        errors = np.exp(rng.normal(bias, 0.01, 2))
+        beside = [(seen(own * errors[i - j - 1], exposures[j]), (gains[j],) * 3) for j in (i - 1, i - 2) if j >= 0]
+        gains.append(gain_beside(beside)[0])
+    brightness = gains * exposures
+    assert 0.5 < brightness.min() < brightness.max() < 2.2
+    assert np.abs(np.diff(np.log(brightness))).mean() < 0.015
+
+
 def test_frames_without_overlap_keep_their_brightness() -> None:
     assert solve_gains(3, []) == [(1.0, 1.0, 1.0)] * 3
     assert solve_gains(3, [(0, 1, seen(1, 2))])[2] == (1.0, 1.0, 1.0)
