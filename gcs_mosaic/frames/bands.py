@@ -1,4 +1,5 @@
-"""TIFFs that OpenCV does not read: two bands, or more than three, or bands that are stored one after another."""
+"""TIFFs that OpenCV does not read: two bands, or more than three, bands that are stored one after another; and the reason for
+those that are not read at all."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ def needs_bands(data: bytes) -> bool:
         return False
     page = first_page(data)
     bands = page.samples - len(page.transparent)
-    return not page.formats <= _COUNTS or bands not in (1, 3) or (page.planar and page.samples > 1)
+    return not page.formats <= _COUNTS or page.bits > 16 or bands not in (1, 3) or (page.planar and page.samples > 1)
 
 
 def decode_bands(data: bytes) -> NDArray[Any]:
