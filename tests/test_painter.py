@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from painting_parts import SMALL, picture
 
@@ -94,3 +95,27 @@ def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
     assert len(looked) == CHECKED_AT_ONCE
     repainted(painter)
     assert len(looked) == len(there)
+
+
+def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded):
+    """Every other frame from a thermal camera: each kind is shown by its own display, and agrees with its own kind."""
+
+    def seen(name: str):
+        light = picture(0).astype(float) * (1.0 if int(name) < 4 else 1.5)
+        if int(name) % 2:
+            return (light[..., :1] + 29_000).astype(np.uint16)
+        return np.clip(light * 0.6, 0, 255).astype(np.uint8)
+
+    painter = Painter(seen, recorded.append, PaintSettings())
+    names = [str(k) for k in range(6)]
+    there = [replace(placement(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
+    for order, one in enumerate(there):
+        painter.paint_new(seen(one.name), seen(one.name), one, order)
+    list(painter.repaint_all(there))
+    last = {painted.name: painted for painted in recorded}
+    assert [len(last[name].gain) for name in names] == [3, 1, 3, 1, 3, 1]
+    assert len({last[name].display for name in names}) == 2
+    for first, second in (("0", "4"), ("1", "5")):
+        brighter = np.log(np.array(last[first].gain) / np.array(last[second].gain))
+        assert brighter == pytest.approx(np.log(1.5), abs=0.12)
+    painter.close()
