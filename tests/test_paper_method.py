@@ -2,7 +2,9 @@
 
 import json
 import shutil
+import sqlite3
 import sys
+from contextlib import closing
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ import sitl.flight
 from gcs_mosaic import cli
 from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.schema import MIGRATIONS, VERSION
 from gcs_mosaic.flight.tiles import read_tile
 from gcs_mosaic.stitch.matching.detectors import is_available
 from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
@@ -118,18 +121,18 @@ def test_debug_pictures_are_of_the_default_method(frames, tmp_path, capsys):
 
 
 def test_a_flight_of_an_earlier_version_is_still_exported(out, tmp_path):
-    """Ledgers of version 1 know no homographies."""
+    """Ledgers of version 1 know no homographies; the first step of their migration makes room for them."""
     earlier = tmp_path / "earlier"
     shutil.copytree(out, earlier)
-    with Ledger(earlier / LEDGER_NAME) as ledger:
-        for column in ("estimates DROP homography", "flight DROP canvas", "painted DROP gain", "painted DROP display"):
-            ledger.write(f"ALTER TABLE {column}")
-        for column in ("gain_b", "gain_g", "gain_r"):
-            ledger.write(f"ALTER TABLE painted ADD {column} NOT NULL DEFAULT 1")
-        ledger.write("PRAGMA user_version = 1")
+    with closing(sqlite3.connect(earlier / LEDGER_NAME)) as old:
+        old.executescript("ALTER TABLE estimates DROP homography; PRAGMA user_version = 1")
     assert cli.main(["export", str(earlier), "--format", "placements", "--to", str(tmp_path / "p.json")]) == 0
     assert len(json.loads((tmp_path / "p.json").read_text())["frames"]) == 6
-    with Ledger(earlier / LEDGER_NAME) as ledger:  # to be written again
+    with closing(
+        sqlite3.connect(earlier / LEDGER_NAME)
+    ) as old:  # the other steps change what was not changed back here
+        old.executescript(f"{MIGRATIONS[1]} PRAGMA user_version = {VERSION}")
+    with Ledger(earlier / LEDGER_NAME) as ledger:
         assert [estimate.homography for estimate in ledger.estimates()] == [None] * 6
         ledger.record_estimates(ledger.estimates())
 
