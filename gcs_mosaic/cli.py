@@ -17,6 +17,7 @@ from types import FrameType
 from rich.console import Console
 
 from gcs_mosaic.config import Config, load_config
+from gcs_mosaic.ending import Ending
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.options import (
@@ -31,7 +32,7 @@ from gcs_mosaic.options import (
 )
 
 USAGE = """\
-gcs-mosaic [--mavlink udp:14550] [--watch DIR] [--out DIR] ...   live: listen, watch, stitch, show
+gcs-mosaic [--mavlink udp:14550] [--watch DIR | --rtsp URL] [--out DIR] ...   live: listen, watch, stitch, show
        gcs-mosaic stitch DIR --out DIR                                  a folder of frames, without MAVLink
        gcs-mosaic replay FLIGHT.tlog --frames DIR --out DIR             a recorded flight again
        gcs-mosaic serve DIR | status DIR | export DIR --format FORMAT   a flight that was written before
@@ -80,7 +81,10 @@ def fly(words: Sequence[str]) -> None:
 
     parser = make_parser("gcs-mosaic", USAGE)
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
-    parser.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
+    source.add_argument("--rtsp", metavar="URL|auto", help="live stream instead, a frame of it for each trigger")
+    parser.add_argument("--every", metavar="1s|overlap", help="frames of the stream without triggers too")
     parser.add_argument("--from", dest="oldest", metavar="now|start|30m", help="how old a file may be at the start")
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
     add_announce(parser)
@@ -101,7 +105,7 @@ def fly(words: Sequence[str]) -> None:
     again.add_argument("--resume", action="store_true", help="go on with the flight in --out")
     again.add_argument("--new", action="store_true", help="a new flight, beside the one in --out")
     given = parser.parse_args(words)
-    ending = daemon.Ending(stop=threading.Event(), hurry=threading.Event())
+    ending = Ending(stop=threading.Event(), hurry=threading.Event())
     _end_on_signals(ending.stop, ending.hurry)
     daemon.fly(flight_config(given), Console(stderr=True), ending, resume=given.resume)
 

@@ -17,6 +17,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.originals import OriginalsSettings
 from gcs_mosaic.flight.tiles import TileSettings
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.frames.stream.settings import StreamSettings
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.shots import ShotSettings
 from gcs_mosaic.painter import PaintSettings
@@ -35,6 +36,8 @@ class Config:
     # links to listen on, such as udp:14445, tcp:HOST:PORT, serial:/dev/ttyACM0:57600
     mavlink: tuple[str, ...] = ("udp:14550",)
     watch: str = "frames"  # folder in which the camera's files appear
+    # live stream instead of a folder, such as rtsp://HOST:554/main; auto: where the aircraft says that it is; null: none
+    rtsp: str | None = None
     out: str = "mosaic"  # folder for tiles, ledger and originals
     http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
     method: Method = "adjusted"  # paper: its recipe literally, to compare with; it breaks on long flights
@@ -44,6 +47,7 @@ class Config:
     finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
     link: LinkSettings = field(default_factory=LinkSettings)
     frames: FolderSettings = field(default_factory=FolderSettings)
+    stream: StreamSettings = field(default_factory=StreamSettings)
     shots: ShotSettings = field(default_factory=ShotSettings)
     pairing: PairingSettings = field(default_factory=PairingSettings)
     stitch: StitchSettings = field(default_factory=StitchSettings)

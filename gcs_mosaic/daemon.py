@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
 from gcs_mosaic.announcements import Announcements
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
+from gcs_mosaic.ending import Ending
+from gcs_mosaic.events import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, TriggerEvent
 from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
-from gcs_mosaic.flight.status import DaemonState, LastFrame, WatchStatus
+from gcs_mosaic.flight.status import DaemonState, LastFrame
 from gcs_mosaic.frames.directory import FIRST_LOOK
 from gcs_mosaic.logbook import Logbook
 from gcs_mosaic.patience import Patience
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
-from gcs_mosaic.sources import Inbox, Item, Links, listen, record, watching
+from gcs_mosaic.sources import Inbox, Item, Links, at_first, listen, record, watching, with_stream
 from gcs_mosaic.stitch.painting.painted import TileKey
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
@@ -37,28 +36,24 @@ TAKE_IN_S = 0.5  # then frames that have come are worked off before more are tak
 RETRY_S = 2.0  # between attempts to write on a full disk
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ending:
-    """How a flight is ended: `stop` asks for it, `hurry` for leaving out what may be left out."""
-
-    stop: threading.Event
-    hurry: threading.Event
-
-
 def fly(config: Config, console: Console, ending: Ending, *, resume: bool = False) -> None:
     """Run until told to stop. Raises UsageError before anything is written if it cannot start."""
     watched, out = Path(config.watch), Path(config.out)
-    refuse_watching_ourselves(watched, out)
+    if not config.rtsp:
+        refuse_watching_ourselves(watched, out)
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
         links = listen(config, ending.stop, stack)
+        if config.rtsp:
+            links.sources[:] = with_stream(config.rtsp, links.sources, config, ending.stop)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
-        refuse_watching_ourselves(watched, folder.path)
         recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
-        links.sources.append(watching(config, ending.stop))
+        if not config.rtsp:
+            refuse_watching_ourselves(watched, folder.path)
+            links.sources.append(watching(config, ending.stop))
         daemon = _Daemon(config, folder, console, ending, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
@@ -88,7 +83,7 @@ class _Daemon:
         self._pipeline = Pipeline(folder.path, config, self.say, self._published)
         self._preparation = Preparation(self._pipeline.features_of, config.reduction)
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
-        self._reporter.watch = WatchStatus(folder=config.watch, state="watching")
+        self._reporter.watch = at_first(config)
         self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
         self._feed = feed
         self._came: dict[str, float] = {}  # when files were whole, by frame name
@@ -139,13 +134,16 @@ class _Daemon:
             case DamagedFile():
                 self._patience.write(lambda: self._pipeline.accept_damaged(item))
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
+            case DroppedFrame():
+                self._patience.write(lambda: self._pipeline.accept_dropped(item))
+                self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
             case Notice():
                 self._looked |= item.source == FIRST_LOOK
                 self.say(item)
             case LinkReport():
                 self._reporter.link(item)
-            case FolderReport():
-                self._reporter.watch = WatchStatus(folder=item.folder, state=item.state)
+            case SourceReport():
+                self._reporter.watch = item
 
     def _take_frame(self, found: Frame) -> None:
         frame = self._patience.write(lambda: self._pipeline.accept(found))

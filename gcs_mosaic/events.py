@@ -6,7 +6,7 @@ and only ever shown.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from pathlib import Path
 from typing import Literal
@@ -59,11 +59,25 @@ class Frame:
     """One image that has come completely. Pixels are loaded when they are wanted."""
 
     name: str  # POSIX path relative to the watched folder; an overwritten name gets "#2"
-    path: Path
+    path: Path  # of a stream's frame only its name counts, until it is kept
     content_hash: str  # hex of blake2b with 16 bytes over the whole file
     size: int  # bytes
     received: float  # when the file was found whole
-    modified: float  # the file's own time, seconds since 1970
+    modified: float  # the file's own time, or that of capture where it is known, seconds since 1970
+    data: bytes | None = field(default=None, repr=False)  # the whole file, of a live stream: no other place has it
+    taken_for: TriggerEvent | None = None  # what asked a live stream for it
+
+    def read(self) -> bytes:
+        """The whole file. Raises OSError."""
+        return self.path.read_bytes() if self.data is None else self.data
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DroppedFrame:
+    """A frame of a live stream for which there was no room; its picture is gone."""
+
+    frame: Frame
+    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,12 +120,33 @@ class LinkReport:
     sent: int = 0  # packets; 0 unless announcing was asked for
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FolderReport:
-    """How the watched folder is; said when it changes. It begins as watched."""
+SourceState = Literal["watching", "missing", "ended", "connecting", "connected", "silent", "lost"]
 
-    folder: str
-    state: Literal["watching", "missing", "ended"]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceReport:
+    """How the source of frames is: a folder is watching or missing, a stream connecting, connected, silent or lost.
+
+    Said when the state changes, and about each second while the numbers do. Times are seconds since 1970.
+    """
+
+    kind: Literal["folder", "stream"]
+    name: str
+    state: SourceState
+    since_utc: float | None = None  # when this state began
+    last_seen_utc: float | None = None  # when the newest file or picture came
+    seen: int = 0  # files that may be frames, or pictures received
+    taken: int = 0  # as frames
+    damaged: int = 0
+    gaps: int = 0  # times that the folder was missing or the stream brought nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamOffer:
+    """The aircraft says where a video stream of its is (MAVLink message 269). The address may hold a password."""
+
+    vehicle: int  # MAVLink system id of the sender
+    url: str = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+
 from gcs_mosaic.events import Frame, TriggerEvent
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState
@@ -18,11 +20,15 @@ class Logbook:
         self._pairing = Pairing(pairing)
         self._duplicates: list[tuple[int, int]] = []
         self._outcomes: list[Outcome] = []
+        self._ids: OrderedDict[TriggerEvent, int] = OrderedDict()  # of the shot that an event told of
+        self._remembered = pairing.remembered
 
     def event(self, event: TriggerEvent, now: float) -> None:
         """A camera message has come. After DiskFull nothing has happened: tell it again."""
         event_id = self._ledger.record_event(event)
-        match self._merger.add(event_id, event):
+        verdict = self._merger.add(event_id, event)
+        self._remember(event, event_id if isinstance(verdict, New) else verdict.of)
+        match verdict:
             case New():
                 self._outcomes += self._pairing.event(event_id, event, now)
             case Duplicate(of):
@@ -34,7 +40,8 @@ class Logbook:
 
     def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
         """A frame has come and stands in the ledger; `fresh` if it was not there before the watch began."""
-        self._outcomes += self._pairing.frame(frame, now, fresh=fresh)
+        asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
+        self._outcomes += self._pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
 
     def tick(self, now: float) -> list[Missing]:
         """Time has passed; returns the events whose frames are missing now."""
@@ -57,6 +64,11 @@ class Logbook:
                 self._write(outcome)
         self._duplicates.clear()
         self._outcomes.clear()
+
+    def _remember(self, event: TriggerEvent, shot: int) -> None:
+        self._ids[event] = shot
+        if len(self._ids) > self._remembered:
+            self._ids.popitem(last=False)
 
     def _write(self, outcome: Outcome) -> None:
         match outcome:

@@ -9,6 +9,7 @@ from typing import get_args
 
 from gcs_mosaic.config import Config, Method, load_config
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.stream.settings import StreamSettings
 from gcs_mosaic.stitch.matching.detectors import FeatureKind, is_available
 
 ANNOUNCE_AS = 191  # MAVLink system id if none is given: no aircraft's, which count from 1, and no ground station's
@@ -87,7 +88,11 @@ def flight_config(given: argparse.Namespace) -> Config:
     if given.mavlink:
         config = replace(config, mavlink=tuple(given.mavlink))
     if given.watch:
-        config = replace(config, watch=given.watch)
+        config = replace(config, watch=given.watch, rtsp=None)
+    if given.rtsp:
+        config = replace(config, rtsp=given.rtsp)
+    if given.every:
+        config = replace(config, stream=_every(config, given.every))
     if given.oldest:
         config = replace(config, frames=replace(config.frames, from_age_s=parse_from(given.oldest)))
     if given.record:
@@ -101,3 +106,10 @@ def flight_config(given: argparse.Namespace) -> Config:
     if given.http or given.no_http:
         config = replace(config, http=None if given.no_http else given.http)
     return config
+
+
+def _every(config: Config, every: str) -> StreamSettings:
+    try:
+        return replace(config.stream, every=every)
+    except ValueError as error:
+        raise UsageError(f"--{error}") from None

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.events import DamagedFile, DroppedFrame, Frame, Notice
 from gcs_mosaic.flight.originals import is_intact
 from gcs_mosaic.flight.records import Accounts, FrameState
 from gcs_mosaic.frames.load import Unreadable, load_image
@@ -101,18 +101,23 @@ class Pipeline:
             self.recorder.accept_duplicate(frame, earlier)
             self.taken_in += 1
             return None
-        original, said = self.recorder.accept(frame)
+        kept, said = self.recorder.accept(frame)
         self.taken_in += 1
         self._names[frame.content_hash] = frame.name
         self._orders[frame.name] = len(self._orders)
-        self._places[frame.name] = (original, frame.content_hash)
+        self._places[frame.name] = (kept.path, frame.content_hash)
         for notice in said:
             self._say(notice)
-        return replace(frame, path=original)
+        return kept
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Write down that a file is not whole."""
         self.recorder.accept_damaged(damaged)
+        self.taken_in += 1
+
+    def accept_dropped(self, dropped: DroppedFrame) -> None:
+        """Write down that there was no room for a stream's frame."""
+        self.recorder.accept_dropped(dropped)
         self.taken_in += 1
 
     # Frames are worked off

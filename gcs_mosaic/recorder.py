@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.events import DamagedFile, DroppedFrame, Frame, Notice
 from gcs_mosaic.flight.documents import finite
 from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
@@ -76,8 +76,8 @@ class Recorder:
     def revision(self) -> int:
         return self._manifest.revision
 
-    def accept(self, frame: Frame) -> tuple[Path, list[Notice]]:
-        """Keep a frame's original and write both down; returns where it can be read from, and what is to be said."""
+    def accept(self, frame: Frame) -> tuple[Frame, list[Notice]]:
+        """Keep a frame's original and write both down; returns the frame as it is kept, and what is to be said."""
         kept = self._originals.keep(frame)
         with self.ledger.transaction():
             self.ledger.record_frame(frame)
@@ -86,14 +86,20 @@ class Recorder:
         said = [kept.notice] if kept.notice else []
         if isinstance(kept, NotKept):
             text = f"{frame.name} is not kept: {kept.reason}"
-            return frame.path, [*said, Notice(source="originals", level="warning", text=text)]
-        return self.out / kept.path, said
+            return frame, [*said, Notice(source="originals", level="warning", text=text)]
+        return replace(frame, path=self.out / kept.path, data=None), said
 
     def accept_duplicate(self, frame: Frame, earlier: str) -> None:
         """Write down that a frame is the same picture as an earlier one."""
         with self.ledger.transaction():
             self.ledger.record_frame(frame)
             self.ledger.settle_frame(frame.name, FrameState.DUPLICATE, f"the same picture as {earlier}")
+
+    def accept_dropped(self, dropped: DroppedFrame) -> None:
+        """Write down that there was no room for a stream's frame."""
+        with self.ledger.transaction():
+            self.ledger.record_frame(dropped.frame)
+            self.ledger.settle_frame(dropped.frame.name, FrameState.DROPPED, dropped.reason)
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Write down that a file is not whole."""

@@ -15,11 +15,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from gcs_mosaic.events import LinkReport, Notice
+from gcs_mosaic.events import LinkReport, Notice, SourceReport
 from gcs_mosaic.flight.disk import DiskFull, overwrite, write_beside
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.flight.status import DaemonState, LastFrame, Status, WatchStatus, status_document
+from gcs_mosaic.flight.status import DaemonState, LastFrame, Status, status_document
 
 STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
@@ -36,7 +36,7 @@ class Reporter:
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
         self._written = 0.0
         self._links: dict[str, LinkReport] = {}
-        self.watch: WatchStatus | None = None
+        self.watch: SourceReport | None = None
         self.last_frame: LastFrame | None = None
 
     def say(self, notice: Notice) -> None:

@@ -7,13 +7,25 @@ import threading
 import time
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gcs_mosaic.asking import Asking
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import DamagedFile, FolderReport, Frame, LinkReport, Notice, TriggerEvent
+from gcs_mosaic.events import (
+    DamagedFile,
+    DroppedFrame,
+    Frame,
+    LinkReport,
+    Notice,
+    SourceReport,
+    StreamOffer,
+    TriggerEvent,
+)
 from gcs_mosaic.flight.folder import RECORDING_NAME
 from gcs_mosaic.frames.directory import watch
+from gcs_mosaic.frames.stream.requests import Requests
+from gcs_mosaic.frames.stream.source import stream, stream_name
 from gcs_mosaic.link.address import connection_string, parse_address
 from gcs_mosaic.link.listener import VehicleChoice
 from gcs_mosaic.link.recording import Recording
@@ -23,10 +35,11 @@ from gcs_mosaic.link.speaker import Speaker
 from gcs_mosaic.link.triggers import triggers
 from gcs_mosaic.link.voice import Voice, check_identity
 
-Report = LinkReport | FolderReport
-Item = TriggerEvent | Frame | DamagedFile | Notice | Report
+Report = LinkReport | SourceReport
+Item = TriggerEvent | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
 
 ROOM = 10_000  # items; a full inbox makes the sources wait, and what comes over the network waits in the kernel
+PICTURES = 64  # of a live stream, in memory: 0.1 GB of 4K; from a folder they stay on the disk
 PUT_S = 0.2  # longest wait for room before looking whether to stop
 STOP_S = 5.0  # for a source to end
 
@@ -80,7 +93,25 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
 
 def watching(config: Config, stop: threading.Event) -> Source:
     """The watched folder, made if it is not there. Raises UsageError."""
-    return Source(watch(Path(config.watch), stop, config.frames), FolderReport(folder=config.watch, state="ended"))
+    failed = replace(at_first(config), state="ended")
+    return Source(watch(Path(config.watch), stop, config.frames), failed)
+
+
+def with_stream(address: str, links: Iterable[Source], config: Config, stop: threading.Event) -> list[Source]:
+    """The links, now also asking for frames, and the live stream that gives them. Raises UsageError."""
+    requests = Requests()
+    frames = stream(address, stop, requests, config.stream)
+    asking = Asking(requests, config.shots)
+    asking_links = [replace(link, items=asking.follow(link.items)) for link in links]
+    failed = replace(at_first(config), state="ended")
+    return [*asking_links, Source(frames, failed)]
+
+
+def at_first(config: Config) -> SourceReport:
+    """The source of frames before anything has come of it."""
+    if config.rtsp:
+        return SourceReport(kind="stream", name=stream_name(config.rtsp), state="connecting")
+    return SourceReport(kind="folder", name=config.watch, state="watching")
 
 
 class Inbox:
@@ -90,6 +121,7 @@ class Inbox:
         self._stop = stop
         self._items: queue.Queue[Item] = queue.Queue(ROOM)
         self._threads: list[threading.Thread] = []
+        self._pictures = threading.BoundedSemaphore(PICTURES)
 
     def __len__(self) -> int:
         return self._items.qsize()
@@ -103,7 +135,10 @@ class Inbox:
     def next(self, timeout_s: float) -> Item | None:
         """The oldest item; None if there is none for so long."""
         with suppress(queue.Empty):
-            return self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
+            item = self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
+            if isinstance(item, Frame) and item.data is not None:
+                self._pictures.release()
+            return item
         return None
 
     def join(self) -> None:
@@ -120,6 +155,9 @@ class Inbox:
             self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
 
     def _put(self, item: Item) -> None:
+        if isinstance(item, Frame) and item.data is not None and not self._pictures.acquire(blocking=False):
+            reason = f"{PICTURES} frames of the stream wait already, the disk or the machine is too slow"
+            item = DroppedFrame(frame=replace(item, data=None), reason=reason)
         while not self._stop.is_set():
             with suppress(queue.Full):
                 self._items.put(item, timeout=PUT_S)
@@ -132,5 +170,9 @@ def _close(items: Generator[Item, None, None]) -> None:
 
 
 def _last_words(failed: Report, error: Exception) -> str:
-    what = f"the link {failed.address}" if isinstance(failed, LinkReport) else f"the watching of {failed.folder}"
+    what = f"the link {failed.address}" if isinstance(failed, LinkReport) else _watching_of(failed)
     return f"{what} has failed and brings nothing any more, start gcs-mosaic again ({error!r})"
+
+
+def _watching_of(source: SourceReport) -> str:
+    return f"the stream {source.name}" if source.kind == "stream" else f"the watching of {source.name}"

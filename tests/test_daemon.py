@@ -16,6 +16,7 @@ from running import Running, events_of, flying, frames_of, run, six_pictures, un
 
 from gcs_mosaic import daemon, sources
 from gcs_mosaic.config import Config
+from gcs_mosaic.ending import Ending
 from gcs_mosaic.events import Notice
 from gcs_mosaic.flight.records import FrameRecord
 from sitl.__main__ import free_port
@@ -228,7 +229,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, 
     config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, **paths)
     stop = threading.Event()
     threading.Timer(1.5, stop.set).start()
-    daemon.fly(config, Console(quiet=True), daemon.Ending(stop=stop, hurry=threading.Event()))
+    daemon.fly(config, Console(quiet=True), Ending(stop=stop, hurry=threading.Event()))
     status = json.loads((tmp_path / "mosaic" / "status.json").read_bytes())
     assert [notice for notice in status["notices"] if notice["text"].startswith(told) and notice["level"] == "error"]
     assert (status["watch"]["state"] == "ended") == (part == "watch")

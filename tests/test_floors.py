@@ -31,7 +31,9 @@ ALLOWED = {
     "reporting": {"flight", "events"},
     "announcements": {"link", "pairing", "flight", "events"},
     "patience": {"flight", "events"},
-    "sources": {"config", "link", "frames", "flight", "events"},
+    "asking": {"frames", "link", "events"},
+    "ending": set(),
+    "sources": {"asking", "config", "link", "frames", "flight", "events"},
     "batch": {"debug", "pipeline", "prepare", "config", "frames", "flight", "stitch", "events"},
     "arrivals": {"frames", "link", "pairing", "events"},
     "replay": {
@@ -42,13 +44,13 @@ ALLOWED = {
     "tiffexport": {"rebuilding", "flight", "stitch", "errors"},
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
-        *("pipeline", "prepare", "logbook", "reporting", "announcements", "patience", "sources", "config"),
+        *("pipeline", "prepare", "logbook", "reporting", "announcements", "patience", "sources", "config", "ending"),
         *("frames", "flight", "web", "stitch", "events"),
     },
     "options": {"config", "frames", "stitch", "errors"},
     "cli": {
         *("daemon", "batch", "replay", "benchmark", "tiffexport", "config", "frames", "flight", "web", "options"),
-        "errors",
+        *("ending", "errors"),
     },
     "__main__": {"cli"},
 }

@@ -65,7 +65,8 @@ class Originals:
         notice = self._say_once(shortage) if shortage else None
         target = free_place(self.out / relative_place(frame.name), frame.content_hash)
         reason = None
-        linked = (self.settings.keep == "link" or shortage is not None) and link(frame.path, target)
+        may_link = frame.data is None and (self.settings.keep == "link" or shortage is not None)
+        linked = may_link and link(frame.path, target)
         if not linked:
             reason = shortage or self._copy(frame, target)
         if reason is not None:
@@ -77,7 +78,7 @@ class Originals:
         if target.exists():
             return None
         try:
-            data = frame.path.read_bytes()
+            data = frame.read()
         except OSError as error:
             return f"the file could not be read again to keep it ({error.strerror})"
         if content_hash(data) != frame.content_hash:

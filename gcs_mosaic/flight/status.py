@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import LinkReport
+from gcs_mosaic.events import LinkReport, SourceReport
 from gcs_mosaic.flight.documents import FORMAT, Document, finite, iso_utc
 from gcs_mosaic.flight.folder import find_flight
 from gcs_mosaic.flight.records import Accounts, NoticeRecord
@@ -21,14 +21,6 @@ HUNG_AFTER_S = 8.0  # a running daemon writes its status each two seconds or mor
 # listening: no frame yet; flying: frames come; idle: none for a while; settling: the last frames and the final
 # painting; stopped: everything is written.
 DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WatchStatus:
-    """The watched folder (or stream)."""
-
-    folder: str
-    state: Literal["watching", "missing", "ended"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +45,7 @@ class Status:
     started_utc: float
     revision: int = 0
     mavlink: tuple[LinkReport, ...] = ()
-    watch: WatchStatus | None = None
+    watch: SourceReport | None = None
     frames_in_queue: int = 0
     last_frame: LastFrame | None = None
     accounts: Accounts = field(default_factory=Accounts)
@@ -70,7 +62,7 @@ def status_document(status: Status) -> Document:
         "started": iso_utc(status.started_utc),
         "revision": status.revision,
         "mavlink": [link_entry(link) for link in status.mavlink],
-        "watch": asdict(status.watch) if status.watch else None,
+        "watch": watch_entry(status.watch) if status.watch else None,
         "frames_in_queue": status.frames_in_queue,
         "last_frame": last_frame_entry(status.last_frame) if status.last_frame else None,
         "events": asdict(status.accounts.events),
@@ -90,6 +82,21 @@ def link_entry(link: LinkReport) -> Document:
         "other_triggers": {str(system): count for system, count in link.others},
         "refused": asdict(link.refused),
         "sent": link.sent,
+    }
+
+
+def watch_entry(source: SourceReport) -> Document:
+    """The watched folder or the stream, all that is known of it in one place."""
+    return {
+        "kind": source.kind,
+        "folder": source.name,
+        "state": source.state,
+        "since": None if source.since_utc is None else iso_utc(source.since_utc),
+        "last_seen": None if source.last_seen_utc is None else iso_utc(source.last_seen_utc),
+        "seen": source.seen,
+        "taken": source.taken,
+        "damaged": source.damaged,
+        "gaps": source.gaps,
     }
 
 
@@ -131,16 +138,23 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
     age = now_utc - datetime.fromisoformat(document["updated"]).timestamp()
     hangs = age > HUNG_AFTER_S and document["state"] != "stopped"
     warning = [f"nothing was written for {age:.0f} s: the program was killed or hangs"] if hangs else []
-    last = document["last_frame"]
+    last, watch = document["last_frame"], document["watch"]
     return [
         f"{document['flight']}: {document['state']}, revision {document['revision']}, {document['updated']}",
         *warning,
         f"frames: {counted(document['frames'])}; {document['frames_in_queue']} in the queue",
         f"triggers: {counted(document['events'])}",
         *([f"last frame: {last['name']}, {last['outcome']} at {last['time']}"] if last else []),
+        *([f"{watch['kind']} {watch['folder']}: {'; '.join(watch_words(watch))}"] if watch else []),
         *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
+
+
+def watch_words(watch: dict[str, Any]) -> Iterator[str]:
+    """How the source of frames is, since when, and what it has brought."""
+    yield f"{watch['state']} since {watch['since']}" if watch["since"] else str(watch["state"])
+    yield counted({name: watch[name] for name in ("seen", "taken", "damaged", "gaps")})
 
 
 def link_words(link: dict[str, Any]) -> Iterator[str]:

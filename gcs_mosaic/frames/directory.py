@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import DamagedFile, FolderReport, Frame, Notice
+from gcs_mosaic.events import DamagedFile, Frame, Notice, SourceReport
 from gcs_mosaic.frames.candidate import Candidate
 from gcs_mosaic.frames.given import frames_in as frames_in
 from gcs_mosaic.frames.scan import Look, Scan, scan
@@ -18,7 +18,9 @@ from gcs_mosaic.frames.settings import FolderSettings
 FIRST_LOOK = "first look"
 """`Notice.source` of the notice that says that every file that was there at the start has been looked at."""
 
-Item: TypeAlias = Frame | DamagedFile | Notice | FolderReport
+REPORT_EACH_S = 1.0
+
+Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
 
 
 def watch(folder: Path, stop: threading.Event, settings: FolderSettings | None = None) -> Iterator[Item]:
@@ -62,9 +64,12 @@ class FolderWatch:
         self._oldest_ns = (started_utc - settings.from_age_s) * 1e9
         self._candidates: dict[Path, Candidate] = {}
         self._versions: dict[str, int] = {}
-        self._polls = self._left = self._taken = 0
+        self._polls = self._left = self._taken = self._damaged = self._gaps = 0
         self._said: set[str] = set()
         self._missing = False
+        self._since_utc = started_utc
+        self._last_utc: float | None = None
+        self._reported: tuple[SourceReport, float] | None = None
 
     def poll(self, now: float) -> Iterator[Item]:
         """What has become ready, or must be said, at the monotonic time `now`."""
@@ -78,6 +83,7 @@ class FolderWatch:
             yield from self._take(look, now)
         if self._polls == 2:
             yield self._first_look()
+        yield from self._report(len(found.images), now)
 
     def _is_ready(self, look: Look, now: float) -> bool:
         candidate = self._candidates.get(look.path)
@@ -93,6 +99,8 @@ class FolderWatch:
         if isinstance(item, Frame):
             self._versions[look.name] = self._versions.get(look.name, 0) + 1
             self._taken += 1
+            self._last_utc = time.time()
+        self._damaged += isinstance(item, DamagedFile)
         if item is not None:
             yield item
 
@@ -109,13 +117,31 @@ class FolderWatch:
         for name in sorted(found.links)[:1]:
             yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
 
-    def _presence(self, found: Scan) -> Iterator[Notice | FolderReport]:
+    def _report(self, seen: int, now: float) -> Iterator[SourceReport]:
+        report = SourceReport(
+            kind="folder",
+            name=str(self._folder),
+            state="missing" if self._missing else "watching",
+            since_utc=self._since_utc,
+            last_seen_utc=self._last_utc,
+            seen=seen,
+            taken=self._taken,
+            damaged=self._damaged,
+            gaps=self._gaps,
+        )
+        before = self._reported
+        is_news = before is None or (report != before[0] and now - before[1] >= REPORT_EACH_S)
+        if is_news or (before and before[0].state != report.state):
+            self._reported = (report, now)
+            yield report
+
+    def _presence(self, found: Scan) -> Iterator[Notice]:
         """Said when the folder goes (a card pulled out, a mount lost) and when it comes back."""
         if bool(found.missing) == self._missing:
             return
-        self._missing = bool(found.missing)
+        self._missing, self._since_utc = bool(found.missing), time.time()
+        self._gaps += self._missing
         folder = str(self._folder)
-        yield FolderReport(folder=folder, state="missing" if self._missing else "watching")
         if self._missing:
             text = f"the folder {folder} is gone ({found.missing}); waiting for it to come back"
             yield Notice(source=folder, level="error", text=text)

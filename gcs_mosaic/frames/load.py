@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ class Unreadable:
 
 def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """The frame's pixels as in `decode_image`; Unreadable also if the file is no longer the one that was found."""
-    data = _read(frame.path)
+    data = _read(frame.read)
     if isinstance(data, Unreadable):
         return data
     if content_hash(data) != frame.content_hash:
@@ -44,7 +45,7 @@ def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -
 
 def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """The pixels of the file at `path` as in `decode_image`."""
-    data = _read(path)
+    data = _read(path.read_bytes)
     return data if isinstance(data, Unreadable) else decode_image(data, max_pixels, reduction)
 
 
@@ -94,8 +95,8 @@ def _reduced(image: Bands, reduction: int) -> Bands:
     return np.stack(bands, axis=-1)
 
 
-def _read(path: Path) -> bytes | Unreadable:
+def _read(read: Callable[[], bytes]) -> bytes | Unreadable:
     try:
-        return path.read_bytes()
+        return read()
     except OSError as error:
         return Unreadable(f"cannot be read ({error.strerror})")

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 from urllib.parse import unquote
 
-from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
+from gcs_mosaic.events import CaptureResult, Position, Source, StreamOffer, TriggerEvent
 from gcs_mosaic.link.clock import clock_of, plausible_utc
 
 MavMessage: TypeAlias = Any  # an instance of one of pymavlink's generated classes
@@ -21,6 +21,8 @@ MavMessage: TypeAlias = Any  # an instance of one of pymavlink's generated class
 AUTOPILOT_COMPONENT = 1  # MAV_COMP_ID_AUTOPILOT1
 CAMERA_FEEDBACK_VIDEO = 1
 CAMERA_FEEDBACK_CLOSEDLOOP = 3
+STREAM_RTSP = 0  # VIDEO_STREAM_TYPE_RTSP
+LONGEST_URL = 160  # characters, as the message has them
 LONGEST_NAME = 128  # characters of a file name that are worth keeping
 HIGHEST_M = 100_000.0
 
@@ -31,6 +33,13 @@ def decode(message: MavMessage, received: float) -> TriggerEvent | None:
     """The event in a camera message that came at `received` (monotonic seconds); None if it announces no picture."""
     read = _READERS.get(message.get_type())
     return read(message, received) if read else None
+
+
+def decode_offer(message: MavMessage) -> StreamOffer | None:
+    """The RTSP stream that a VIDEO_STREAM_INFORMATION (message 269) tells of."""
+    if message.get_type() != "VIDEO_STREAM_INFORMATION" or message.type != STREAM_RTSP or not message.uri:
+        return None
+    return StreamOffer(vehicle=message.get_srcSystem(), url=str(message.uri)[:LONGEST_URL])
 
 
 def base_name(url: str) -> str | None:

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
-from gcs_mosaic.events import LinkReport, Notice, Refusals, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, Refusals, StreamOffer, TriggerEvent
 from gcs_mosaic.link.address import LinkAddress, connection_string
-from gcs_mosaic.link.decode import MavMessage, decode
+from gcs_mosaic.link.decode import MavMessage, decode, decode_offer
 from gcs_mosaic.link.flood import FloodGate, TriggerSource, Verdict
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.utc import VehicleTimes
@@ -79,7 +79,9 @@ class Listener:
         flood = f"; {self._gate.left_out} triggers of a flood were left out" if self._gate.left_out else ""
         return self._notice("info", f"{self._name} is closed{flood}")
 
-    def hear(self, message: MavMessage, received: float, sender: str = "") -> Iterator[TriggerEvent | Notice]:
+    def hear(
+        self, message: MavMessage, received: float, sender: str = ""
+    ) -> Iterator[TriggerEvent | StreamOffer | Notice]:
         """What a message means; most mean nothing. `sender` is where it comes from, where the link can tell."""
         yield from self._back_again(received)
         if message.get_type() == "HEARTBEAT":
@@ -88,6 +90,8 @@ class Listener:
         if event := decode(message, received):
             source = TriggerSource(sender, event.vehicle, event.component, message.get_type())
             yield from self._trigger(self._times.dated(event), source)
+        if offer := decode_offer(message):
+            yield offer
 
     def tick(
         self, now: float, *, working: bool = True, noise: int = 0, refused: Refusals = NO_REFUSALS, sent: int = 0

@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from gcs_mosaic.events import LinkReport, Notice, TriggerEvent
+from gcs_mosaic.events import LinkReport, Notice, StreamOffer, TriggerEvent
 from gcs_mosaic.link.address import LinkAddress
 from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.channels import Channel, open_channel
@@ -19,7 +19,7 @@ from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.signing import Signing
 from gcs_mosaic.link.speaker import Speaker
 
-Items: TypeAlias = Generator[TriggerEvent | Notice | LinkReport, None, None]
+Items: TypeAlias = Generator[TriggerEvent | StreamOffer | Notice | LinkReport, None, None]
 
 
 def triggers(

@@ -15,6 +15,7 @@ class How(IntEnum):
     TIME = 1
     SEQUENCE = 2
     NAME = 3
+    ASKED = 4  # the frame was taken from a live stream for this event
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,9 +55,9 @@ class Pairing:
         """A message that tells nothing new."""
         self._duplicates += 1
 
-    def frame(self, frame: Frame, now: float, *, fresh: bool = True) -> list[Outcome]:
+    def frame(self, frame: Frame, now: float, *, fresh: bool = True, asked_by: int | None = None) -> list[Outcome]:
         """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: no time tells
-        when it was taken, so only a name can match it."""
+        when it was taken, so only a name can match it. `asked_by`: the event for which a stream's picture was taken."""
         if next(self._frames.under(("frame", frame.name)), None):
             raise ValueError(f"frame {frame.name} came before")
         self._frames_seen += 1
@@ -67,7 +67,8 @@ class Pairing:
         self._frames.overflow()
         if fresh:
             self._search.delay.file(frame.received)
-        outcomes = [*self._check_counters(held), *(() if held.event else self._find_event(held))]
+        outcomes = [*self._answer(held, asked_by), *self._check_counters(held)]
+        outcomes += () if held.event else self._find_event(held)
         return outcomes if held.event else [*outcomes, Orphan(frame)]
 
     def tick(self, now: float) -> list[Missing]:
@@ -129,6 +130,11 @@ class Pairing:
             yield from self._match(event, held, How.SEQUENCE)
         elif event := self._search.event_by_time(held):
             yield from self._match(event, held, How.TIME)
+
+    def _answer(self, held: HeldFrame, asked_by: int | None) -> Iterator[Outcome]:
+        event = next(self._events.under(("id", asked_by)), None)
+        if event is not None and event.state is not State.FAILED:
+            yield from self._match(event, held, How.ASKED)
 
     def _check_counters(self, held: HeldFrame) -> Iterator[Outcome]:
         """Let the times say whether the counters still go together; if they have moved, put right what they misled."""

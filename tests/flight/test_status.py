@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import LinkReport, Refusals
+from gcs_mosaic.events import LinkReport, Refusals, SourceReport
 from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.records import Accounts, EventAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, Status, WatchStatus, read_status, status_document, status_lines
+from gcs_mosaic.flight.status import LastFrame, Status, read_status, status_document, status_lines
 
 STATUS = Status(
     flight="today",
@@ -18,7 +18,7 @@ STATUS = Status(
     updated_utc=1714564800.0,
     started_utc=1714564000.0,
     mavlink=(LinkReport(address="udp:14550", state="heard", last_heard_utc=1714564799.5),),
-    watch=WatchStatus(folder="frames", state="watching"),
+    watch=SourceReport(kind="folder", name="frames", state="watching"),
     last_frame=LastFrame(name="a.jpg", outcome="placed", island=0, utc=1714564799.0, seconds_to_tile=float("nan")),
     accounts=Accounts(events=EventAccount(missing=1)),
     notices=(NoticeRecord(utc=1714564799.0, source="link", level="info", text="heard"),),

@@ -9,7 +9,7 @@ import pytest
 from image_files import encoded, picture
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import DamagedFile, Frame, Notice
+from gcs_mosaic.events import DamagedFile, Frame, Notice, SourceReport
 from gcs_mosaic.frames.directory import FIRST_LOOK, FolderWatch, Item, watch
 from gcs_mosaic.frames.settings import FolderSettings
 
@@ -127,7 +127,7 @@ def test_hidden_unfinished_and_foreign_files_are_left_alone(watched: Watched) ->
     for name in (".a.jpg", ".thumbs/a.jpg", "a.jpg.part", "b.TMP", "c.jpg.tmp", "clip.mp4", "notes"):
         watched.write(name)
     items = watched.look(4)
-    assert [item for item in items if not isinstance(item, Notice)] == []
+    assert [item for item in items if not isinstance(item, Notice | SourceReport)] == []
     assert sum(".mp4" in item.text for item in items if isinstance(item, Notice)) == 1
 
 
@@ -219,6 +219,7 @@ def test_watching_makes_the_folder_and_stops_when_told(tmp_path: Path) -> None:
     stop, folder = threading.Event(), tmp_path / "new" / "frames"
     items = watch(folder, stop, FolderSettings(poll_s=0.01))
     assert "made the folder" in getattr(next(items), "text", "")
+    assert isinstance(next(items), SourceReport)
     assert getattr(next(items), "source", "") == FIRST_LOOK
     (folder / "a.jpg").write_bytes(JPEG)
     frame = next(items)

@@ -9,12 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.events import LinkReport
+from gcs_mosaic.events import LinkReport, SourceReport
 from gcs_mosaic.flight.disk import write_beside
 from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.records import Accounts, Estimate, EventAccount, FrameAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, Status, WatchStatus, status_document
+from gcs_mosaic.flight.status import LastFrame, Status, status_document
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.grid import Tile
 
@@ -71,7 +71,7 @@ class SmallFlight:
             updated_utc=now,
             started_utc=now - 60,
             mavlink=(LinkReport(address="udp:14550", state="heard", last_heard_utc=now),),
-            watch=WatchStatus(folder="frames", state="watching"),
+            watch=SourceReport(kind="folder", name="frames", state="watching"),
             last_frame=LastFrame(name="b.jpg", outcome="placed", island=0, utc=now - 1, seconds_to_tile=0.5),
             accounts=Accounts(frames=FrameAccount(placed=54, waiting=2), events=EventAccount(matched=53, missing=1)),
             notices=(NoticeRecord(utc=now - 5, source="link", level="info", text="udp:14550: vehicle 1 is heard"),),

@@ -1,0 +1,68 @@
+"""How much of a view is new since the last frame that was taken: for flights that nobody triggers."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_WIDTH = 320  # px; enough to follow the ground
+_CORNERS = 200
+_FEWEST = 12  # points in common below which nothing is known of the motion
+_ROBUST_PX = 2.0
+
+Image = NDArray[np.uint8]
+
+
+class ViewMotion:
+    """Follows corners from picture to picture (Lucas and Kanade 1981) and adds up the similarities between them."""
+
+    def __init__(self) -> None:
+        self._before: Image | None = None
+        self._now_from_taken = np.eye(3)
+
+    def new_share(self, grey: Image) -> float:
+        """Share of the newest picture that the taken one does not show; 1 when the view cannot be followed."""
+        small = _reduced(grey)
+        before, self._before = self._before, small
+        if before is None or before.shape != small.shape:
+            return 1.0
+        step = _motion(before, small)
+        if step is None:
+            return 1.0
+        self._now_from_taken = step @ self._now_from_taken
+        return 1.0 - _overlap(self._now_from_taken, small.shape[1], small.shape[0])
+
+    def taken(self) -> None:
+        """The newest picture has been taken: from now on it is what others are compared with."""
+        self._now_from_taken = np.eye(3)
+
+
+def _reduced(grey: Image) -> Image:
+    scale = min(1.0, _WIDTH / grey.shape[1])
+    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _motion(before: Image, now: Image) -> NDArray[np.float64] | None:
+    """now_from_before (3x3), a similarity; None if too little is seen in both."""
+    corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 5)
+    if corners is None or len(corners) < _FEWEST:
+        return None
+    found, state, _ = cv2.calcOpticalFlowPyrLK(before, now, corners, np.empty_like(corners))
+    kept = state.ravel() == 1
+    if kept.sum() < _FEWEST:
+        return None
+    similarity, inliers = cv2.estimateAffinePartial2D(
+        corners[kept], found[kept], method=cv2.RANSAC, ransacReprojThreshold=_ROBUST_PX
+    )
+    if similarity is None or inliers.sum() < _FEWEST:
+        return None
+    return np.vstack([similarity, [0.0, 0.0, 1.0]])
+
+
+def _overlap(now_from_taken: NDArray[np.float64], width: int, height: int) -> float:
+    """Share of the picture that the taken picture's outline covers."""
+    frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    moved = cv2.perspectiveTransform(frame[None], now_from_taken)[0].astype(np.float32)
+    area, _ = cv2.intersectConvexConvex(frame, moved)
+    return float(area) / (width * height)

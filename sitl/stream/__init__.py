@@ -1,0 +1,1 @@
+"""A camera that streams: pictures go into a real RTSP server on this host."""
