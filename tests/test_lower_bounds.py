@@ -13,11 +13,12 @@ import fresh
 import pytest
 
 PROJECT = tomllib.loads((fresh.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-NEEDED_TO_TEST = ("pytest", "hypothesis")
+NEEDED_TO_TEST = ("pytest", "hypothesis", "av")
 TESTS = ("stitch", "frames", "link", "pairing", "flight", "web/test_app.py", "web/test_feed.py")
 TESTS += ("test_config.py", "test_pairing.py", "test_pipeline.py")
 # What takes long and asks nothing of the libraries that the others do not.
 TOO_LONG = ("--ignore=stitch/test_adversarial.py", "--ignore=stitch/test_levelling.py")
+TOO_LONG += tuple(f"--deselect=frames/stream/test_stream_server.py::test_{name}" for name in ("the_right", "a_server"))
 pytestmark = pytest.mark.skipif(sys.version_info >= (3, 12), reason="the oldest libraries are for the oldest Python")
 
 
