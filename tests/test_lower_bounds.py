@@ -18,7 +18,9 @@ TESTS = ("stitch", "frames", "link", "pairing", "flight", "web/test_app.py", "we
 TESTS += ("test_config.py", "test_pairing.py", "test_pipeline.py")
 # What takes long and asks nothing of the libraries that the others do not.
 TOO_LONG = ("--ignore=stitch/test_adversarial.py", "--ignore=stitch/test_levelling.py")
-TOO_LONG += tuple(f"--deselect=frames/stream/test_stream_server.py::test_{name}" for name in ("the_right", "a_server"))
+TOO_LONG += tuple(
+    f"--deselect=tests/frames/stream/test_stream_server.py::test_{name}" for name in ("the_right", "a_server")
+)
 pytestmark = pytest.mark.skipif(sys.version_info >= (3, 12), reason="the oldest libraries are for the oldest Python")
 
 
