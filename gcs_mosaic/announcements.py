@@ -36,8 +36,9 @@ class Announcements:
         for event in events:
             self._missing += 1
             number = event.event.sequence
+            shots = "shot" if self._missing == 1 else "shots"
             last = "" if number is None else f", last: {number}"
-            self._tell("frames", f"Mosaic: {self._missing} shots without frame{last}")
+            self._tell("frames", f"Mosaic: {self._missing} {shots} without frame{last}")
 
     def notice(self, notice: Notice) -> None:
         """Something was said aloud."""

@@ -66,7 +66,7 @@ def test_shots_without_frame_are_counted(announcements: Announcements, ear: Ear)
     announcements.missing([missing(7), missing(9)])
     announcements.missing([])
     announcements.missing([missing(None)])
-    assert ear.texts == ["1 shots without frame, last: 7", "2 shots without frame, last: 9", "3 shots without frame"]
+    assert ear.texts == ["1 shot without frame, last: 7", "2 shots without frame, last: 9", "3 shots without frame"]
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def test_a_lost_message_is_asked_for_and_its_shot_counts(flown: tuple[Running, d
 
 
 def test_missing_pictures_are_told_to_the_ground_station(flown: tuple[Running, dict[str, Any]]) -> None:
-    assert "shots without frame" in flown[1]["STATUSTEXT"].text
+    assert "without frame" in flown[1]["STATUSTEXT"].text
 
 
 def test_another_aircraft_is_counted_and_named_and_not_mixed_in(flown: tuple[Running, dict[str, Any]]) -> None:

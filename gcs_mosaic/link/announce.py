@@ -38,13 +38,13 @@ class Announcer:
         """Something is to be said; an earlier word on the same topic that was not said yet is left out."""
         self._waiting[announcement.topic] = announcement
 
-    def due(self, now: float) -> Iterator[MavMessage]:
-        """What is to be sent at `now` (monotonic seconds)."""
+    def due(self, now: float, *, reachable: bool = True) -> Iterator[MavMessage]:
+        """What is to be sent at `now` (monotonic seconds); words wait until somebody is `reachable`."""
         if now >= self._heartbeat_due:
             self._heartbeat_due = now + HEARTBEAT_EVERY_S
             yield heartbeat()
         ripe = (topic for topic in self._waiting if now >= self._topic_due.get(topic, 0.0))
-        topic = next(ripe, None) if now >= self._text_due else None
+        topic = next(ripe, None) if reachable and now >= self._text_due else None
         if topic is not None:
             self._text_due, self._topic_due[topic] = now + TEXT_EVERY_S, now + SAME_TOPIC_EVERY_S
             yield status_text(self._waiting.pop(topic))

@@ -27,6 +27,7 @@ class Speaker:
         self._name, self._voice, self._recovery = name, voice, recovery
         self._announcer = Announcer()
         self._told: Queue[Announcement] = Queue(_ROOM)
+        self.reachable = False  # whether the last packet went out: nobody may be heard yet, or a line be lost
         self._taken = taken or threading.Event()
 
     def tell(self, announcement: Announcement) -> None:
@@ -58,7 +59,7 @@ class Speaker:
                 self._announcer.tell(self._told.get_nowait())
         if self._taken.is_set():  # two who answer to one name are a danger
             return
-        for message in self._announcer.due(now):
+        for message in self._announcer.due(now, reachable=self.reachable):
             yield self._voice.packet(message, now)
         if self._recovery and (question := self._recovery.due(self._name, now)):
             yield self._voice.packet(question, now)

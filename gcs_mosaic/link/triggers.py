@@ -84,7 +84,8 @@ class _Link:
 
     def _speak(self, speaker: Speaker) -> None:
         for packet in speaker.due(time.monotonic()):
-            self.sent += self.channel.send(packet)
+            speaker.reachable = self.channel.send(packet)
+            self.sent += speaker.reachable
 
     def _look(self) -> Items:
         yield from self.listener.tick(

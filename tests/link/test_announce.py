@@ -35,6 +35,13 @@ def test_what_is_told_is_said_once() -> None:
     assert [text for now in range(60) for text in texts(ours, float(now))] == ["lost"]
 
 
+def test_words_wait_until_somebody_can_be_reached() -> None:
+    ours = Announcer()
+    ours.tell(Announcement("overlap", "lost"))
+    assert [message.get_type() for message in ours.due(1.0, reachable=False)] == ["HEARTBEAT"]
+    assert texts(ours, 1.1) == ["lost"]
+
+
 def test_of_one_topic_only_the_newest_word_is_said() -> None:
     ours = Announcer()
     for shot in range(500):

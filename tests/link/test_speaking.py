@@ -150,6 +150,17 @@ def test_what_is_told_reaches_the_ground_station(peers: Callable[[int], Peer]) -
         assert {message.get_type() for message in station.messages(0.5)} <= {"HEARTBEAT"}
 
 
+def test_what_is_told_before_anybody_listens_is_said_when_somebody_does(peers: Callable[[int], Peer]) -> None:
+    port = free_udp_port()
+    station = peers(port)
+    with Link(f"udp:127.0.0.1:{port}") as link:
+        link.speaker.tell(Announcement("disk", "Mosaic: the disk is filling up"))
+        time.sleep(0.2)
+        assert link.report.sent == 0
+        station.send(packet(heartbeat(kind=6), system=255))
+        assert "disk" in station.wait_for(lambda message: message.get_type() == "STATUSTEXT").text
+
+
 def test_calling_out_reaches_one_who_waits_and_hears_the_answer(peers: Callable[[int], Peer]) -> None:
     router = peers(0)
     with Link(f"udpout:127.0.0.1:{router.socket.getsockname()[1]}") as link:
