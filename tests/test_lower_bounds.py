@@ -39,7 +39,16 @@ def test_the_oldest_versions_do(tmp_path):
     fresh.need_packages(tmp_path)
     clone = fresh.clone(tmp_path / "clone")
     python = environment_of_the_oldest(tmp_path, clone)
-    apart = ("-o", "pythonpath=", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "temporary"))
+    apart = (
+        "-o",
+        "pythonpath=",
+        "-o",
+        "addopts=-q -rs",
+        "-p",
+        "no:cacheprovider",
+        "--basetemp",
+        str(tmp_path / "temporary"),
+    )
     fresh.run(python, "-P", "-m", "pytest", *apart, *TOO_LONG, *TESTS, cwd=clone / "tests", minutes=10)
 
 
