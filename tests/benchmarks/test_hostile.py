@@ -8,18 +8,20 @@ from __future__ import annotations
 import math
 import random
 import tracemalloc
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs_mosaic.events import TriggerEvent
 from gcs_mosaic.link.decode import LONGEST_NAME, decode
-from gcs_mosaic.link.wire import PacketReader, dialect
+from gcs_mosaic.link.wire import PacketReader
 from tests.benchmarks.hostile import KINDS, MESSAGES, OURS, Ear, attack, framed, shot
 
 READ = [112, 180, 263]
-ANY = {
+ANY: dict[str, st.SearchStrategy[Any]] = {
     "int8_t": st.integers(-(1 << 7), (1 << 7) - 1),
     "uint8_t": st.integers(0, (1 << 8) - 1),
     "uint16_t": st.integers(0, (1 << 16) - 1),
@@ -31,7 +33,7 @@ ANY = {
 }
 
 
-def several(one: st.SearchStrategy[object], count: int) -> st.SearchStrategy[list[object]]:
+def several(one: st.SearchStrategy[Any], count: int) -> st.SearchStrategy[list[Any]]:
     return st.lists(one, min_size=count, max_size=count)
 
 
@@ -79,10 +81,10 @@ def test_whatever_the_payload_is(message_id: int, payload: bytes, system: int, c
 @settings(max_examples=200)
 @pytest.mark.parametrize("kind", KINDS)
 @given(dice=st.randoms(use_true_random=False), pieces=st.integers(1, 40))
-def test_whatever_the_bytes_are(kind: str, dice: object, pieces: int) -> None:
+def test_whatever_the_bytes_are(kind: str, dice: random.Random, pieces: int) -> None:
     """In pieces of any length, and then a camera's shot, which is heard at the latest when the next has come."""
     ear = Ear(datagrams=False)
-    data = KINDS[kind](dice) + shot(1) + shot(2) * 4  # type: ignore[arg-type]
+    data = KINDS[kind](dice) + shot(1) + shot(2) * 4
     heard = [event for start in range(0, len(data), pieces) for event in ear.hear(data[start : start + pieces], 1.0)]
     for event in heard:
         assert_harmless(event)
