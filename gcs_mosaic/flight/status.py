@@ -144,11 +144,17 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         *warning,
         f"frames: {counted(document['frames'])}; {document['frames_in_queue']} in the queue",
         f"triggers: {counted(document['events'])}",
-        *([f"last frame: {last['name']}, {last['outcome']} at {last['time']}"] if last else []),
+        *([f"last frame: {last['name']}, {last['outcome']} at {last['time']}{latency_words(last)}"] if last else []),
         *([f"{watch['kind']} {watch['folder']}: {'; '.join(watch_words(watch))}"] if watch else []),
         *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
+
+
+def latency_words(last: dict[str, Any]) -> str:
+    """How long it took from the file being whole to its tiles being on disk."""
+    seconds = last["seconds_to_tile"]
+    return "" if seconds is None else f", on the map {seconds:.1f} s after it came"
 
 
 def watch_words(watch: dict[str, Any]) -> Iterator[str]:

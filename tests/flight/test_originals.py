@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ledger_parts import a_frame, written_frame
 
-from gcs_mosaic.flight.originals import Kept, NotKept, Originals, OriginalsSettings, is_intact, relative_place
+from gcs_mosaic.flight.originals import (
+    Kept,
+    NotKept,
+    Originals,
+    OriginalsSettings,
+    content_hash,
+    is_intact,
+    relative_place,
+)
 
 COPY = OriginalsSettings(reserve_gb=0.0)
 LINK = OriginalsSettings(keep="link", reserve_gb=0.0)
@@ -32,6 +41,14 @@ def test_copy_survives_a_camera_that_writes_again(tmp_path: Path, out: Path) -> 
     frame.path.write_bytes(b"another")
     assert isinstance(kept, Kept)
     assert is_intact(out / kept.path, frame.content_hash)
+
+
+@pytest.mark.parametrize("settings", [COPY, LINK])
+def test_a_frame_of_a_stream_is_written_whatever_the_settings_say(out: Path, settings: OriginalsSettings) -> None:
+    frame = replace(a_frame("stream/1.jpg"), data=b"picture", content_hash=content_hash(b"picture"))
+    kept = Originals(out, settings).keep(frame)
+    assert kept == Kept(path="frames/stream/1.jpg", linked=False, notice=None)
+    assert (out / "frames/stream/1.jpg").read_bytes() == b"picture"
 
 
 def test_link_takes_no_space_and_its_change_is_found_out(tmp_path: Path, out: Path) -> None:

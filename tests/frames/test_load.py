@@ -139,6 +139,16 @@ def test_orientation_is_not_applied() -> None:
     assert image.shape == (120, 160, 3)
 
 
+def test_a_colour_profile_is_not_applied() -> None:
+    """Pixels are compared with pixels of the same camera: their numbers must stay as they were taken."""
+    jpeg = encoded(".jpg")
+    profile = b"ICC_PROFILE\0\x01\x01" + bytes(range(256)) * 2
+    with_profile = jpeg[:2] + b"\xff\xe2" + struct.pack(">H", 2 + len(profile)) + profile + jpeg[2:]
+    plain, profiled = decode_image(jpeg), decode_image(with_profile)
+    assert isinstance(plain, np.ndarray)
+    assert np.array_equal(profiled, plain)
+
+
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
 def test_a_picture_is_never_half_grey(share: float) -> None:
     data = encoded(".jpg")

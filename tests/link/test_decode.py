@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mavlink_peer import captured, feedback, heartbeat, received, trigger
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
-from gcs_mosaic.link.decode import base_name, decode
+from gcs_mosaic.link.decode import base_name, decode, decode_offer
 
 
 def event_of(message: Any, component: int = 1) -> TriggerEvent:
@@ -74,6 +75,25 @@ def test_an_absurd_position_is_none(latitude: int, longitude: int) -> None:
 
 def test_other_messages_are_no_events() -> None:
     assert decode(received(heartbeat()), 0.0) is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "uri", "told"),
+    [
+        (0, b"rtsp://10.0.0.7/main", "rtsp://10.0.0.7/main"),
+        (0, b"", None),
+        (1, b"5600", None),  # RTP over UDP
+    ],
+)
+def test_where_an_rtsp_stream_is_is_told(kind: int, uri: bytes, told: str | None) -> None:
+    numbers = {"framerate": 10.0, "resolution_h": 640, "resolution_v": 480, "bitrate": 0, "rotation": 0, "hfov": 0}
+    message = mavlink.MAVLink_video_stream_information_message(
+        stream_id=1, count=1, type=kind, flags=1, name=b"main", uri=uri, **numbers
+    )
+    offer = decode_offer(received(message, system=7))
+    assert (offer and offer.url) == told
+    assert offer is None or (offer.vehicle == 7 and "10.0.0.7" not in repr(offer))
+    assert decode_offer(received(heartbeat())) is None
 
 
 @pytest.mark.parametrize(

@@ -38,10 +38,12 @@ function nothingYet() {
   return { kind: "calm", title: "Waiting", detail: "nothing is written yet" };
 }
 
-function runningState({ state, frames_in_queue: queue, mavlink, last_frame: last }) {
+function runningState({ state, frames_in_queue: queue, mavlink, last_frame: last, watch }) {
   const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
+  const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
   const queued = queue ? `${queue} in the queue` : "";
-  const warning = silent && { kind: "warn", detail: `MAVLink ${silent.state}: ${silent.address}` };
+  const trouble = silent ? `MAVLink ${silent.state}: ${silent.address}` : away && watchLine(watch);
+  const warning = trouble && { kind: "warn", detail: trouble };
   const texts = {
     listening: { kind: "wait", title: "Listening", detail: "no frame yet" },
     flying: { kind: "good", title: "Flying", detail: queued || "frames arrive" },
@@ -144,9 +146,16 @@ function showEmpty(empty, status, { title, detail }) {
   byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", line)));
 }
 
-function watchLine({ folder, state }) {
-  if (state === "watching") return `Watching ${folder}: no frame has come yet`;
-  return state === "missing" ? `The folder ${folder} is missing` : `${folder} has ended`;
+function watchLine({ folder, state, since }) {
+  const words = {
+    watching: `Watching ${folder}: no frame has come yet`,
+    missing: `The folder ${folder} is missing`,
+    connecting: `Stream ${folder}: not connected yet`,
+    connected: `Stream ${folder}: connected, no frame was taken yet`,
+    silent: `Stream ${folder}: silent for ${since ? duration(ageOf(since)) : "some time"}`,
+    lost: `Stream ${folder}: lost, trying again`,
+  };
+  return words[state] ?? `${folder} has ended`;
 }
 
 function element(name, text) {

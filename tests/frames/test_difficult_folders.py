@@ -1,0 +1,170 @@
+"""Folders as card readers, cameras and network mounts leave them. No file event is ever waited for: only looking counts."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+from image_files import encoded, picture, with_thumbnail
+
+from gcs_mosaic.events import DamagedFile, Frame, SourceReport
+from gcs_mosaic.frames import candidate
+from gcs_mosaic.frames.directory import FolderWatch, Item
+from gcs_mosaic.frames.scan import Look
+from gcs_mosaic.frames.settings import FolderSettings
+
+JPEG, OTHER = with_thumbnail(encoded(".jpg")), encoded(".jpg", picture(seed=1))
+MOST_S = 5.0  # for a look at 10,000 files on a busy machine: a fortieth of that is usual
+
+
+class Card:
+    """A folder and looks at it."""
+
+    def __init__(self, folder: Path, **settings: float) -> None:
+        self.folder, self.now = folder, 0.0
+        self.watch = FolderWatch(folder, FolderSettings(**settings), time.time())  # type: ignore[arg-type]
+
+    def put(self, name: str, data: bytes = JPEG) -> Path:
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+        return path
+
+    def look(self, times: int = 2, step_s: float = 0.25) -> list[Item]:
+        items: list[Item] = []
+        for _ in range(times):
+            self.now += step_s
+            items += self.watch.poll(self.now)
+        return items
+
+    def names(self, times: int = 2) -> list[str]:
+        return [item.name for item in self.look(times) if isinstance(item, Frame)]
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Card:
+    (tmp_path / "card").mkdir()
+    return Card(tmp_path / "card")
+
+
+def test_a_file_that_is_renamed_into_place_is_taken_once(card: Card) -> None:
+    beside = card.put("a.jpg.part")
+    assert card.names(3) == []
+    beside.rename(card.folder / "a.jpg")
+    assert card.names(3) == ["a.jpg"]
+
+
+def test_a_rename_over_a_known_name_is_a_new_frame(card: Card) -> None:
+    card.put("a.jpg")
+    assert card.names() == ["a.jpg"]
+    card.put("a.jpg.tmp", OTHER).rename(card.folder / "a.jpg")
+    assert card.names() == ["a.jpg#2"]
+
+
+def test_a_hard_link_to_elsewhere_is_a_frame_like_any_other(card: Card, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere.jpg"
+    elsewhere.write_bytes(JPEG)
+    (card.folder / "a.jpg").hardlink_to(elsewhere)
+    assert card.names() == ["a.jpg"]
+
+
+def test_a_folder_that_is_renamed_brings_its_frames_under_their_new_names_with_the_same_content(card: Card) -> None:
+    """The flight knows them by their content: see the account of duplicates."""
+    card.put("new/a.jpg")
+    (before,) = [item for item in card.look() if isinstance(item, Frame)]
+    (card.folder / "new").rename(card.folder / "100MEDIA")
+    (after,) = [item for item in card.look() if isinstance(item, Frame)]
+    assert (after.name, after.content_hash) == ("100MEDIA/a.jpg", before.content_hash)
+
+
+def test_a_file_that_is_preallocated_at_full_size_is_taken_when_its_end_is_written(card: Card) -> None:
+    """Size and time may both stand still meanwhile."""
+    path = card.put("a.jpg", JPEG[:1000].ljust(len(JPEG), b"\0"))
+    assert card.names(10) == []
+    stamp = path.stat().st_mtime_ns
+    path.write_bytes(JPEG)
+    os.utime(path, ns=(stamp, stamp))
+    assert card.names(40) == ["a.jpg"]
+
+
+def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(card: Card, monkeypatch) -> None:
+    card.put("a.jpg")
+    card.put("b.jpg", OTHER)
+    read = Path.read_bytes
+
+    def refuse(path: Path) -> bytes:
+        if path.name == "a.jpg":
+            raise PermissionError(13, "Permission denied")
+        return read(path)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "read_bytes", refuse)
+        items = card.look(60)
+    assert [item.name for item in items if isinstance(item, Frame)] == ["b.jpg"]
+    reported = [item for item in items if isinstance(item, DamagedFile)]
+    assert reported == [DamagedFile(name="a.jpg", reason="cannot be read (Permission denied)")]
+    assert card.names(150) == ["a.jpg"]
+
+
+def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(card: Card, monkeypatch) -> None:
+    card.put("a.jpg")
+    card.put("b.jpg", OTHER)
+    read = candidate.read_whole
+
+    def gone(look: Look, settings: FolderSettings):
+        if look.name == "a.jpg":
+            look.path.unlink(missing_ok=True)
+        return read(look, settings)
+
+    monkeypatch.setattr(candidate, "read_whole", gone)
+    assert card.names(4) == ["b.jpg"]
+
+
+def test_a_card_that_is_pulled_out_while_it_is_read_and_put_back_loses_nothing(card: Card, tmp_path: Path) -> None:
+    card.put("a.jpg")
+    card.look(1)
+    away = card.folder.rename(tmp_path / "away")
+    card.look(3)
+    away.rename(card.folder)
+    card.put("b.jpg", OTHER)
+    assert sorted(card.names(3)) == ["a.jpg", "b.jpg"]
+
+
+def test_ten_thousand_old_files_are_left_quickly_and_new_ones_are_found_among_them(card: Card) -> None:
+    old = time.time() - 7200
+    first = card.put("old/0.jpg")
+    os.utime(first, (old, old))
+    for number in range(1, 10_000):
+        (first.parent / f"{number}.jpg").hardlink_to(first)
+    start = time.monotonic()
+    said = [getattr(item, "text", "") for item in card.look(3)]
+    assert (time.monotonic() - start) / 3 < MOST_S
+    assert any("0 frames were there; 10000 older ones are left" in text for text in said)
+    card.put("old/new.jpg", OTHER)
+    assert card.names() == ["old/new.jpg"]
+
+
+def test_with_from_start_old_files_are_taken(tmp_path: Path) -> None:
+    card = Card(tmp_path, from_age_s=float("inf"))
+    os.utime(card.put("a.jpg"), (1e9, 1e9))
+    assert card.names() == ["a.jpg"]
+
+
+def test_the_source_tells_how_it_is_in_one_place(card: Card, tmp_path: Path) -> None:
+    card.put("a.jpg")
+    card.put("b.jpg", JPEG[:-2])
+    card.look(60)
+    shutil.move(card.folder, tmp_path / "away")
+    gone = reports(card.look(8))[-1]
+    assert (gone.state, gone.seen, gone.taken, gone.damaged, gone.gaps) == ("missing", 0, 1, 1, 1)
+    shutil.move(tmp_path / "away", card.folder)
+    back = reports(card.look(8))[-1]
+    assert (back.state, back.seen, back.taken, back.damaged, back.gaps) == ("watching", 2, 1, 1, 1)
+    assert reports(card.look(8)) == []  # nothing new
+
+
+def reports(items: list[Item]) -> list[SourceReport]:
+    return [item for item in items if isinstance(item, SourceReport)]
