@@ -43,6 +43,8 @@ def decode_bands(data: bytes) -> NDArray[Any]:
             image = file.pages[0].asarray(maxworkers=1)
     except Exception as error:  # the library raises whatever a damaged file leads it to
         raise StructureError(f"damaged: {error}") from error
+    if image.size != page.height * page.width * page.samples:
+        raise StructureError("damaged: its data are not as many as its size says")
     if page.planar and image.ndim == 3:
         image = np.moveaxis(image, 0, -1)
     bands = np.delete(image.reshape(page.height, page.width, page.samples), page.transparent, axis=2)
