@@ -21,9 +21,7 @@ USUAL = 121  # square over which the usual contrast is told
 DISTINCT = 5.0  # times the usual contrast at which a thing stands out; crowns in a wood and stones on a beach seldom do
 # Steps of L, a and b (8 bit) below which nothing stands out; what is fainter no eye finds.
 LEAST_CONTRAST = np.array([20, 10, 10] * 2, np.float32)
-REACH = (
-    12  # around a thing, still as salient as itself: more than half a lattice step, so that the whole thing is meant
-)
+REACH = 12  # around a thing, still as salient as itself: more than half a lattice step, so that all of it is meant
 MISPLACED = 8  # what relief and parallax may shift the same thing by in another frame
 POOL = 4  # pixels a side that share a value
 WAYS = len(LEAST_CONTRAST)  # in which a thing can stand out

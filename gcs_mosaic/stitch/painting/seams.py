@@ -1,9 +1,9 @@
 """Each place from the frame that sees it best, with a transition of a few pixels: nothing is half transparent.
 
 How well a frame sees a place is told by its weight (how far that is from its border, how finely it is resolved) and by how
-sharp the frame is there, because some frames are blurred by motion. A thing that
-stands out in one frame where another has none at all (a person, a vehicle that has moved on) counts more than any weight: so
-whatever was seen once stays on the map. What stands still stands out in all frames, and then weight decides.
+sharp the frame is there, because some frames are blurred by motion. A thing that stands out in one frame where another has
+none at all (a person, a vehicle that has moved on) counts more than any weight: so whatever was seen once stays on the map.
+What stands still stands out in all frames, and then weight decides.
 
 What is left of different light is taken up in two bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
 Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for the picture and wide for its
@@ -26,17 +26,16 @@ from gcs_mosaic.stitch.painting.warping import refined, upscale
 
 Image = NDArray[np.uint8]
 
-# Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other.
-# What is measured of a frame, in this order, at each lattice point.
+# What is measured of a frame, in this order, at each of the finer lattice points.
 THINGS, ANYTHING, DETAILED, TONE = slice(0, WAYS), slice(WAYS, 2 * WAYS), 2 * WAYS, slice(2 * WAYS + 1, None)
 
+# Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other,
+# which are so large that a thing, or noise, does not make a frame the sharper one.
 DETAIL, DETAIL_AROUND = 5, 241
 LEAST_DETAIL = 1.0  # grey levels; what noise makes of bare ground
 SHARP = 3.0  # exponent of the ratio of detail: a frame with a third of it less yields to one with a third of its weight
 TONE_SHRINK = 8  # the size of a pixel of the map of tones, in pixels of the picture that a frame is looked at in
-TONE_BLUR = (
-    7  # pixels of that map, a side, that make a tone: wider than a lattice step, so that it misses nothing between
-)
+TONE_BLUR = 7  # pixels of that map, a side, that make a tone: so wide that no person changes it
 BEYOND = 1.5  # times the contrast of anything around that a thing must have for the other frame not to have it
 SALIENT = 20.0  # what a thing where the other frame has none adds to the log ratio of weights: more than weights can
 SURE = 0.05  # log ratio of weights at which a lattice point is wholly on one side of the seam
