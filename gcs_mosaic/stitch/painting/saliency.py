@@ -22,7 +22,7 @@ DISTINCT = 5.0  # times the usual contrast at which a thing stands out; crowns i
 # Steps of L, a and b (8 bit) below which nothing stands out; what is fainter no eye finds.
 LEAST_CONTRAST = np.array([20, 10, 10] * 2, np.float32)
 REACH = 12  # around a thing, still as salient as itself: more than half a lattice step, so that all of it is meant
-MISPLACED = 8  # what relief and parallax may shift the same thing by in another frame
+MISPLACED = 20  # what relief may shift the same thing by in another frame; tall things are shifted by more
 POOL = 4  # pixels a side that share a value
 WAYS = len(LEAST_CONTRAST)  # in which a thing can stand out
 
