@@ -78,12 +78,12 @@ def thresholds() -> list[Threshold]:
 
 
 def settings_of(settings: Any, path: tuple[str, ...] = ()) -> Iterator[Setting]:
-    """Every number among the fields of a settings dataclass and of those nested in it."""
+    """Every number among the fields of a settings dataclass and of those nested in it; 0 has no half and no double."""
     for field in dataclasses.fields(settings):
         value = getattr(settings, field.name)
         if dataclasses.is_dataclass(value):
             yield from settings_of(value, (*path, field.name))
-        elif isinstance(value, int | float) and not isinstance(value, bool):
+        elif isinstance(value, int | float) and not isinstance(value, bool) and value:
             yield Setting((*path, field.name), value)
 
 
