@@ -25,6 +25,7 @@ from sitl.path import Plan
 from sitl.program import Program, ProgramError
 from sitl.score import score
 from sitl.sensor import Sensor
+from sitl.stream.camera import StreamingCamera
 from sitl.targets import Crowd
 from sitl.truth import Truth, read, write
 
@@ -63,16 +64,30 @@ def judge(words: list[str]) -> int:
 
 def flown(asked: argparse.Namespace) -> int:
     """Make the pictures, start the program, fly, let it finish, judge it."""
-    with workspace(asked) as work:
+    with workspace(asked) as work, streaming(asked) as camera:
         flight = None if asked.frames else simulated_flight(asked)
         film = recorded(asked.frames, asked.interval) if flight is None else simulated(flight, asked.interval)
         truth = known_truth(flight, asked.truth)
         if asked.no_daemon:
-            return fly_alone(asked, film)
+            return fly_alone(asked, film, camera)
         where = asked.watch or work / "frames", asked.out or work / "mosaic"
-        program = Program(asked.port or free_port(), *where, asked.http)
+        program = Program(asked.port or free_port(), *where, asked.http, rtsp=camera.url if camera else None)
         refuse_used_folders(program)
-        return fly_against(program, asked, film, truth)
+        return fly_against(program, asked, film, truth, camera)
+
+
+@contextmanager
+def streaming(asked: argparse.Namespace) -> Iterator[StreamingCamera | None]:
+    """The camera that streams, if one is asked for. ValueError where there can be none."""
+    if not asked.rtsp:
+        yield None
+        return
+    camera = StreamingCamera(size=asked.size)
+    try:
+        camera.start()
+        yield camera
+    finally:
+        camera.kill()
 
 
 def simulated_flight(asked: argparse.Namespace) -> Flight:

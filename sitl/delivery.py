@@ -6,6 +6,7 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 PIECES = 4
 AT_ONCE = 8  # files on their way at the same time
@@ -27,11 +28,16 @@ def write_slowly(path: Path, data: bytes, seconds: float, pieces: int = PIECES) 
 class Delivery:
     """delay: seconds from the trigger to a file's first byte; writing: seconds from its first to its last."""
 
+    lead: ClassVar[float] = 0.0  # seconds before the first trigger
+
     folder: Path
     delay: float = 0.4
     writing: float = 0.3
     pool: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(AT_ONCE, "delivery"))
     sent: list[Future[None]] = field(default_factory=list)
+
+    def expect(self, data: bytes, due: float) -> None:
+        """Nothing: a file comes after its trigger."""
 
     def send(self, name: str, data: bytes) -> None:
         """Start a picture on its way and return at once."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from sitl.delivery import Delivery
 from sitl.exposures import Exposure, Film
 from sitl.messages import Capture
+from sitl.stream.projector import Projector
 from sitl.vehicle import Vehicle
 
 BREATH = 0.05  # seconds between looks at the clock
@@ -16,12 +17,15 @@ FIRST_INDEX = 1  # cameras count from one
 Say = Callable[[Exposure], None]
 
 
-def fly(film: Film, vehicle: Vehicle, delivery: Delivery, speed: float = 1.0, said: Say | None = None) -> None:
+def fly(
+    film: Film, vehicle: Vehicle, delivery: Delivery | Projector, speed: float = 1.0, said: Say | None = None
+) -> None:
     """Fly to the end and wait for the last picture to arrive. A picture that is not ready in time delays all that follow,
     so the pace is kept however slow the machine is. said: called after every trigger."""
-    began = time.monotonic()
+    began = time.monotonic() + delivery.lead
     try:
         for exposure in film.exposures():
+            delivery.expect(exposure.data, began + exposure.time / speed)
             began = wait_until(began, exposure, vehicle, speed)
             vehicle.capture(Capture(index=FIRST_INDEX + exposure.index, name=exposure.name, state=exposure.state))
             delivery.send(exposure.name, exposure.data)

@@ -80,6 +80,9 @@ def where(group: argparse._ArgumentGroup) -> None:
     page = group.add_mutually_exclusive_group()
     page.add_argument("--http", default="127.0.0.1:8470", metavar="HOST:PORT", help="the page (127.0.0.1:8470)")
     page.add_argument("--no-http", dest="http", action="store_const", const=None, help="no page")
+    group.add_argument(
+        "--rtsp", action="store_true", help="stream what the camera sees instead of writing files (wants GStreamer)"
+    )
     group.add_argument("--no-daemon", action="store_true", help="fly for a gcs-mosaic that runs already")
     group.add_argument("--keep", action="store_true", help="keep temporary folders")
     group.add_argument("--stay", action="store_true", help="keep the page up after the flight, until Ctrl-C")

@@ -13,6 +13,8 @@ from sitl.exposures import Exposure, Film
 from sitl.mission import BREATH, fly
 from sitl.program import Program, worked_off
 from sitl.score import score
+from sitl.stream.camera import StreamingCamera
+from sitl.stream.projector import Projector
 from sitl.truth import Truth
 from sitl.vehicle import Faults, Vehicle
 
@@ -22,26 +24,29 @@ DELAY, WRITING = 0.4, 0.3  # seconds from a trigger to its file's first byte, an
 USUAL_PORT = 14550
 
 
-def fly_alone(asked: argparse.Namespace, film: Film) -> int:
+def fly_alone(asked: argparse.Namespace, film: Film, camera: StreamingCamera | None = None) -> int:
     """Fly for a program that somebody else started."""
     with closing(vehicle_of(asked, asked.port or USUAL_PORT)) as vehicle:
-        fly_film(asked, film, vehicle, asked.watch or Path("frames"), lambda: "")
+        fly_film(asked, film, vehicle, camera or asked.watch or Path("frames"), lambda: "")
     return DONE
 
 
-def fly_against(program: Program, asked: argparse.Namespace, film: Film, truth: Truth | None) -> int:
-    """Fly for a program of our own; the exit code."""
+def fly_against(
+    program: Program, asked: argparse.Namespace, film: Film, truth: Truth | None, camera: StreamingCamera | None = None
+) -> int:
+    """Fly for a program of our own; the exit code. What a camera streams is not judged: its frames have other names."""
     code = FAILED
+    screen = camera or program.watch
     try:
         program.start()
         say(f"gcs-mosaic listens on udp:127.0.0.1:{program.port}; page: {page_of(program)}")
         with closing(vehicle_of(asked, program.port)) as vehicle:
-            fly_film(asked, film, vehicle, program.watch, lambda: f", so far {told(program.account('frames'))}")
+            fly_film(asked, film, vehicle, screen, lambda: f", so far {told(program.account('frames'))}")
             wait_for_all(program, film.count, vehicle)
             stay(asked, program, vehicle)
     finally:
         code = program.stop()
-    summarise(program, code, truth)
+    summarise(program, code, None if camera else truth)
     return DONE if code == 0 else FAILED
 
 
@@ -50,16 +55,24 @@ def vehicle_of(asked: argparse.Namespace, port: int) -> Vehicle:
     return Vehicle("127.0.0.1", port, asked.manner, faults)
 
 
-def fly_film(asked: argparse.Namespace, film: Film, vehicle: Vehicle, watch: Path, so_far: Callable[[], str]) -> None:
-    """Trigger and deliver all pictures."""
-    say(f"flying {film.count} pictures in {film.seconds / asked.speed:.0f} s ({film.note}), files go to {watch}")
+def fly_film(
+    asked: argparse.Namespace,
+    film: Film,
+    vehicle: Vehicle,
+    screen: Path | StreamingCamera,
+    so_far: Callable[[], str],
+) -> None:
+    """Trigger and deliver all pictures, into a folder or to a camera that streams them."""
+    where = f"files go to {screen}" if isinstance(screen, Path) else f"streamed at {screen.url}"
+    say(f"flying {film.count} pictures in {film.seconds / asked.speed:.0f} s ({film.note}), {where}")
 
     def progress(exposure: Exposure) -> None:
         if (exposure.index + 1) % SAY_EVERY == 0:
             say(f"taken {exposure.index + 1}/{film.count}{so_far()}")
 
     hurry = max(1.0, asked.speed)
-    fly(film, vehicle, Delivery(watch, DELAY / hurry, WRITING / hurry), asked.speed, progress)
+    delivery = Delivery(screen, DELAY / hurry, WRITING / hurry) if isinstance(screen, Path) else Projector(screen)
+    fly(film, vehicle, delivery, asked.speed, progress)
 
 
 def wait_for_all(program: Program, count: int, vehicle: Vehicle) -> None:

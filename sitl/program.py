@@ -32,11 +32,13 @@ class Program:
     watch: Path
     out: Path
     http: str | None
+    rtsp: str | None = None  # where the frames come from instead of the folder
     process: subprocess.Popen[bytes] | None = field(default=None)
 
     def command(self) -> list[str]:
         page = ["--http", self.http] if self.http else ["--no-http"]
-        where = ["--watch", str(self.watch), "--out", str(self.out)]
+        frames = ["--rtsp", self.rtsp] if self.rtsp else ["--watch", str(self.watch)]
+        where = [*frames, "--out", str(self.out)]
         return [sys.executable, "-m", "gcs_mosaic", "--mavlink", f"udp:127.0.0.1:{self.port}", *where, *page]
 
     def start(self) -> None:

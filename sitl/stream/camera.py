@@ -54,10 +54,10 @@ class StreamingCamera:
         return f"rtsp://{self.user + '@' if self.user else ''}127.0.0.1:{self.port}/camera"
 
     def start(self) -> None:
-        """Serve. RuntimeError where that cannot be done."""
+        """Serve. ValueError where that cannot be done."""
         python = python_with_gstreamer()
         if python is None:
-            raise RuntimeError(f"a streaming camera needs GStreamer: apt-get install {NEEDED}")
+            raise ValueError(f"a streaming camera needs GStreamer: apt-get install {NEEDED}")
         options = {
             **{"port": self.port, "width": self.size[0], "height": self.size[1], "rate": self.rate},
             **{"codec": self.codec, "key-every": self.key_every, "bitrate": self.bitrate},
@@ -67,7 +67,7 @@ class StreamingCamera:
         self.process = subprocess.Popen([python, str(SERVER), *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self.process.stdout is not None
         if not self.process.stdout.readline().startswith(b"serving"):
-            raise RuntimeError("GStreamer's RTSP server did not start, what it said is above")
+            raise ValueError("GStreamer's RTSP server did not start, what it said is above")
 
     def show(self, picture: NDArray[np.uint8]) -> float | None:
         """The next picture, (height, width, 3) BGR; returns when it was taken (monotonic), None while the server is down."""
