@@ -115,6 +115,11 @@ class Listened:
         shown = dict(self.film.shown)
         return {k: min(shown, key=lambda number: abs(shown[number] - at)) for k, at in self.asked.items()}
 
+    def wrong(self, tolerance_s: float) -> dict[int, float]:
+        """The errors of pictures that are farther off, unless a busy machine has held the camera up and none was nearer."""
+        nearest, frames = self.nearest(), self.frames
+        return {k: off for k, off in self.errors().items() if abs(off) > tolerance_s and frames[k] != nearest[k]}
+
     def wait_until(self, true: Callable[[], object], what: str) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while not true():

@@ -19,15 +19,15 @@ pytestmark = needs_gstreamer
 
 TRIGGERS = 300
 AWAY_S = 1.6
+UNTOLD_S = PERIOD_S + 0.05  # until the camera's first reports of its time, the way's length is taken from the settings
 
 
 @dataclass(frozen=True)
 class Flown:
-    """What a flight has brought: the pictures' numbers, how much too late they are and which were nearest, by trigger."""
+    """What a flight has brought: the pictures' numbers, and the errors of the wrong ones, by trigger."""
 
     frames: dict[int, int]
-    errors: dict[int, float]
-    nearest: dict[int, int]
+    wrong: dict[int, float]
     report: SourceReport
 
 
@@ -54,7 +54,7 @@ def fly_long() -> Flown:
             time.sleep(max(0.0, when - time.monotonic()))
             flight.trigger(moment)
         flight.wait_until(lambda: answered(flight), "all triggers have their frames")
-        return Flown(flight.frames, flight.errors(), flight.nearest(), flight.report)
+        return Flown(flight.frames, flight.wrong(PERIOD_S), flight.report)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -80,7 +80,7 @@ def test_a_server_that_is_killed_and_comes_back_otherwise_gives_the_right_frames
         back = time.monotonic()
         trigger_at(flight, list(back + np.arange(2.0, 4.0, 0.25)))
         flight.wait_until(lambda: answered(flight), "frames after the restart")
-        assert max(map(abs, flight.errors().values())) <= PERIOD_S + 0.05
+        assert flight.wrong(UNTOLD_S) == {}
         assert flight.has_said("is connected again after")
         assert flight.has_said("has changed its pictures to 800 x 608")
         assert flight.report.gaps == 1
@@ -103,7 +103,7 @@ def test_a_network_that_falls_silent_is_said_and_no_picture_from_before_is_taken
         flight.wait_until(lambda: len(flight.frames) == len(flight.asked) - 1, "frames after the silence")
         flight.wait_until(lambda: flight.has_said("a trigger gets no frame"), "the trigger in the silence got none")
         assert 0 not in flight.frames
-        assert max(map(abs, flight.errors().values())) <= PERIOD_S + 0.05
+        assert flight.wrong(UNTOLD_S) == {}
         assert flight.has_said("brought nothing for")
         assert flight.report.gaps == 1
 
@@ -139,7 +139,6 @@ def test_a_blurred_picture_gives_way_to_a_sharp_neighbour() -> None:
 def test_the_right_picture_is_taken_for_300_triggers(long_flight: Future[Flown]) -> None:
     """Within one picture at ten a second, or the nearest that there is where a busy machine has held the camera up."""
     flown = long_flight.result()
-    right = [abs(error) <= PERIOD_S or flown.frames[k] == flown.nearest[k] for k, error in flown.errors.items()]
-    assert np.mean(right) >= 0.99
+    assert len(flown.wrong) <= TRIGGERS / 100
     assert len(set(flown.frames.values())) == TRIGGERS
     assert flown.report.damaged == flown.report.gaps == 0
