@@ -65,11 +65,18 @@ class Receiver:
                 self._addressed.wait(self._settings.reconnect_longest_s)
                 continue
             seen = self.tally.seen
-            self._lost(self._address, self._receive(self._address))
+            self._lost(self._address, self._received(self._address))
             if self.tally.seen > seen:
                 wait_s = self._settings.reconnect_first_s
             self._stop.wait(wait_s)
             wait_s = min(2 * wait_s, self._settings.reconnect_longest_s)
+
+    def _received(self, address: StreamAddress) -> str:
+        """One connection to its end; returns why it ended, whatever went wrong: nobody would notice a thread that died."""
+        try:
+            return self._receive(address)
+        except Exception as error:  # its text may hold the address
+            return f"a fault of the kind {type(error).__name__}"
 
     def _receive(self, address: StreamAddress) -> str:
         """One connection to its end; returns why it ended."""
