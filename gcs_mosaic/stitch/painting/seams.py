@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT, Part, mix_pixels
+from gcs_mosaic.stitch.painting.course import least_seen
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
 from gcs_mosaic.stitch.painting.layers import Layer, Measured
 from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, WAYS, saliency
@@ -83,15 +84,19 @@ def seam(shown: Layer, new: Part) -> Layer:
     before = _Sight(refined(shown.weight), known.astype(np.float32))
     after = _Sight(refined(new.weight), new.measured.astype(np.float32))
     log_ratio = _log_ratio(before, after)
-    decided = log_ratio + SALIENT * _things(before, after)
+    things = _things(before, after)
+    decided = log_ratio + SALIENT * things
     is_new = decided > 0
-    shown_shift, new_shift = _tone_shifts(before, after, log_ratio)
+    shown_shift, new_shift = _tone_shifts(before, after, log_ratio, things)
     if shown.is_full and not is_new.any():
         return replace(_shifted(shown, shown_shift), measured=_toned(before, shown_shift).astype(np.float16))
     picture = new.picture()
     if picture is None:
         return shown
-    mixed = mix_pixels(_shifted(shown, shown_shift), _shifted(picture, new_shift), _share(decided))
+    shown, picture = _shifted(shown, shown_shift), _shifted(picture, new_shift)
+    decided = least_seen(decided, picture.colour, shown.colour)
+    is_new = decided > 0
+    mixed = mix_pixels(shown, picture, _share(decided))
     measured = np.where(is_new[..., None], _toned(after, new_shift), _toned(before, shown_shift))
     weight = np.where(is_new[::2, ::2], new.weight, shown.weight)
     return replace(mixed, weight=weight, measured=measured.astype(np.float16))
@@ -130,13 +135,14 @@ def _only(one: Lattice, other: Lattice) -> Lattice:
     return np.asarray(np.clip(beyond.max(axis=-1), 0, 1))
 
 
-def _tone_shifts(shown: _Sight, new: _Sight, log_ratio: Lattice) -> tuple[Lattice, Lattice]:
+def _tone_shifts(shown: _Sight, new: _Sight, log_ratio: Lattice, things: Lattice) -> tuple[Lattice, Lattice]:
     """What the tones of what is shown and of the new frame are to be shifted by, (33, 33, 3) each, to agree.
 
-    Nothing is shifted where the other one has no weight: the tile beside this one may not know of it at all.
+    Nothing is shifted where the other one has no weight: the tile beside this one may not know of it at all. Nor where one
+    has a thing that the other has not: it is no light that sets them apart.
     """
     new_share = 1 / (1 + np.exp(-np.clip(SOFT * log_ratio, -30, 30)))
-    apart = new.measured[..., TONE] - shown.measured[..., TONE]
+    apart = (new.measured[..., TONE] - shown.measured[..., TONE]) * (1 - np.abs(things))[..., None]
     of_shown = (new_share * (new.weight > 0))[..., None] * apart
     of_new = ((new_share - 1) * (shown.weight > 0))[..., None] * apart
     return _bounded(of_shown), _bounded(of_new)
