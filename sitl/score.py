@@ -79,10 +79,11 @@ def score(truth: Truth, placements: dict[str, Any]) -> Score:
     by_island, unknown = islands_of(truth, placements)
     groups = [lay(group) for group in by_island.values() if len(group) > 1]
     laid = [frame for group in groups for frame in group]
-    errors = [capped(frame.distances() / truth.gsd) for frame in laid]
+    gsd = truth.gsd  # a median over all frames
+    errors = [capped(frame.distances() / gsd) for frame in laid]
     ortho = np.concatenate([*errors, np.empty(0)])
     pairs = np.concatenate(
-        [*(capped(gaps / truth.gsd) for group in groups for gaps in gaps_of(group, truth.lens)), np.empty(0)]
+        [*(capped(gaps / gsd) for group in groups for gaps in gaps_of(group, truth.lens)), np.empty(0)]
     )
     scales = np.array([relative_scale(frame) for frame in laid])
     return Score(
