@@ -9,7 +9,7 @@ import pytest
 import sitl.flight
 from sitl.path import Plan
 from tests.benchmarks.contestants import painted_from_source
-from tests.benchmarks.paper_tables import Flight, Run, remark, run, table_2
+from tests.benchmarks.paper_tables import STAGES, Flight, Run, remark, run, table_2
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,8 @@ def test_the_first_stitch_is_judged_by_the_truth(flight: Flight) -> None:
     cells = flight.cells(found, 120)
     total, features, matching, stitching = map(float, cells[:4])
     assert total == pytest.approx(features + matching + stitching, abs=0.02)
-    assert min(features, matching, stitching) > 0
+    seconds = found["last"] if found["first"] else found["seconds"]
+    assert min(seconds[stage] for stage in STAGES) > 0  # the cells are rounded, and an idle machine is fast
     assert int(cells[4]) > 100
     assert cells[5] == "2"
     assert float(cells[6]) < 3
