@@ -8,8 +8,8 @@ import pytest
 
 import sitl.flight
 from sitl.path import Plan
-from tests.benchmarks.contestants import painted_from_source
-from tests.benchmarks.paper_tables import STAGES, Flight, Run, remark, run, table_2
+from tests.benchmarks.contestants import STAGES, painted_from_source
+from tests.benchmarks.paper_tables import Flight, Run, remark, run, table_2
 
 
 @pytest.fixture(scope="module")
