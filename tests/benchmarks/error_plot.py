@@ -21,8 +21,6 @@ import sitl.flight
 from gcs_mosaic.debug.sheet import Image
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from sitl.camera import Camera
-from sitl.geometry import Lens
-from sitl.path import Plan
 from tests.benchmarks.chained import chained
 from tests.benchmarks.error_chart import Curve, Panel, draw_errors
 from tests.benchmarks.known_flights import (
@@ -36,6 +34,7 @@ from tests.benchmarks.known_flights import (
     read_document,
     stitched,
 )
+from tests.benchmarks.long_flights import LENS, SIZE, long_route
 
 
 def main() -> None:
@@ -80,17 +79,8 @@ def panel(flight: KnownFlight, frames: list[Named], also: dict[str, Document]) -
 
 
 def simulate(frames: int, folder: Path) -> None:
-    """Render a survey of so many frames: 75 % and 60 % overlap, tilts to 15 degrees, wind, a climb every 300 frames."""
-    route = Plan(
-        frames=frames,
-        forward=0.75,
-        side=0.6,
-        height=50.0,
-        tilt=math.radians(15),
-        wind=5.0,
-        climbs=max(1, frames // 300),
-    )
-    sitl.flight.make("survey", folder, (640, 480), camera=Camera(lens=Lens(k1=-0.1)), relief=1.0, route=route)
+    """Render a long survey over hills, houses and trees."""
+    sitl.flight.make("survey", folder, SIZE, camera=Camera(lens=LENS), relief=1.0, route=long_route(frames))
 
 
 def png(picture: Image) -> bytes:

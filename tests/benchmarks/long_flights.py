@@ -34,6 +34,8 @@ from sitl.truth import Truth
 from tests.benchmarks.known_flights import document
 
 COUNTS = (200, 1000, 3000)
+SIZE = (640, 480)
+LENS = Lens(k1=-0.1)
 FRAMES_PER_CLIMB = 300
 SAID_EVERY = 250  # frames
 
@@ -76,17 +78,13 @@ def fly(count: int, relief: float) -> None:
 
 def survey(count: int, relief: float) -> sitl.flight.Flight:
     """The flight, planned and not yet rendered, over ground that is large enough for it."""
-    route = Plan(
-        frames=count,
-        forward=0.75,
-        side=0.6,
-        height=50.0,
-        tilt=math.radians(15),
-        wind=5.0,
-        climbs=max(1, count // FRAMES_PER_CLIMB),
-    )
-    camera = Camera(lens=Lens(k1=-0.1))
-    return sitl.flight.plan("survey", (640, 480), camera=camera, relief=relief, route=route)
+    return sitl.flight.plan("survey", SIZE, camera=Camera(lens=LENS), relief=relief, route=long_route(count))
+
+
+def long_route(count: int) -> Plan:
+    """Lines with 75 % and 60 % overlap, tilts to 15 degrees, wind, a climb every 300 frames."""
+    climbs = max(1, count // FRAMES_PER_CLIMB)
+    return Plan(frames=count, forward=0.75, side=0.6, height=50.0, tilt=math.radians(15), wind=5.0, climbs=climbs)
 
 
 def seen_by(flight: sitl.flight.Flight, settings: StitchSettings) -> Iterator[Features]:

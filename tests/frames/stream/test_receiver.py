@@ -19,7 +19,9 @@ SETTINGS = StreamSettings(reconnect_first_s=0.01, reconnect_longest_s=0.05)
 
 def said(times: int) -> tuple[list[str], int]:
     """What a receiver says while it tries to connect so many times, and how often it really tried."""
-    receiver = pytest.importorskip("gcs_mosaic.frames.stream.receiver")
+    pytest.importorskip("av")
+    from gcs_mosaic.frames.stream import receiver
+
     stop, tried = threading.Event(), threading.Semaphore(0)
     opened = receiver.Connection.open
 
@@ -49,7 +51,8 @@ def test_a_camera_that_is_not_there_is_tried_again_and_that_is_said_once() -> No
 
 
 def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch) -> None:
-    receiver = pytest.importorskip("gcs_mosaic.frames.stream.receiver")
+    pytest.importorskip("av")
+    from gcs_mosaic.frames.stream import receiver
 
     def faulty(address: object, settings: object, log: object) -> object:
         raise RuntimeError(URL)
