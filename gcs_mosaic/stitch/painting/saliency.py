@@ -22,16 +22,18 @@ DISTINCT = 5.0  # times the usual contrast at which a thing stands out; crowns i
 # Steps of L, a and b (8 bit) below which nothing stands out; what is fainter no eye finds.
 LEAST_CONTRAST = np.array([20, 10, 10] * 2, np.float32)
 REACH = 12  # around a thing, still as salient as itself: more than half a lattice step, so that all of it is meant
-MISPLACED = 20  # what relief may shift the same thing by in another frame; tall things are shifted by more
+MISPLACED = 8  # what a low thing may be shifted by in another frame: hardly more than a person is wide
+TALL = 60  # what a tall thing may be shifted by, seen from another side; somebody who walks may get as far, too
 POOL = 4  # pixels a side that share a value
 WAYS = len(LEAST_CONTRAST)  # in which a thing can stand out
 
 
-def saliency(look: Image) -> tuple[Map, Map]:
+def saliency(look: Image) -> tuple[Map, Map, Map]:
     """Of a picture (h, w, 3), a quarter as wide, each with `WAYS` channels: the contrast of the thing that stands out at or
-    beside a place, 0 if there is none; and the greatest contrast anywhere around it, thing or not.
+    beside a place, 0 if there is none; and the greatest contrast, thing or not, anywhere around it, near and far.
 
-    The first is nowhere above the second, and if frames show the same thing, not above the second of another frame either.
+    The first is nowhere above the second, and if frames show the same thing, not above the second of another frame either;
+    nor above the third, if that thing is tall.
     """
     lab = cv2.cvtColor(look, cv2.COLOR_BGR2Lab)
     centre, surround = cv2.blur(lab, (CENTRE, CENTRE)), cv2.blur(lab, (SURROUND, SURROUND))
@@ -41,7 +43,7 @@ def saliency(look: Image) -> tuple[Map, Map]:
     usual = cv2.blur(_quarter(cv2.absdiff(centre, surround)), (around, around), borderType=cv2.BORDER_REFLECT)
     bound = np.maximum(DISTINCT * np.dstack([usual, usual]), LEAST_CONTRAST)
     things = np.where(contrast > bound, contrast, 0)
-    return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED)
+    return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED), _greatest(contrast, REACH + TALL)
 
 
 def _pooled(values: cv2.typing.MatLike) -> NDArray[np.uint8]:

@@ -3,7 +3,9 @@
 How well a frame sees a place is told by its weight (how far that is from its border, how finely it is resolved) and by how
 sharp the frame is there, because some frames are blurred by motion. A thing that stands out in one frame where another has
 none at all (a person, a vehicle that has moved on) counts more than any weight: so whatever was seen once stays on the map.
-What stands still stands out in all frames, and then weight decides.
+What stands still stands out in all frames, and then weight decides. Between the two is a thing that the other frame has some
+way off: a tall one, seen from another side, or somebody who walks. There weight decides too, with a little more for the thing:
+a mosaic of pipes is not broken into pieces of several frames, and nobody is lost who stepped over the seam between them.
 
 What is left of different light is taken up in two bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
 Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for the picture and wide for its
@@ -28,7 +30,8 @@ from gcs_mosaic.stitch.painting.warping import refined, upscale
 Image = NDArray[np.uint8]
 
 # What is measured of a frame, in this order, at each of the finer lattice points.
-THINGS, ANYTHING, DETAILED, TONE = slice(0, WAYS), slice(WAYS, 2 * WAYS), 2 * WAYS, slice(2 * WAYS + 1, None)
+THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
+DETAILED, TONE = 3 * WAYS, slice(3 * WAYS + 1, None)
 
 # Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other,
 # which are so large that a thing, or noise, does not make a frame the sharper one.
@@ -39,6 +42,9 @@ TONE_SHRINK = 8  # the size of a pixel of the map of tones, in pixels of the pic
 TONE_BLUR = 7  # pixels of that map, a side, that make a tone: so wide that no person changes it
 BEYOND = 1.5  # times the contrast of anything around that a thing must have for the other frame not to have it
 SALIENT = 20.0  # what a thing where the other frame has none adds to the log ratio of weights: more than weights can
+# What it adds where the other frame has one some way off: more than the log ratio of weights changes over that way, so that
+# of two frames that see somebody in two places not each can think the other one shows him.
+ELSEWHERE = 1.0
 SURE = 0.05  # log ratio of weights at which a lattice point is wholly on one side of the seam
 LEAST_SURE = 0.5  # of 1, at every lattice point: the seam stays narrow even where two frames see equally well
 FEATHER = 4  # tile px of transition between two lattice points that are wholly on different sides
@@ -47,10 +53,11 @@ MOST_SHIFT = 6.0  # grey levels that a tone is shifted at most; more is no light
 
 
 def look_for_seams(look: Image) -> NDArray[np.float32]:
-    """What `seam` needs to know of a frame's picture: contrast of things, contrast of anything, log detail, tone (b, g, r)."""
-    things, anything = saliency(look)
+    """What `seam` needs to know of a frame's picture: contrast of things, of anything near, of anything far, log detail, tone
+    (b, g, r)."""
+    things, near, far = saliency(look)
     maps = [_log_detail(look), *cv2.split(_tone(look))]
-    return np.dstack([things, anything, *(cv2.resize(one, things.shape[1::-1]) for one in maps)])
+    return np.dstack([things, near, far, *(cv2.resize(one, things.shape[1::-1]) for one in maps)])
 
 
 def _log_detail(look: Image) -> NDArray[np.float32]:
@@ -84,10 +91,10 @@ def seam(shown: Layer, new: Part) -> Layer:
     before = _Sight(refined(shown.weight), known.astype(np.float32))
     after = _Sight(refined(new.weight), new.measured.astype(np.float32))
     log_ratio = _log_ratio(before, after)
-    things = _things(before, after)
-    decided = log_ratio + SALIENT * things
+    nowhere, not_here = _things(before, after)
+    decided = log_ratio + SALIENT * nowhere + ELSEWHERE * not_here
     is_new = decided > 0
-    shown_shift, new_shift = _tone_shifts(before, after, log_ratio, things)
+    shown_shift, new_shift = _tone_shifts(before, after, log_ratio, not_here)
     if shown.is_full and not is_new.any():
         return replace(_shifted(shown, shown_shift), measured=_toned(before, shown_shift).astype(np.float16))
     picture = new.picture()
@@ -122,17 +129,21 @@ def _log_ratio(shown: _Sight, new: _Sight) -> Lattice:
     return np.asarray(log_ratio, dtype=np.float32)
 
 
-def _things(shown: _Sight, new: _Sight) -> Lattice:
-    """Where only one of them has a thing: 1 if it is the new frame, -1 if it is the shown one, 0 where none or both have."""
-    only_new = _only(new.measured, shown.measured) * (new.weight > LEAST_WEIGHT)
-    only_shown = _only(shown.measured, new.measured) * (shown.weight > LEAST_WEIGHT)
-    return np.asarray(only_new - only_shown, dtype=np.float32)
+def _things(shown: _Sight, new: _Sight) -> tuple[Lattice, Lattice]:
+    """Where only one of them has a thing, 1 if it is the new frame, -1 if it is the shown one, 0 where none or both have: of
+    things that the other one has nowhere, and of those that it has not here."""
+    of_new = _only(new.measured, shown.measured) * (new.weight > LEAST_WEIGHT)[..., None]
+    of_shown = _only(shown.measured, new.measured) * (shown.weight > LEAST_WEIGHT)[..., None]
+    things = np.asarray(of_new - of_shown, np.float32)
+    return things[..., 0], things[..., 1]
 
 
 def _only(one: Lattice, other: Lattice) -> Lattice:
-    """1 where one has a thing that is beyond any contrast of the other, 0 where not, and little between."""
-    beyond = (one[..., THINGS] - BEYOND * other[..., ANYTHING]) / LEAST_CONTRAST
-    return np.asarray(np.clip(beyond.max(axis=-1), 0, 1))
+    """(33, 33, 2): 1 where one has a thing that is beyond any contrast of the other far around, and near; 0 where not, and
+    little between."""
+    things = one[..., THINGS]
+    beyond = [((things - BEYOND * other[..., reach]) / LEAST_CONTRAST).max(axis=-1) for reach in (FAR, NEAR)]
+    return np.asarray(np.clip(np.dstack(beyond), 0, 1))
 
 
 def _tone_shifts(shown: _Sight, new: _Sight, log_ratio: Lattice, things: Lattice) -> tuple[Lattice, Lattice]:

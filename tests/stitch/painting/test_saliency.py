@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.painting.saliency import MISPLACED, REACH, WAYS, saliency
+from gcs_mosaic.stitch.painting.saliency import MISPLACED, REACH, TALL, WAYS, saliency
 
 
 def ground(noise: float = 3.0, seed: int = 1) -> np.ndarray:
@@ -24,12 +24,13 @@ def test_a_small_thing_stands_out_by_any_of_its_colours(side: int, way: int) -> 
     step = [0, 0, 0]
     step[way % 3] = 45 if way < 3 else -45
     picture[200 : 200 + side, 300 : 300 + side] = in_lab(tuple(step))
-    things, anything = saliency(picture)
-    assert things.shape == anything.shape == (100, 150, WAYS)
+    things, near, far = saliency(picture)
+    assert things.shape == near.shape == far.shape == (100, 150, WAYS)
     reach = REACH // 4
     assert (things[50 - reach + 1 : 50 + reach, 75, way] > 25).all()
     assert things[:20].max() == things[:, :40].max() == 0
-    assert (anything >= things).all()
+    assert (near >= things).all()
+    assert (far >= near).all()
 
 
 @pytest.mark.parametrize("noise", [1.0, 10.0, 40.0])
@@ -37,10 +38,11 @@ def test_ground_that_is_rough_all_over_does_not_stand_out(noise: float) -> None:
     assert (saliency(ground(noise))[0].max(axis=2) > 0).mean() < 0.1
 
 
-def test_a_thing_that_lies_a_little_beside_is_within_the_contrast_of_the_other_frame() -> None:
+@pytest.mark.parametrize(("reach", "which"), [(MISPLACED, 1), (TALL, 2)])
+def test_a_thing_that_lies_beside_is_within_the_contrast_of_the_other_frame(reach: int, which: int) -> None:
     frames = [ground(), ground()]
-    for frame, x in zip(frames, (300, 300 + MISPLACED - 4), strict=True):
+    for frame, x in zip(frames, (300, 300 + reach - 4), strict=True):
         frame[200:210, x : x + 10] = 220
-    (things, anything), (things_there, anything_there) = (saliency(frame) for frame in frames)
-    assert (things <= 1.05 * anything_there).all()
-    assert (things_there <= 1.05 * anything).all()
+    one, other = (saliency(frame) for frame in frames)
+    assert (one[0] <= 1.05 * other[which]).all()
+    assert (other[0] <= 1.05 * one[which]).all()

@@ -18,9 +18,10 @@ ACROSS = np.linspace(0.9, 0.1, LATTICE, dtype=np.float32)[None].repeat(
 )  # a weight that falls from left to right
 
 
-def measured(thing: float = 0, maybe: float = 0, log_detail: float = 1, tone: float = 100) -> np.ndarray:
-    """thing, maybe: contrast of a thing that is brighter than all around, and of anything."""
-    one = np.array([thing, *[0] * 5, maybe, *[0] * 5, log_detail, tone, tone, tone], np.float16)
+def measured(thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1, tone: float = 100) -> np.ndarray:
+    """thing: contrast of one that is brighter than all around; near, far: of anything that is."""
+    contrasts = [one for contrast in (thing, near, max(near, far)) for one in (contrast, *[0] * 5)]
+    one = np.array([*contrasts, log_detail, tone, tone, tone], np.float16)
     return np.broadcast_to(one, (2 * LATTICE - 1, 2 * LATTICE - 1, len(one))).copy()
 
 
@@ -59,6 +60,14 @@ def test_a_thing_counts_more_than_seeing_well(shown: int, new: int, value: int) 
 @pytest.mark.parametrize("maybe", [measured(90, 90), measured(0, 90)])
 def test_a_thing_that_both_may_have_does_not_decide(maybe: np.ndarray) -> None:
     assert (seam(layer(200, 0.9, maybe), part(layer(100, 0.3, measured(90, 90)))).colour == 200).all()
+
+
+@pytest.mark.parametrize(("weight", "value"), [(0.4, 100), (0.1, 200)])
+def test_a_thing_that_the_other_frame_has_elsewhere_decides_only_between_frames_about_as_good(
+    weight: float, value: int
+) -> None:
+    shown, new = layer(200, 0.6, measured(far=90)), layer(100, weight, measured(90, 90))
+    assert (seam(shown, part(new)).colour == value).all()
 
 
 def test_a_thing_is_remembered_over_many_frames() -> None:
@@ -121,6 +130,28 @@ def test_someone_who_walks_is_seen_whole_wherever_they_were() -> None:
             canvas.paint(np.clip(picture, 0, 255).astype(np.uint8), frame)
         tiles = [canvas.tile(0, Tile(16, (1 << 15) + x, (1 << 15) + y)) for y in range(2) for x in range(3)]
     whole = np.vstack([np.hstack([t.colour for t in tiles[:3]]), np.hstack([t.colour for t in tiles[3:]])]).astype(int)
-    red = (whole[..., 2] - whole[..., 1]) > 0.9 * 150
-    assert len(np.unique(cv2.connectedComponents(red.astype(np.uint8))[1])) - 1 == 3
-    assert red.sum() >= 3 * 7 * 7
+    assert people(whole) == 3
+
+
+@pytest.mark.parametrize("way", [(40, 0), (-40, 0), (-20, 0), (28, -28)])
+@pytest.mark.parametrize("apart", [60, 70, 80])
+def test_someone_who_steps_over_a_seam_is_not_lost(way: tuple[int, int], apart: int) -> None:
+    """Two frames side by side, the seam of which somebody has reached, passed or is about to pass."""
+    camera = Camera(640, 480, focal=1.2)
+    rough = np.random.default_rng(3).normal(100, 4, (600, 1000, 3))
+    with Canvas(lambda name: None, CanvasSettings(interpolation="linear")) as canvas:
+        for order, left in enumerate((0, 300)):
+            ground = rough.copy()
+            x, y = 470 - 60 + apart + order * way[0], 240 + order * way[1]
+            ground[y : y + 9, x : x + 9] = (60, 60, 220)
+            seen = np.clip(ground[:480, left : left + 640], 0, 255).astype(np.uint8)
+            canvas.paint(seen, painted(order, left + 320.0, 240.0, camera=camera))
+        tiles = [[canvas.tile(0, Tile(16, (1 << 15) + x, (1 << 15) + y)) for x in range(4)] for y in range(2)]
+    assert people(np.vstack([np.hstack([tile.colour for tile in row]) for row in tiles])) >= 1
+
+
+def people(picture: np.ndarray) -> int:
+    """How many there are that are seen whole."""
+    red = (picture[..., 2].astype(int) - picture[..., 1]) > 0.9 * 150
+    _, _, stats, _ = cv2.connectedComponentsWithStats(red.astype(np.uint8))
+    return int((stats[1:, cv2.CC_STAT_AREA] >= 7 * 7).sum())
