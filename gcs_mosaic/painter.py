@@ -33,8 +33,8 @@ from gcs_mosaic.stitch.painting.exposure import (
     solve_gains,
 )
 from gcs_mosaic.stitch.painting.lattice import own_level
-from gcs_mosaic.stitch.painting.painted import Painted, TileKey
-from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings, log_brightness
+from gcs_mosaic.stitch.painting.painted import Painted, TileKey, contrast
+from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
 
@@ -119,7 +119,7 @@ class Painter:
             gain=self._gain_of(overlaps, vignetting, display),
             vignetting=vignetting,
             display=display,
-            level=own_level(pose, camera),
+            level=own_level(pose, camera, self._levels_beside(placement)),
         )
         self._note(painted)
         return self.canvas.paint(image, painted)
@@ -156,7 +156,7 @@ class Painter:
         for painted in list(self._painted.values()):
             gain, vignetting = looks[painted.name]
             final = replace(painted, gain=gain, vignetting=vignetting)
-            if _contrast(final, painted) > self._settings.final_gain:
+            if contrast(final, painted) > self._settings.final_gain:
                 self._change(final)
         for placement in placements:
             if placement.name in self._painted:
@@ -185,7 +185,7 @@ class Painter:
         painted = self._painted[placement.name]
         pose, camera = reduced_view(placement.pose, placement.camera, painted.camera.width, painted.camera.height)
         moved = replace(painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief)
-        self._change(replace(moved, level=own_level(pose, camera)), off_px)
+        self._change(replace(moved, level=own_level(pose, camera, self._levels_beside(placement))), off_px)
 
     def _change(self, painted: Painted, urgency: float = 0.0) -> None:
         self._note(painted)
@@ -213,6 +213,10 @@ class Painter:
                     found.append((means, painted))
                     self._vignetting_of(painted.camera).add(means.radial)
         return found
+
+    def _levels_beside(self, placement: Placement) -> list[int]:
+        beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
+        return [painted.level for painted in beside if painted.island == placement.island]
 
     def _vignetting_of(self, camera: Camera) -> VignettingEstimate:
         size = camera.width, camera.height
@@ -267,13 +271,3 @@ def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Ar
     """Canvas places of points all over the frame, (n, 2); NaN above the horizon."""
     pixels = pixel_grid(camera, 9, 7)
     return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
-
-
-def _contrast(one: Painted, other: Painted) -> float:
-    """The greatest difference in log brightness, anywhere in the frame and in any band."""
-    gains = np.log(np.array(one.gain) / np.array(other.gain))
-    falls = [
-        log_brightness(other.vignetting, at) - log_brightness(one.vignetting, at)
-        for at in ((0, 0), (0.5, 0.25), (1, 1))
-    ]
-    return float(np.abs(gains[:, None] + falls).max())

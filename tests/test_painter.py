@@ -15,8 +15,8 @@ from gcs_mosaic.stitch.placement import Placement
 APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
 
 
-def placement(number: int, x: float, island: int = 0) -> Placement:
-    pose = Pose(x, 0.0)
+def placement(number: int, x: float, island: int = 0, gsd: float = 1.0, neighbours: tuple[str, ...] = ()) -> Placement:
+    pose = Pose(x, 0.0, log_gsd=float(np.log(gsd)))
     return Placement(
         name=str(number),
         island=island,
@@ -25,7 +25,7 @@ def placement(number: int, x: float, island: int = 0) -> Placement:
         relief=None,
         inliers=99,
         residual_px=0.5,
-        neighbours=(),
+        neighbours=neighbours,
         hops=1,
         corner_deviation_px=0.1,
     )
@@ -124,3 +124,10 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
             after.append(display.levels(display.gained(seen(name), last[name].gain)).mean())
         assert before[1] / before[0] > 1.4
         assert after[1] / after[0] == pytest.approx(1, abs=0.05)
+
+
+def test_frames_of_about_one_height_are_painted_at_one_level(painter, recorded):
+    """Those of finer levels would hide the others, and whoever only those have seen."""
+    flown = [(1.0, ()), (1.9, ("0",)), (1.7, ("0", "1")), (1.5, ("1", "2")), (1.45, ("2", "3")), (1.2, ("3", "4"))]
+    paint(painter, [placement(k, 40.0 * k, gsd=gsd, neighbours=beside) for k, (gsd, beside) in enumerate(flown)])
+    assert [painted.level for painted in recorded] == [16, 15, 15, 15, 15, 16]

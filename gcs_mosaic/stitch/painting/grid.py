@@ -18,7 +18,8 @@ TILE_SIZE = 256  # px
 BASE_LEVEL = 16  # one tile pixel per canvas unit
 FINEST_LEVEL = 24  # 1/256 canvas unit; nothing that was measured is finer
 HALF_SPAN = 2.0**23  # canvas units from the middle of the grid to its edge
-RESOLUTION_LOSS = 0.15  # of a frame's linear resolution, given up rather than painting four times the pixels
+RESOLUTION_LOSS = 0.2  # of a frame's linear resolution, given up rather than painting four times the pixels
+LOSS_BESIDE = 0.3  # the same, given up rather than lying on another level than the frames around
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -109,12 +110,12 @@ def tiles_over(box: Box, level: int) -> Iterator[Tile]:
     return (Tile(level, x, y) for y in range(first.y, last.y + 1) for x in range(first.x, last.x + 1))
 
 
-def painting_level(gsd: float) -> int:
-    """The coarsest level at which a frame with this ground sampling distance (canvas units per frame pixel) loses at
-    most 15 % of its linear resolution; between level 0 and `FINEST_LEVEL`."""
+def painting_level(gsd: float, loss: float = RESOLUTION_LOSS) -> int:
+    """The coarsest level at which a frame with this ground sampling distance (canvas units per frame pixel) loses no more
+    than this share of its linear resolution; between level 0 and `FINEST_LEVEL`."""
     if not (math.isfinite(gsd) and gsd > 0):
         raise ValueError(f"a ground sampling distance is a positive number, not {gsd}")
-    level = BASE_LEVEL - math.log2(gsd / (1 - RESOLUTION_LOSS))
+    level = BASE_LEVEL - math.log2(gsd / (1 - loss))
     return min(max(math.ceil(level - 1e-9), 0), FINEST_LEVEL)
 
 

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple
 
+import numpy as np
+
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
-from gcs_mosaic.stitch.painting.vignetting import FLAT, Vignetting
+from gcs_mosaic.stitch.painting.vignetting import FLAT, Vignetting, log_brightness
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 
 TileKey = tuple[int, Tile]  # island, tile
@@ -37,6 +39,16 @@ class Painted:
     @property
     def turn(self) -> Turn:
         return self.order, self.name
+
+
+def contrast(one: Painted, other: Painted) -> float:
+    """The greatest difference in log brightness, anywhere in the frame and in any band."""
+    gains = np.log(np.array(one.gain) / np.array(other.gain))
+    falls = [
+        log_brightness(other.vignetting, at) - log_brightness(one.vignetting, at)
+        for at in ((0, 0), (0.5, 0.25), (1, 1))
+    ]
+    return float(np.abs(gains[:, None] + falls).max())
 
 
 class Extent(NamedTuple):
