@@ -32,7 +32,7 @@ from gcs_mosaic.stitch.painting.exposure import (
     overlap_means,
     solve_gains,
 )
-from gcs_mosaic.stitch.painting.lattice import own_level
+from gcs_mosaic.stitch.painting.levels import PaintingLevels
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey, contrast
 from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.placement import Placement
@@ -85,6 +85,7 @@ class Painter:
         self._displays: dict[
             tuple[int, str], Display
         ] = {}  # by number of bands and depth, from the first frame of each kind
+        self._levels = PaintingLevels()
         self._thumbnails: dict[str, Levels] = {}
         self._overlaps: list[tuple[str, str, OverlapMeans]] = []
         self._vignetting: dict[tuple[int, int], VignettingEstimate] = {}  # by width and height: each size is one camera
@@ -119,8 +120,9 @@ class Painter:
             gain=self._gain_of(overlaps, vignetting, display),
             vignetting=vignetting,
             display=display,
-            level=own_level(pose, camera, self._levels_beside(placement)),
+            level=0,
         )
+        painted = self._levels.settled(painted)
         self._note(painted)
         return self.canvas.paint(image, painted)
 
@@ -163,6 +165,9 @@ class Painter:
                 off_px = _displacement(self._painted[placement.name], placement)
                 if off_px > self._settings.final_px:
                     self._move(placement, off_px)
+        for painted in list(self._painted.values()):
+            if (settled := self._levels.settled(painted)) != painted:
+                self._change(settled)
         yield from self.canvas.repaint()
 
     def close(self) -> None:
@@ -185,7 +190,7 @@ class Painter:
         painted = self._painted[placement.name]
         pose, camera = reduced_view(placement.pose, placement.camera, painted.camera.width, painted.camera.height)
         moved = replace(painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief)
-        self._change(replace(moved, level=own_level(pose, camera, self._levels_beside(placement))), off_px)
+        self._change(self._levels.settled(moved), off_px)
 
     def _change(self, painted: Painted, urgency: float = 0.0) -> None:
         self._note(painted)
@@ -213,10 +218,6 @@ class Painter:
                     found.append((means, painted))
                     self._vignetting_of(painted.camera).add(means.radial)
         return found
-
-    def _levels_beside(self, placement: Placement) -> list[int]:
-        beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
-        return [painted.level for painted in beside if painted.island == placement.island]
 
     def _vignetting_of(self, camera: Camera) -> VignettingEstimate:
         size = camera.width, camera.height

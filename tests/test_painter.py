@@ -15,7 +15,7 @@ from gcs_mosaic.stitch.placement import Placement
 APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
 
 
-def placement(number: int, x: float, island: int = 0, gsd: float = 1.0, neighbours: tuple[str, ...] = ()) -> Placement:
+def placement(number: int, x: float, island: int = 0, gsd: float = 1.0) -> Placement:
     pose = Pose(x, 0.0, log_gsd=float(np.log(gsd)))
     return Placement(
         name=str(number),
@@ -25,7 +25,7 @@ def placement(number: int, x: float, island: int = 0, gsd: float = 1.0, neighbou
         relief=None,
         inliers=99,
         residual_px=0.5,
-        neighbours=neighbours,
+        neighbours=(),
         hops=1,
         corner_deviation_px=0.1,
     )
@@ -128,6 +128,9 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
 
 def test_frames_of_about_one_height_are_painted_at_one_level(painter, recorded):
     """Those of finer levels would hide the others, and whoever only those have seen."""
-    flown = [(1.0, ()), (1.9, ("0",)), (1.7, ("0", "1")), (1.5, ("1", "2")), (1.45, ("2", "3")), (1.2, ("3", "4"))]
-    paint(painter, [placement(k, 40.0 * k, gsd=gsd, neighbours=beside) for k, (gsd, beside) in enumerate(flown)])
-    assert [painted.level for painted in recorded] == [16, 15, 15, 15, 15, 16]
+    flown = [placement(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
+    paint(painter, flown)
+    assert [painted.level for painted in recorded] == [16, 16, 15, 15, 15, 16]
+    for _ in painter.repaint_all(flown):
+        pass
+    assert {painted.name: painted.level for painted in recorded} == dict(zip("012345", [15] * 5 + [16], strict=True))

@@ -19,7 +19,7 @@ BASE_LEVEL = 16  # one tile pixel per canvas unit
 FINEST_LEVEL = 24  # 1/256 canvas unit; nothing that was measured is finer
 HALF_SPAN = 2.0**23  # canvas units from the middle of the grid to its edge
 RESOLUTION_LOSS = 0.2  # of a frame's linear resolution, given up rather than painting four times the pixels
-LOSS_BESIDE = 0.3  # the same, given up rather than lying on another level than the frames around
+SAME_HEIGHT = 1.15  # ratio of ground sampling distances up to which frames are painted at one level if that can be
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -110,13 +110,26 @@ def tiles_over(box: Box, level: int) -> Iterator[Tile]:
     return (Tile(level, x, y) for y in range(first.y, last.y + 1) for x in range(first.x, last.x + 1))
 
 
-def painting_level(gsd: float, loss: float = RESOLUTION_LOSS) -> int:
-    """The coarsest level at which a frame with this ground sampling distance (canvas units per frame pixel) loses no more
-    than this share of its linear resolution; between level 0 and `FINEST_LEVEL`."""
+def painting_level(gsd: float) -> int:
+    """The coarsest level at which a frame with this ground sampling distance (canvas units per frame pixel) loses at
+    most 20 % of its linear resolution; between level 0 and `FINEST_LEVEL`."""
     if not (math.isfinite(gsd) and gsd > 0):
         raise ValueError(f"a ground sampling distance is a positive number, not {gsd}")
-    level = BASE_LEVEL - math.log2(gsd / (1 - loss))
+    level = BASE_LEVEL - math.log2(gsd / (1 - RESOLUTION_LOSS))
     return min(max(math.ceil(level - 1e-9), 0), FINEST_LEVEL)
+
+
+def level_among(gsd: float, usual: float) -> int:
+    """The painting level of a frame among others with a `usual` ground sampling distance: theirs if its own is nearly so.
+
+    Of frames on different levels the finer ones hide the others, and whoever only those have seen.
+    """
+    theirs = painting_level(usual)
+    return (
+        theirs
+        if painting_level(gsd * SAME_HEIGHT) <= theirs <= painting_level(gsd / SAME_HEIGHT)
+        else painting_level(gsd)
+    )
 
 
 def overview_level(box: Box, finest: int) -> int:

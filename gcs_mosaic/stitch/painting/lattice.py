@@ -7,7 +7,7 @@ There is one lattice per frame and level, so what a tile gets does not depend on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -24,7 +24,6 @@ from gcs_mosaic.stitch.geometry import (
     pixels_from_canvas,
 )
 from gcs_mosaic.stitch.painting.grid import (
-    LOSS_BESIDE,
     RESOLUTION_LOSS,
     TILE_SIZE,
     Box,
@@ -103,21 +102,21 @@ def frame_lattice(
     return FrameLattice(first, last, camera, pixels, weight, useful if useful.min() <= 0 else None)
 
 
-def own_level(pose: Pose, camera: Camera, beside: Sequence[int] = ()) -> int:
-    """The level a frame is painted at: all but its finest tenth keep their resolution, unless that would take more than
-    about four times the frame's own pixels (oblique frames); 0 if it sees no ground.
-
-    `beside`: levels of the frames around it. If half of them lie one level coarser it follows, as long as it does not lose
-    much more: of frames on different levels the finer ones hide the others, and what only those have seen.
-    """
+def resolved(pose: Pose, camera: Camera) -> float | None:
+    """The ground sampling distance that a frame is painted with: all but its finest tenth keep their resolution, unless that
+    would take more than about four times the frame's own pixels (oblique frames); None if it sees no ground."""
     gsd = ground_sampling_distance(pose, camera, pixel_grid(camera, 33, 25))
     gsd = gsd[np.isfinite(gsd) & (gsd > 0)]
     if not gsd.size:
-        return 0
+        return None
     useful = gsd[gsd <= USEFUL_RATIO * gsd.min()]
-    kept = max(float(np.quantile(useful, 0.1)), OBLIQUE_SHARE * float(np.sqrt((useful**2).mean())))
-    level, coarser = painting_level(kept), painting_level(kept, LOSS_BESIDE)
-    return coarser if 0 < len(beside) <= 2 * sum(one <= coarser for one in beside) else level
+    return max(float(np.quantile(useful, 0.1)), OBLIQUE_SHARE * float(np.sqrt((useful**2).mean())))
+
+
+def own_level(pose: Pose, camera: Camera) -> int:
+    """The level that suits a frame alone; 0 if it sees no ground."""
+    gsd = resolved(pose, camera)
+    return 0 if gsd is None else painting_level(gsd)
 
 
 def useful_ground(pose: Pose, camera: Camera, relief: ReliefDisplacement | None = None) -> tuple[Box, float] | None:

@@ -50,6 +50,23 @@ def test_tiles_over_a_box_hold_its_corners_and_no_more_than_needed(level, x, y, 
     assert len(found) <= (width / side + 2) * (height / side + 2)
 
 
+@pytest.mark.parametrize(
+    ("gsd", "usual", "level"),
+    [
+        (1.5, 1.5, 16),
+        (1.7, 1.7, 15),
+        (1.5, 1.7, 15),
+        (1.7, 1.5, 16),
+        (1.3, 1.7, 16),  # too much would be lost
+        (1.9, 1.5, 15),  # too much would be painted
+        (1.5, 9.0, 16),
+        (1.7, 0.1, 15),
+    ],
+)
+def test_a_frame_is_painted_at_the_level_of_most_if_it_is_about_as_high(gsd: float, usual: float, level: int) -> None:
+    assert grid.level_among(gsd, usual) == level
+
+
 @given(st.floats(0.01, 1000))
 def test_the_painting_level_is_the_coarsest_that_loses_little(gsd: float) -> None:
     level = grid.painting_level(gsd)

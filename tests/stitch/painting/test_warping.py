@@ -23,22 +23,6 @@ def test_interpolated_places_are_right_to_a_tenth_of_a_pixel(k1: float, tilt: fl
         assert not inside.any() or error.max() < 0.1
 
 
-@pytest.mark.parametrize(
-    ("gsd", "beside", "level"),
-    [
-        (1.7, (), 15),
-        (1.5, (), 16),
-        (1.5, (15, 16), 15),  # as coarse as half of the frames around
-        (1.5, (15, 16, 16), 16),
-        (1.5, (14, 14), 15),  # no coarser than one level
-        (1.3, (15, 15), 16),  # too much would be lost
-        (1.7, (16, 16), 15),  # never finer than it needs
-    ],
-)
-def test_a_frame_follows_those_around_it_to_a_coarser_level(gsd: float, beside: tuple[int, ...], level: int) -> None:
-    assert own_level(Pose(0.0, 0.0, log_gsd=np.log(gsd)), FULL, beside) == level
-
-
 def test_a_frame_that_lies_on_the_grid_is_copied_exactly() -> None:
     frame = painted(0, 79.5, 59.5, camera=Camera(160, 120))
     image = picture(1)
