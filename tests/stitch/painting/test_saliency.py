@@ -33,6 +33,23 @@ def test_a_small_thing_stands_out_by_any_of_its_colours(side: int, way: int) -> 
     assert (far >= near).all()
 
 
+def test_the_coloured_fringes_that_a_lens_gives_to_edges_are_no_things() -> None:
+    """Red is drawn a pixel farther out than green and blue: two pixels of a frame of 12 MP."""
+    picture = ground()
+    picture[150:250, 200:260] = 230
+    red = np.roll(picture[..., 2], 1, axis=1)
+    things = saliency(np.dstack([picture[..., :2], red]))[0]
+    assert things[..., [0, 3]].max() > 30
+    assert things[..., [1, 2, 4, 5]].max() == 0
+
+
+@pytest.mark.parametrize("clothes", [(40, 60, 200), (200, 90, 30), (60, 200, 220)])
+def test_somebody_in_bright_clothes_stands_out_by_colour_on_sand(clothes: tuple[int, int, int]) -> None:
+    sand = ground() + np.array([50, 80, 90], np.uint8)
+    sand[200:208, 300:308] = clothes
+    assert saliency(sand)[0][50, 75, [1, 2, 4, 5]].max() > 20
+
+
 @pytest.mark.parametrize("noise", [1.0, 10.0, 40.0])
 def test_ground_that_is_rough_all_over_does_not_stand_out(noise: float) -> None:
     assert (saliency(ground(noise))[0].max(axis=2) > 0).mean() < 0.1
