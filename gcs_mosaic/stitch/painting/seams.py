@@ -49,7 +49,7 @@ SURE = 0.05  # log ratio of weights at which a lattice point is wholly on one si
 LEAST_SURE = 0.5  # of 1, at every lattice point: the seam stays narrow even where two frames see equally well
 FEATHER = 4  # tile px of transition between two lattice points that are wholly on different sides
 SOFT = 4.0  # exponent of the ratio of weights by which tones are mixed: over about a quarter of a frame
-MOST_SHIFT = 6.0  # grey levels that a tone is shifted at most; more is no light but a thing that has moved
+MOST_SHIFT = 12.0  # grey levels that a tone is shifted at most; more is no light but a thing that has moved
 
 
 def look_for_seams(look: Image) -> NDArray[np.float32]:
