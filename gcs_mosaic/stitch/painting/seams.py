@@ -24,14 +24,14 @@ from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT, Part, mix_pixels
 from gcs_mosaic.stitch.painting.course import least_seen
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
 from gcs_mosaic.stitch.painting.layers import Layer, Measured
-from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, WAYS, saliency
+from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, POOL, WAYS, saliency
 from gcs_mosaic.stitch.painting.warping import refined, upscale
 
 Image = NDArray[np.uint8]
 
 # What is measured of a frame, in this order, at each of the finer lattice points.
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
-DETAILED, TONE = 3 * WAYS, slice(3 * WAYS + 1, None)
+COLOURED, DETAILED, TONE = 3 * WAYS, 3 * WAYS + 1, slice(3 * WAYS + 2, None)
 
 # Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other,
 # which are so large that a thing, or noise, does not make a frame the sharper one.
@@ -53,11 +53,17 @@ MOST_SHIFT = 12.0  # grey levels that a tone is shifted at most; more is no ligh
 
 
 def look_for_seams(look: Image) -> NDArray[np.float32]:
-    """What `seam` needs to know of a frame's picture: contrast of things, of anything near, of anything far, log detail, tone
-    (b, g, r)."""
+    """What `seam` needs to know of a frame's picture: contrast of things, of anything near, of anything far, how much things
+    colour the tone, log detail, tone (b, g, r)."""
     things, near, far = saliency(look)
     maps = [_log_detail(look), *cv2.split(_tone(look))]
-    return np.dstack([things, near, far, *(cv2.resize(one, things.shape[1::-1]) for one in maps)])
+    return np.dstack([things, near, far, _coloured(things), *(cv2.resize(one, things.shape[1::-1]) for one in maps)])
+
+
+def _coloured(things: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How many times the contrast of the greatest thing that the tone of a place may be coloured by doubles the least one."""
+    side = TONE_SHRINK * TONE_BLUR // POOL | 1
+    return np.log2(1 + cv2.dilate((things / LEAST_CONTRAST).max(axis=-1), np.ones((side, side), np.uint8)))
 
 
 def _log_detail(look: Image) -> NDArray[np.float32]:
@@ -153,7 +159,8 @@ def _tone_shifts(shown: _Sight, new: _Sight, log_ratio: Lattice, things: Lattice
     has a thing that the other has not: it is no light that sets them apart.
     """
     new_share = 1 / (1 + np.exp(-np.clip(SOFT * log_ratio, -30, 30)))
-    apart = (new.measured[..., TONE] - shown.measured[..., TONE]) * (1 - np.abs(things))[..., None]
+    as_coloured = np.clip(2 - np.abs(new.measured[..., COLOURED] - shown.measured[..., COLOURED]), 0, 1)
+    apart = (new.measured[..., TONE] - shown.measured[..., TONE]) * (as_coloured * (1 - np.abs(things)))[..., None]
     of_shown = (new_share * (new.weight > 0))[..., None] * apart
     of_new = ((new_share - 1) * (shown.weight > 0))[..., None] * apart
     return _bounded(of_shown), _bounded(of_new)

@@ -21,7 +21,7 @@ ACROSS = np.linspace(0.9, 0.1, LATTICE, dtype=np.float32)[None].repeat(
 def measured(thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1, tone: float = 100) -> np.ndarray:
     """thing: contrast of one that is brighter than all around; near, far: of anything that is."""
     contrasts = [one for contrast in (thing, near, max(near, far)) for one in (contrast, *[0] * 5)]
-    one = np.array([*contrasts, log_detail, tone, tone, tone], np.float16)
+    one = np.array([*contrasts, np.log2(1 + max(thing, beside) / 20), log_detail, tone, tone, tone], np.float16)
     return np.broadcast_to(one, (2 * LATTICE - 1, 2 * LATTICE - 1, len(one))).copy()
 
 
@@ -96,6 +96,12 @@ def test_light_that_differs_leaves_no_step() -> None:
 def test_what_is_no_light_is_not_taken_for_it() -> None:
     shown, new = layer(30, 0.5, measured(tone=30)), layer(230, 0.5001, measured(tone=230))
     assert seam(shown, part(new)).colour.min() >= 230 - MOST_SHIFT
+
+
+@pytest.mark.parametrize(("beside", "shifted"), [(0, True), (10, True), (90, False)])
+def test_tones_do_not_follow_a_thing_that_only_one_frame_has(beside: float, shifted: bool) -> None:
+    shown, new = layer(100, 0.5, measured(tone=100)), layer(110, 0.5001, measured(tone=110, beside=beside))
+    assert (seam(shown, part(new)).colour < 110).all() == shifted
 
 
 def test_nothing_is_shifted_where_the_other_frame_has_no_weight() -> None:
