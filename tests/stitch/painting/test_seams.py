@@ -18,8 +18,16 @@ ACROSS = np.linspace(0.9, 0.1, LATTICE, dtype=np.float32)[None].repeat(
 )  # a weight that falls from left to right
 
 
-def measured(thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1, tone: float = 100) -> np.ndarray:
-    """thing: contrast of one that is brighter than all around; near, far: of anything that is."""
+def measured(
+    thing: float = 0,
+    near: float = 0,
+    far: float = 0,
+    log_detail: float = 1,
+    tone: float = 100,
+    beside: float = 0,
+) -> np.ndarray:
+    """thing: contrast of one that is brighter than all around; near, far: of anything that is; beside: of a thing that is
+    near enough to colour the tone."""
     contrasts = [one for contrast in (thing, near, max(near, far)) for one in (contrast, *[0] * 5)]
     one = np.array([*contrasts, np.log2(1 + max(thing, beside) / 20), log_detail, tone, tone, tone], np.float16)
     return np.broadcast_to(one, (2 * LATTICE - 1, 2 * LATTICE - 1, len(one))).copy()
