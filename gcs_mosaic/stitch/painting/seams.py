@@ -5,7 +5,7 @@ sharp the frame is there, because some frames are blurred by motion. A thing tha
 none at all (a person, a vehicle that has moved on) counts more than any weight: so whatever was seen once stays on the map.
 What stands still stands out in all frames, and then weight decides. Between the two is a thing that the other frame has some
 way off: a tall one, seen from another side, or somebody who walks. There weight decides too, with a little more for the thing:
-a mosaic of pipes is not broken into pieces of several frames, and nobody is lost who stepped over the seam between them.
+stacked pipes are not put together of pieces of several frames, and nobody is lost who stepped over the seam between two.
 
 What is left of different light is taken up in two bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
 Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for the picture and wide for its
@@ -61,7 +61,7 @@ def look_for_seams(look: Image) -> NDArray[np.float32]:
 
 
 def _coloured(things: NDArray[np.float32]) -> NDArray[np.float32]:
-    """How many times the contrast of the greatest thing that the tone of a place may be coloured by doubles the least one."""
+    """How far things may colour the tone of a place: the log (base 2) of 1 and the greatest contrast, in the least ones."""
     side = TONE_SHRINK * TONE_BLUR // POOL | 1
     return np.log2(1 + cv2.dilate((things / LEAST_CONTRAST).max(axis=-1), np.ones((side, side), np.uint8)))
 
@@ -159,6 +159,7 @@ def _tone_shifts(shown: _Sight, new: _Sight, log_ratio: Lattice, things: Lattice
     has a thing that the other has not: it is no light that sets them apart.
     """
     new_share = 1 / (1 + np.exp(-np.clip(SOFT * log_ratio, -30, 30)))
+    # The same thing may stand out twice as much in one frame as in the other, not four times as much.
     as_coloured = np.clip(2 - np.abs(new.measured[..., COLOURED] - shown.measured[..., COLOURED]), 0, 1)
     apart = (new.measured[..., TONE] - shown.measured[..., TONE]) * (as_coloured * (1 - np.abs(things)))[..., None]
     of_shown = (new_share * (new.weight > 0))[..., None] * apart
