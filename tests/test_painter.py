@@ -130,7 +130,7 @@ def test_frames_of_about_one_height_are_painted_at_one_level(painter, recorded):
     """Those of finer levels would hide the others, and whoever only those have seen."""
     flown = [placement(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
     paint(painter, flown)
-    assert [painted.level for painted in recorded] == [16, 16, 15, 15, 15, 16]
+    assert [painted.level for painted in recorded] == [16, 15, 15, 15, 15, 16]
     for _ in painter.repaint_all(flown):
         pass
     assert {painted.name: painted.level for painted in recorded} == dict(zip("012345", [15] * 5 + [16], strict=True))
