@@ -120,10 +120,8 @@ def painting_level(gsd: float) -> int:
 
 
 def level_among(gsd: float, usual: float) -> int:
-    """The painting level of a frame among others, whose level suits a `usual` ground sampling distance: theirs if its own is nearly so.
-
-    Of frames on different levels the finer ones hide the others, and whoever only those have seen.
-    """
+    """The painting level of a frame among others, whose level suits the ground sampling distance `usual`: theirs if its own
+    is nearly so. Of frames on different levels the finer ones hide the others, and whoever only those have seen."""
     theirs = painting_level(usual)
     return (
         theirs
