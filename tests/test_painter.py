@@ -71,7 +71,7 @@ def test_a_frame_of_another_island_comes_before_all_others(painter):
     paint(painter, there)
     painter.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
     islands = [{island for island, _ in change} for change in repainted(painter)]
-    assert islands == [{0}, {1}, {0}]  # where it lay, where it lies, and then the other
+    assert islands == [{1}, {0}, {0}]  # where it lies, where it lay, and then the other
 
 
 def test_frames_that_moved_back_are_left_alone(painter, recorded):

@@ -72,6 +72,7 @@ class Canvas:
         self._stack = TileStack(self._store, self._pool, load_tile)
         self._frames = PaintedFrames()
         self._behind: dict[TileKey, float] = {}  # with how urgent each is
+        self._left: dict[str, set[TileKey]] = {}  # by frames that are on another level or island now: where they were
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
     def paint(self, image: Bands, painted: Painted) -> set[TileKey]:
@@ -103,7 +104,11 @@ class Canvas:
         """
         changed = [p for p in frames if p.name not in self._frames or self._frames[p.name] != p]
         for painted in changed:
-            self._fall_behind(self._frames.remove(painted.name) | self._register(painted), urgency)
+            old = self._frames.remove(painted.name)
+            self._fall_behind(old | self._register(painted), urgency)
+            elsewhere = {key for key in old if (key[0], key[1].z) != (painted.island, painted.level)}
+            if elsewhere:
+                self._left.setdefault(painted.name, set()).update(elsewhere)
         return len(changed)
 
     def remove(self, names: Iterable[str]) -> None:
@@ -180,8 +185,16 @@ class Canvas:
         def block(key: TileKey) -> tuple[int, int, int, int]:
             return key[0], key[1].z, key[1].y // side, key[1].x // side
 
-        _, chosen = min((-urgency, block(key)) for key, urgency in self._behind.items())
-        return [key for key in self._behind if block(key) == chosen]
+        ready = self._behind.keys() - self._kept() or self._behind.keys()
+        _, chosen = min((-self._behind[key], block(key)) for key in ready)
+        return [key for key in ready if block(key) == chosen]
+
+    def _kept(self) -> set[TileKey]:
+        """Tiles that go on showing frames which have left them until those are shown where they are now: no hole between."""
+        arrived = [name for name in self._left if self._behind.keys().isdisjoint(self._frames.tiles_of(name))]
+        for name in arrived:
+            del self._left[name]
+        return set[TileKey]().union(*self._left.values())
 
     def _recompose(self, keys: Iterable[TileKey]) -> Iterator[set[TileKey]]:
         """Fold tiles anew, beside what is shown, and put them in its place at the end."""

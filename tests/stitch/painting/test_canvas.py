@@ -117,6 +117,28 @@ def test_no_half_made_tile_is_shown_while_repainting(canvas) -> None:
     assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before[Tile(16, MIDDLE, MIDDLE)].colour)
 
 
+@pytest.mark.parametrize("way", [(16, 15), (15, 16)])
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_goes_to_another_level_is_shown_all_the_time(canvas, way: tuple[int, int], first: int) -> None:
+    """Whichever of two frames on the same tiles is the more urgent one, and whichever level is made anew first."""
+    c, (before, after) = canvas(), way
+    paint(c, painted(0, 128, 128, level=before), painted(1, 180, 128, level=before))
+    c.move([painted(first, 128 + 52 * first, 129, level=after)], urgency=1.0)
+    c.move([painted(1 - first, 180 - 52 * first, 127, level=before)], urgency=2.0)
+    for _ in c.repaint(block=1):
+        shown = c.tile(0, Tile(15, MIDDLE // 2, MIDDLE // 2))
+        assert (shown.coverage[64, 32:120] > 0).all()
+    assert c.behind == 0
+
+
+def test_two_frames_that_change_levels_do_not_wait_for_each_other(canvas) -> None:
+    c = canvas()
+    paint(c, painted(0, 128, 128, level=16), painted(1, 128, 128, level=15))
+    c.move([painted(0, 128, 128, level=15), painted(1, 128, 128, level=16)])
+    list(c.repaint())
+    assert c.behind == 0
+
+
 def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
     c, rebuilt = canvas(), canvas()
     paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(4)))
