@@ -33,7 +33,7 @@ from gcs_mosaic.stitch.painting.exposure import (
     solve_gains,
 )
 from gcs_mosaic.stitch.painting.levels import PaintingLevels
-from gcs_mosaic.stitch.painting.painted import Painted, TileKey, contrast
+from gcs_mosaic.stitch.painting.painted import Painted, TileKey, brightness_apart
 from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
@@ -120,7 +120,7 @@ class Painter:
             gain=self._gain_of(overlaps, vignetting, display),
             vignetting=vignetting,
             display=display,
-            level=0,
+            level=0,  # until it is settled among the others'
         )
         painted = self._levels.settled(painted)
         self._note(painted)
@@ -158,7 +158,7 @@ class Painter:
         for painted in list(self._painted.values()):
             gain, vignetting = looks[painted.name]
             final = replace(painted, gain=gain, vignetting=vignetting)
-            if contrast(final, painted) > self._settings.final_gain:
+            if brightness_apart(final, painted) > self._settings.final_gain:
                 self._change(final)
         for placement in placements:
             if placement.name in self._painted:

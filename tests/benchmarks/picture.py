@@ -93,11 +93,12 @@ def main() -> None:
         "--registered", action="store_true", help="the simulated flight as it is stitched, not by its truth"
     )
     parser.add_argument("--relief", type=float, default=0.0, help="of the simulated flight (0)")
+    parser.add_argument("--seed", type=int, default=1, help="of the simulated flight (1)")
     parser.add_argument("--each", action="store_true", help="tell which people and vehicles are not shown")
     given = parser.parse_args()
     settings = without_gains(PaintSettings()) if given.without_gains else PaintSettings()
     flights = [recorded(folder, round(1 / given.scale)) for folder in given.folders] or [
-        simulated(busy_flight(given.relief), registered=given.registered)
+        simulated(busy_flight(given.relief, seed=given.seed), registered=given.registered)
     ]
     for flight in flights:
         for mode, quality in measured(flight, given.modes.split(","), settings).items():
@@ -116,11 +117,13 @@ def told(flight: PlacedFlight, number: int) -> str:
     return f"{flight.truth.targets[number].kind} {number} ({' '.join(frames)})"
 
 
-def busy_flight(relief: float = 0.0, size: tuple[int, int] = (1200, 900), frames: int = 24) -> Flight:
+def busy_flight(relief: float = 0.0, size: tuple[int, int] = (1200, 900), frames: int = 24, seed: int = 1) -> Flight:
     """People, vehicles and marks below a camera whose exposure steps and whose corners are dark."""
     camera = Camera(exposure_step=2.0, step_every=4, vignetting=0.3)
     crowd = Crowd(people=40, vehicles=6, marks=20)
-    return plan("survey", size, route=Plan(frames=frames, height=100), camera=camera, crowd=crowd, relief=relief)
+    return plan(
+        "survey", size, seed=seed, route=Plan(frames=frames, height=100), camera=camera, crowd=crowd, relief=relief
+    )
 
 
 def without_gains(settings: PaintSettings) -> PaintSettings:

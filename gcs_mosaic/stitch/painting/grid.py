@@ -19,7 +19,7 @@ BASE_LEVEL = 16  # one tile pixel per canvas unit
 FINEST_LEVEL = 24  # 1/256 canvas unit; nothing that was measured is finer
 HALF_SPAN = 2.0**23  # canvas units from the middle of the grid to its edge
 RESOLUTION_LOSS = 0.2  # of a frame's linear resolution, given up rather than painting four times the pixels
-SAME_HEIGHT = 1.15  # ratio of ground sampling distances up to which frames are painted at one level if that can be
+SAME_HEIGHT = 1.15  # how far a frame's ground sampling distance may lie beyond what suits a level that others have
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
@@ -122,12 +122,8 @@ def painting_level(gsd: float) -> int:
 def level_among(gsd: float, usual: float) -> int:
     """The painting level of a frame among others, whose level suits the ground sampling distance `usual`: theirs if its own
     is nearly so. Of frames on different levels the finer ones hide the others, and whoever only those have seen."""
-    theirs = painting_level(usual)
-    return (
-        theirs
-        if painting_level(gsd * SAME_HEIGHT) <= theirs <= painting_level(gsd / SAME_HEIGHT)
-        else painting_level(gsd)
-    )
+    theirs, coarsest, finest = (painting_level(one) for one in (usual, gsd * SAME_HEIGHT, gsd / SAME_HEIGHT))
+    return theirs if coarsest <= theirs <= finest else painting_level(gsd)
 
 
 def overview_level(box: Box, finest: int) -> int:

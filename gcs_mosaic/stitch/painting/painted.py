@@ -41,7 +41,7 @@ class Painted:
         return self.order, self.name
 
 
-def contrast(one: Painted, other: Painted) -> float:
+def brightness_apart(one: Painted, other: Painted) -> float:
     """The greatest difference in log brightness, anywhere in the frame and in any band."""
     gains = np.log(np.array(one.gain) / np.array(other.gain))
     falls = [

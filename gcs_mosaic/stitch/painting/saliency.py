@@ -22,9 +22,7 @@ USUAL = 121  # square over which the usual contrast is told
 DISTINCT = 5.0  # times the usual contrast at which a thing stands out; crowns in a wood and stones on a beach seldom do
 # Steps of L, a and b (8 bit) below which nothing stands out; what is fainter no eye finds.
 LEAST_CONTRAST = np.array([20, 10, 10] * 2, np.float32)
-FRINGE = (
-    0.5  # of the contrast in L beside it that one in a or b must have: less may be a lens that sees edges in colours
-)
+FRINGE = 0.5  # of the contrast in L beside it that one in a or b must have: less may be what a lens does to edges
 REACH = 12  # around a thing, still as salient as itself: more than half a lattice step, so that all of it is meant
 MISPLACED = 8  # what a low thing may be shifted by in another frame: hardly more than a person is wide
 TALL = 60  # what a tall thing may be shifted by, seen from another side; somebody who walks may get as far, too
@@ -47,9 +45,7 @@ def saliency(look: Image) -> tuple[Map, Map, Map]:
     usual = cv2.blur(_quarter(cv2.absdiff(centre, surround)), (around, around), borderType=cv2.BORDER_REFLECT)
     light = _greatest(np.maximum(contrast[..., 0], contrast[..., 3]), POOL)
     fringes = FRINGE * np.dstack([np.zeros_like(light), light, light] * 2)
-    bound = np.maximum.reduce(
-        [DISTINCT * np.dstack([usual, usual]), fringes, np.broadcast_to(LEAST_CONTRAST, fringes.shape)]
-    )
+    bound = np.maximum(np.maximum(DISTINCT * np.dstack([usual, usual]), LEAST_CONTRAST), fringes)
     things = np.where(contrast > bound, contrast, 0)
     return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED), _greatest(contrast, REACH + TALL)
 

@@ -63,7 +63,9 @@ def test_tiles_over_a_box_hold_its_corners_and_no_more_than_needed(level, x, y, 
         (1.7, 0.1, 15),
     ],
 )
-def test_a_frame_is_painted_at_the_level_of_most_if_it_is_about_as_high(gsd: float, usual: float, level: int) -> None:
+def test_a_frame_is_painted_at_the_level_of_the_others_if_it_suits_it_nearly(
+    gsd: float, usual: float, level: int
+) -> None:
     assert grid.level_among(gsd, usual) == level
 
 
