@@ -26,7 +26,7 @@ class Announcements:
         if state is FrameState.WAITING and self._overlapping:
             self._overlapping = False
             self._tell("overlap", "Mosaic: overlap lost, frames match nothing")
-        elif state is FrameState.PLACED:
+        elif state in (FrameState.PLACED, FrameState.COVERED):
             if not self._overlapping and self._ever_overlapped:
                 self._tell("overlap", "Mosaic: overlap is back", warning=False)
             self._overlapping = self._ever_overlapped = True

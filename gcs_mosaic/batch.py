@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +20,10 @@ from rich.table import Table
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, Frame, Notice
 from gcs_mosaic.flight.folder import open_flight_folder
-from gcs_mosaic.frames.directory import frames_in
+from gcs_mosaic.flight.heldout import held_out_lines, largest
+from gcs_mosaic.flight.log import log_notice
+from gcs_mosaic.flightlog import flight_log
+from gcs_mosaic.frames.given import Given, frames_in
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
 from gcs_mosaic.stitch.painting.display import display_of
@@ -26,28 +31,27 @@ from gcs_mosaic.stitch.painting.display import display_of
 if TYPE_CHECKING:
     from gcs_mosaic.debug.pictures import DebugPictures
 
+logger = logging.getLogger(__name__)
+
 STAGES = ("decode", "features", "place", "paint", "write")
 
 
 def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console, debug: Path | None = None) -> Path:
-    """Stitch frames in the order of their names; returns the folder that holds the flight. `debug`: folder for pictures."""
-    count, found = frames_in(sources, config.frames)  # refused before anything is written
+    """Stitch frames in the order of `frames_in`; returns the folder that holds the flight. `debug`: folder for pictures."""
+    given = frames_in(sources, config.frames)  # refused before anything is written
     pictures = _debug_pictures(debug) if debug else None
     folder = open_flight_folder(out)
-    console.print(folder.said)
-    try:
+    with closing(folder), flight_log(folder, config):
+        say(console, Notice(source="out", level="info", text=folder.said))
+        say(console, Notice(source="frames", level="info", text=given.order))
         # Nobody writes into a finished folder any more, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
         pipeline = Pipeline(folder.path, linking, lambda notice: say(console, notice), punctual=True, observer=pictures)
-        try:
-            _stitch_into(pipeline, count, found, config, console)
+        with closing(pipeline):
+            _stitch_into(pipeline, given, config, console)
             if pictures:
                 pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
                 console.print(f"debug pictures: {debug}")
-        finally:
-            pipeline.close()
-    finally:
-        folder.close()
     return folder.path
 
 
@@ -63,13 +67,12 @@ def _debug_pictures(folder: Path) -> DebugPictures:
     return DebugPictures(folder)
 
 
-def _stitch_into(
-    pipeline: Pipeline, count: int, found: Iterator[Frame | DamagedFile], config: Config, console: Console
-) -> None:
+def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Console) -> None:
     start = time.monotonic()
-    preparation = Preparation(pipeline.features_of, config.reduction)
+    preparation = Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
     with progress_on(console) as progress:
-        done = _work_off(pipeline, preparation, found, progress.add_task("stitching", total=count), progress)
+        task = progress.add_task("stitching", total=given.count)
+        done = _work_off(pipeline, preparation, given.frames, task, progress)
         final = progress.add_task("final painting", total=None)
         for _ in pipeline.finish():
             progress.advance(final)
@@ -129,6 +132,8 @@ def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Con
         console.print(f"    {count} x {reason}")
     islands = sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1])
     console.print("islands: " + ", ".join(f"{number} ({count} frames)" for number, count in islands[:12]))
+    for line in held_out_lines(largest(pipeline.mosaic.held_out(), 12)):
+        console.print(line)
     console.print(_times(done))
 
 
@@ -147,4 +152,6 @@ def _times(done: list[Done]) -> Table:
 
 def say(console: Console, notice: Notice) -> None:
     """Tell the operator."""
-    console.print(f"{notice.level}: {notice.text}" if notice.level != "info" else notice.text)
+    log_notice(logger, notice)
+    text = f"{notice.level}: {notice.text}" if notice.level != "info" else notice.text
+    console.print(text, markup=False)  # it may quote names of files

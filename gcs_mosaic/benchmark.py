@@ -27,8 +27,8 @@ SCALES = (1.0, 0.5, 0.25)
 
 def run(sources: Sequence[Path], config: Config, console: Console, most: int | None = None) -> None:
     """Stitch the frames (the first `most` of them) at each scale into a folder that is thrown away; print a table."""
-    _, found = frames_in(sources, config.frames)
-    frames = [item for item in found if isinstance(item, Frame)][:most]
+    given = frames_in(sources, config.frames)
+    frames = [item for item in given.frames if isinstance(item, Frame)][:most]
     table = Table("scale", *(f"{stage} s" for stage in STAGES), "sum s", title=f"median of {len(frames)} frames")
     for scale in SCALES:
         console.print(f"at {scale:.0%} of the size ...")
@@ -45,7 +45,9 @@ def _stitch(frames: list[Frame], out: Path, config: Config) -> list[Done]:
     for found in frames:
         frame = pipeline.accept(found)
         if frame is not None:
-            done.append(pipeline.work_off(prepare(frame, pipeline.features_of, config.reduction)))
+            done.append(
+                pipeline.work_off(prepare(frame, pipeline.features_of, config.reduction, pipeline.feature_pixels))
+            )
             done[-1].seconds["write"] = pipeline.save()
     pipeline.close()
     return done

@@ -18,7 +18,7 @@ from rich.console import Console
 
 from gcs_mosaic.config import Config, load_config
 from gcs_mosaic.ending import Ending
-from gcs_mosaic.errors import UsageError
+from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.options import (
     add_announce,
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except UsageError as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 2
-    except CannotWrite as error:
+    except (CannotWrite, FlightFailed) as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import yaml
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.flight.log import LogSettings
 from gcs_mosaic.flight.originals import OriginalsSettings
 from gcs_mosaic.flight.tiles import TileSettings
 from gcs_mosaic.frames.settings import FolderSettings
@@ -55,6 +56,7 @@ class Config:
     paint: PaintSettings = field(default_factory=PaintSettings)
     originals: OriginalsSettings = field(default_factory=OriginalsSettings)
     tiles: TileSettings = field(default_factory=TileSettings)
+    log: LogSettings = field(default_factory=LogSettings)
 
     def __post_init__(self) -> None:
         if self.scale not in (1, 0.5, 0.25):

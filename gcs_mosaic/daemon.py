@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
-from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.status import DaemonState, LastFrame
+from gcs_mosaic.flightlog import flight_log
 from gcs_mosaic.frames.directory import FIRST_LOOK
 from gcs_mosaic.logbook import Logbook
 from gcs_mosaic.patience import Patience
@@ -25,14 +26,16 @@ from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
 from gcs_mosaic.sources import Inbox, Item, Links, at_first, listen, record, watching, with_stream
-from gcs_mosaic.stitch.painting.painted import TileKey
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
 
+logger = logging.getLogger(__name__)
+
 WAIT_S = 0.2  # longest wait for anything before looking whether to stop
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
 TAKE_IN_S = 0.5  # then frames that have come are worked off before more are taken in
+CONNECT_SHARE = 4  # one part in so many of the time at the end may go into connecting the parts of the map
 RETRY_S = 2.0  # between attempts to write on a full disk
 
 
@@ -49,6 +52,7 @@ def fly(config: Config, console: Console, ending: Ending, *, resume: bool = Fals
             links.sources[:] = with_stream(config.rtsp, links.sources, config, ending.stop)
         folder = open_flight_folder(out, resume=resume)
         stack.callback(folder.close)
+        stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
         if not config.rtsp:
@@ -80,12 +84,11 @@ class _Daemon:
         self._announcements = Announcements()
         self._inbox = Inbox(ending.stop)
         self._patience = Patience(folder.path, self.say, self._wait_for_disk)
-        self._pipeline = Pipeline(folder.path, config, self.say, self._published)
-        self._preparation = Preparation(self._pipeline.features_of, config.reduction)
+        self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
+        self._preparation = Preparation(self._pipeline.features_of, config.reduction, self._pipeline.feature_pixels)
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
         self._reporter.watch = at_first(config)
         self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
-        self._feed = feed
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
@@ -182,6 +185,7 @@ class _Daemon:
         try:
             self._adjusting = self._pipeline.adjust_in_a_pause()
         except Exception as error:  # a map that cannot be bettered is still a map
+            logger.exception("the map could not be adjusted in a pause")
             self.say(Notice(source="daemon", level="error", text=f"the map could not be adjusted ({error!r})"))
 
     def _is_idle(self) -> bool:
@@ -198,13 +202,13 @@ class _Daemon:
             utc=time.time(),
             seconds_to_tile=latency if done.state is FrameState.PLACED else None,
             reason=done.reason,
+            covered_by=done.covered_by,
         )
-        where = f" on island {done.island}" if done.island else ""
+        where = f" on island {done.island}" if done.island else f" by {done.covered_by}" if done.covered_by else ""
         why = f" ({done.reason})" if done.reason else ""
+        seconds = ", ".join(f"{stage} {taken:.2f} s" for stage, taken in done.seconds.items())
+        logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
         self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
-
-    def _published(self, revision: int, tiles: Iterable[TileKey]) -> None:
-        self._feed.publish(revision, tiles)
 
     # Ending
 
@@ -224,6 +228,7 @@ class _Daemon:
         self._patience.write(self._pipeline.save)
         self._state = "stopped"
         self._report(now=True)
+        self._reporter.judge(self._pipeline.mosaic.held_out())
 
     def _take_in_the_rest(self) -> None:
         while len(self._inbox) and self._may_go_on():
@@ -241,11 +246,12 @@ class _Daemon:
 
     def _paint_final(self) -> None:
         try:
-            for _ in self._pipeline.finish():
+            for _ in self._pipeline.finish(self._config.finish_s / CONNECT_SHARE):
                 self._report()
                 if not self._may_go_on():
                     break
         except Exception as error:  # the accounts close all the same
+            logger.exception("the final painting has failed")
             text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
             self.say(Notice(source="daemon", level="error", text=text))
 
@@ -269,6 +275,6 @@ class _Daemon:
     # Saying
 
     def _report(self, *, now: bool = False) -> None:
-        self._reporter.write(
-            self._state, len(self._preparation), self._pipeline.recorder.revision, self._pipeline.accounts, now=now
-        )
+        pipeline, queue = self._pipeline, len(self._preparation)
+        counted, revision = pipeline.accounts, pipeline.recorder.revision
+        self._reporter.write(self._state, queue, revision, counted, pipeline.mosaic.held_out, now=now)

@@ -8,3 +8,7 @@ class UsageError(Exception):
 
     The message is one sentence that says what came, what was wanted and what to do; the program prints it and exits with 2.
     """
+
+
+class FlightFailed(Exception):  # noqa: N818 - it says what is, not that somebody erred
+    """A fault of the program has ended a flight; the log has its traceback. The program prints the message and exits with 1."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import OrderedDict
 
 from gcs_mosaic.events import Frame, TriggerEvent
@@ -9,6 +10,8 @@ from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState
 from gcs_mosaic.link.shots import Better, Duplicate, New, ShotMerger, ShotSettings
 from gcs_mosaic.pairing import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
+
+logger = logging.getLogger(__name__)
 
 
 class Logbook:
@@ -46,6 +49,8 @@ class Logbook:
     def tick(self, now: float) -> list[Missing]:
         """Time has passed; returns the events whose frames are missing now."""
         missing = self._pairing.tick(now)
+        for event in missing:
+            logger.info("no frame has come for %s", event.event)
         self._outcomes += missing
         return missing
 

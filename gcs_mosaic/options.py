@@ -26,9 +26,10 @@ def make_parser(program: str, usage: str | None = None, epilog: str | None = Non
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    """--out and --config."""
+    """--out, --config and --verbose."""
     parser.add_argument("--out", metavar="DIR", help="folder for the map (an earlier flight in it is left as it is)")
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
+    parser.add_argument("--verbose", action="store_true", help="tell on the terminal what is written into flight.log")
 
 
 def add_announce(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +72,8 @@ def config_of(given: argparse.Namespace) -> Config:
     config = load_config(given.config) if given.config else Config()
     if given.out:
         config = replace(config, out=given.out)
+    if given.verbose:
+        config = replace(config, log=replace(config.log, verbose=True))
     if given.method:
         config = replace(config, method=given.method)
     if given.features:

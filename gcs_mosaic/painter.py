@@ -3,40 +3,27 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
+from gcs_mosaic.brightness import Brightness, Size, size_of
 from gcs_mosaic.stitch.bands import Bands
-from gcs_mosaic.stitch.geometry import (
-    Array,
-    Camera,
-    Pose,
-    canvas_from_pixels,
-    pixel_grid,
-    pixels_from_canvas,
-    reduced_view,
-)
-from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+from gcs_mosaic.stitch.dead_border import NO_BORDER, BorderWatch, DeadBorder
+from gcs_mosaic.stitch.geometry import reduced_view
+from gcs_mosaic.stitch.matching.features import Features, without_border
+from gcs_mosaic.stitch.painting.canvas import BLOCK, Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.display import Display, display_of
-from gcs_mosaic.stitch.painting.exposure import (
-    ExposureSettings,
-    Gain,
-    Levels,
-    Observation,
-    OverlapMeans,
-    gain_beside,
-    overlap_means,
-    solve_gains,
-)
+from gcs_mosaic.stitch.painting.exposure import ExposureSettings
 from gcs_mosaic.stitch.painting.levels import PaintingLevels
+from gcs_mosaic.stitch.painting.moved import displacement
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey, brightness_apart
-from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.stitch.painting.vignetting import VignettingSettings
 from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
+from gcs_mosaic.stitch.transaction import Kept
 
 LoadImage = Callable[[str], Bands | None]
 
@@ -64,11 +51,23 @@ class PaintSettings:
             )
 
 
-class Painter:
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A piece of repainting. `do` returns the tiles that look different then. If it raises, and all is put back as it was,
+    `skip` lets it be for good: `what` stays painted as it is, and the other steps go on."""
+
+    what: str
+    do: Callable[[], set[TileKey]]
+    skip: Callable[[], object]
+
+
+class Painter(Kept):
     """The canvas, and what is to be painted on it.
 
     `record(painted)` is called whenever a frame is painted or is to be painted otherwise, before its tiles change.
     """
+
+    FIXED = frozenset({"_record", "_load_image"})
 
     def __init__(
         self,
@@ -86,43 +85,43 @@ class Painter:
             tuple[int, str], Display
         ] = {}  # by number of bands and depth, from the first frame of each kind
         self._levels = PaintingLevels()
-        self._thumbnails: dict[str, Levels] = {}
-        self._overlaps: list[tuple[str, str, OverlapMeans]] = []
-        self._vignetting: dict[tuple[int, int], VignettingEstimate] = {}  # by width and height: each size is one camera
+        self._borders: dict[Size, BorderWatch] = {}
+        self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
+        self._rimmed: dict[str, None] = {}  # frames that are painted with another dead border than is known now
         self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
         # Those that moved too far, and how far in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
-        self._repainting: Iterator[set[TileKey]] | None = None
 
     @property
     def has_repaints(self) -> bool:
         """Whether some frames lie, or may lie, elsewhere than where they are painted, by more than is tolerated."""
-        waiting = bool(self._unchecked or self._stale)
-        return waiting or self._repainting is not None or self.canvas.behind > 0
+        return bool(self._unchecked or self._stale or self._rimmed) or self.canvas.behind > 0
 
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
+    def in_sight(self, features: Features, image: Bands) -> Features:
+        """Features of a frame (full-resolution pixels) without those beside a dead border; its image as it is painted."""
+        height, width = image.shape[:2]
+        return without_border(features, self._dead_of((width, height)).scaled(features.width / width))
+
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that look different now."""
         display = self._display_of(image)
-        self._thumbnails[placement.name] = display.levels(thumbnail)
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
-        overlaps = self._find_overlaps(placement, display)
-        vignetting = self._vignetting_of(camera).curve
-        painted = Painted(
+        new = Painted(
             name=placement.name,
             order=order,
             island=placement.island,
             pose=pose,
             camera=camera,
             relief=placement.relief,
-            gain=self._gain_of(overlaps, vignetting, display),
-            vignetting=vignetting,
             display=display,
+            dead=self._watch_border(image, display),
             level=0,  # until it is settled among the others'
         )
-        painted = self._levels.settled(painted)
+        beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
+        painted = self._levels.settled(self._brightness.settled(new, display.levels(thumbnail), beside))
         self._note(painted)
         return self.canvas.paint(image, painted)
 
@@ -130,61 +129,101 @@ class Painter:
         """Take note of where painted frames lie now; what is to be done about it is left to `repaint_some`."""
         self._unchecked |= {placement.name: placement for placement in placements if placement.name in self._painted}
 
+    # Repainting
+
     def repaint_some(self) -> set[TileKey] | None:
         """A frame's worth of repainting or less, what is most displaced first.
 
         Returns tiles that look different now, or None if all is as it should be. After the adjustment of a long flight
         there are thousands of frames to look at: every call deals with some, so that no new frame waits for the others.
         """
-        if self._unchecked:
-            self._check_some()
-            return set()
-        if self._stale:
-            self._move_some()
-            return set()
-        if self._repainting is None:
-            self._repainting = self.canvas.repaint(LIVE_BLOCK)
-        changed = next(self._repainting, None)
-        if changed is None:
-            self._repainting = None
-        return changed
+        steps = self.next_steps()
+        return set[TileKey]().union(*[step.do() for step in steps]) if steps else None
 
     def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
         """Bring everything to its final pose and brightness; yields tiles that look different now, frame by frame."""
-        self._unchecked.clear()
-        self._stale.clear()
-        self._repainting = None
-        looks = self._final_looks()
-        for painted in list(self._painted.values()):
-            gain, vignetting = looks[painted.name]
-            final = replace(painted, gain=gain, vignetting=vignetting)
-            if brightness_apart(final, painted) > self._settings.final_gain:
-                self._change(final)
-        for placement in placements:
-            if placement.name in self._painted:
-                off_px = _displacement(self._painted[placement.name], placement)
-                if off_px > self._settings.final_px:
-                    self._move(placement, off_px)
-        for painted in list(self._painted.values()):
-            if (settled := self._levels.settled(painted)) != painted:
-                self._change(settled)
-        yield from self.canvas.repaint()
+        for steps in self.final_steps(placements):
+            yield set[TileKey]().union(*[step.do() for step in steps])
+
+    def next_steps(self) -> list[Step]:
+        """What `repaint_some` is to do next, in steps that do not need each other."""
+        if self._unchecked:
+            names = islice(self._unchecked, CHECKED_AT_ONCE)
+            return [self._step(name, partial(self._check, name), self._unchecked) for name in names]
+        if self._rimmed:
+            names = islice(self._rimmed, MOVED_AT_ONCE)
+            return [self._step(name, partial(self._rim, name), self._rimmed) for name in names]
+        if self._stale:
+            most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
+            return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
+        return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
+
+    def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
+        """What `repaint_all` does, in groups of steps that do not need each other. Each is to be done, or skipped, in turn."""
+        looks = [Step("the final brightness", self._take_final_looks, self._forget_moves)]
+        moves = [Step(one.name, partial(self._move_finally, one), set) for one in placements]
+        levels = [Step(name, partial(self._settle_level, name), set) for name in self._painted]
+        yield from (looks, moves, levels)
+        while self.canvas.behind:
+            yield [self._tiles_step(BLOCK)]
 
     def close(self) -> None:
         self.canvas.close()
 
-    def _check_some(self) -> None:
-        for name in list(islice(self._unchecked, CHECKED_AT_ONCE)):
-            placement = self._unchecked.pop(name)
-            off_px = _displacement(self._painted[name], placement)
-            self._stale.pop(name, None)
-            if off_px > self._settings.repaint_px:
-                self._stale[name] = off_px, placement
+    def _step(self, name: str, do: Callable[[], None], queue: dict[str, Any]) -> Step:
+        def done() -> set[TileKey]:
+            do()
+            return set()
 
-    def _move_some(self) -> None:
-        for name in heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0]):
-            off_px, placement = self._stale.pop(name)
-            self._move(placement, off_px)
+        return Step(name, done, lambda: queue.pop(name))
+
+    def _tiles_step(self, block: int) -> Step:
+        tiles = partial(self.canvas.repaint_step, block), partial(self.canvas.skip_step, block)
+        return Step("a part of the map", *tiles)
+
+    def _check(self, name: str) -> None:
+        placement = self._unchecked.pop(name)
+        off_px = displacement(self._painted[name], placement)
+        self._stale.pop(name, None)
+        if off_px > self._settings.repaint_px:
+            self._stale[name] = off_px, placement
+
+    def _rim(self, name: str) -> None:
+        del self._rimmed[name]
+        painted = self._painted[name]
+        self._change(replace(painted, dead=self._dead_of(size_of(painted))))
+
+    def _move_stale(self, name: str) -> None:
+        off_px, placement = self._stale.pop(name)
+        self._move(placement, off_px)
+
+    def _take_final_looks(self) -> set[TileKey]:
+        self._forget_moves()
+        looks = self._brightness.final(self._painted)
+        for painted in list(self._painted.values()):
+            gain, vignetting = looks[painted.name]
+            final = replace(painted, gain=gain, vignetting=vignetting, dead=self._dead_of(size_of(painted)))
+            if final.dead != painted.dead or brightness_apart(final, painted) > self._settings.final_gain:
+                self._change(final)
+        return set()
+
+    def _forget_moves(self) -> None:
+        self._unchecked.clear()
+        self._stale.clear()
+        self._rimmed.clear()
+
+    def _move_finally(self, placement: Placement) -> set[TileKey]:
+        if placement.name in self._painted:
+            off_px = displacement(self._painted[placement.name], placement)
+            if off_px > self._settings.final_px:
+                self._move(placement, off_px)
+        return set()
+
+    def _settle_level(self, name: str) -> set[TileKey]:
+        painted = self._painted[name]
+        if (settled := self._levels.settled(painted)) != painted:
+            self._change(settled)
+        return set()
 
     def _move(self, placement: Placement, off_px: float) -> None:
         painted = self._painted[placement.name]
@@ -206,69 +245,16 @@ class Painter:
             self._displays[kind] = display_of(image, self._settings.bands)
         return self._displays[kind]
 
-    def _find_overlaps(self, placement: Placement, display: Display) -> list[tuple[OverlapMeans, Painted]]:
-        """What a new frame has in common with painted ones of the same kind; kept for the end, and told the vignetting."""
-        found: list[tuple[OverlapMeans, Painted]] = []
-        for name in placement.neighbours:
-            painted = self._painted.get(name)
-            if painted is not None and painted.island == placement.island and painted.display == display:
-                means = self._overlap(placement, painted)
-                if means is not None:
-                    self._overlaps.append((placement.name, name, means))
-                    found.append((means, painted))
-                    self._vignetting_of(painted.camera).add(means.radial)
-        return found
+    def _dead_of(self, size: Size) -> DeadBorder:
+        watch = self._borders.get(size)
+        return NO_BORDER if watch is None else watch.border
 
-    def _vignetting_of(self, camera: Camera) -> VignettingEstimate:
-        size = camera.width, camera.height
-        return self._vignetting.setdefault(size, VignettingEstimate(self._settings.vignetting))
-
-    def _gain_of(
-        self, overlaps: Sequence[tuple[OverlapMeans, Painted]], vignetting: Vignetting, display: Display
-    ) -> Gain:
-        """The brightness that fits the painted frames which a new one overlaps."""
-        beside = [(means.flattened(vignetting, other.vignetting), other.gain) for means, other in overlaps]
-        return gain_beside(beside, self._settings.exposure, len(display.black))
-
-    def _overlap(self, placement: Placement, painted: Painted) -> OverlapMeans | None:
-        small_i, small_j = self._thumbnails[placement.name], self._thumbnails[painted.name]
-        scale_i = placement.camera.width / small_i.shape[1]
-        scale_j = painted.camera.width / small_j.shape[1]
-
-        def j_from_i(pixels: Array) -> Array:
-            places = canvas_from_pixels(placement.pose, placement.camera, (pixels + 0.5) * scale_i - 0.5)
-            seen = pixels_from_canvas(painted.pose, painted.camera, places)
-            return np.asarray((seen + 0.5) / scale_j - 0.5)
-
-        return overlap_means(small_i, small_j, j_from_i)
-
-    def _final_looks(self) -> dict[str, tuple[Gain, Vignetting]]:
-        """Gain and vignetting of each frame by all that is known."""
-        curves = {name: self._vignetting_of(painted.camera).curve for name, painted in self._painted.items()}
-        gains: dict[str, Gain] = {}
-        for display in self._displays.values():  # frames of different kinds tell nothing of each other's exposure
-            names = {name: i for i, name in enumerate(n for n, p in self._painted.items() if p.display == display)}
-            seen: list[Observation] = [
-                (names[i], names[j], means.flattened(curves[i], curves[j]))
-                for i, j, means in self._overlaps
-                if i in names
-            ]
-            solved = solve_gains(len(names), seen, self._settings.exposure, len(display.black))
-            gains |= dict(zip(names, solved, strict=True))
-        return {name: (gains[name], curves[name]) for name in self._painted}
-
-
-def _displacement(painted: Painted, placement: Placement) -> float:
-    """How far the frame is painted from where it should be, at most, in the frame's own pixels."""
-    if painted.island != placement.island:
-        return np.inf
-    there = _places(painted.pose, painted.camera, painted.relief)
-    here = _places(placement.pose, placement.camera, placement.relief)
-    off = np.linalg.norm(there - here, axis=1) / np.exp(placement.pose.log_gsd)
-    return float(np.nanmax(off)) if np.isfinite(off).any() else np.inf
-
-
-def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Array:
-    """Canvas places of points all over the frame, (n, 2); NaN above the horizon."""
-    pixels = pixel_grid(camera, 9, 7)
-    return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
+    def _watch_border(self, image: Bands, display: Display) -> DeadBorder:
+        """What is dead of frames like this one, which may tell it; painted ones follow when there is time."""
+        size = image.shape[1], image.shape[0]
+        before = self._dead_of(size)
+        self._borders[size] = self._borders.get(size, BorderWatch()).after(image, display.levels)
+        if self._dead_of(size) != before:
+            self._rimmed |= dict.fromkeys(name for name, painted in self._painted.items() if size_of(painted) == size)
+            self._brightness.compare_again(self._painted, self._rimmed)
+        return self._dead_of(size)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from gcs_mosaic.painter import Step
 from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.painted import Extent, TileKey
 from gcs_mosaic.stitch.painting.stack import TilePicture
 from gcs_mosaic.stitch.paper.mosaic import PaperMosaic
 from gcs_mosaic.stitch.paper.raster import Raster
 from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.transaction import Kept
 
 ISLAND = 0  # the only one: what does not match is refused
 
@@ -32,8 +35,10 @@ class PaperCanvas:
         return self._raster.extent() if island == ISLAND else None
 
 
-class PaperPainter:
+class PaperPainter(Kept):
     """Paints on the paper's mosaic; there is nothing to repaint."""
+
+    FIXED = frozenset({"_mosaic", "canvas"})  # the picture is the mosaic's
 
     has_repaints = False
 
@@ -45,6 +50,10 @@ class PaperPainter:
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
+    def in_sight(self, features: Features, image: Bands) -> Features:
+        """The paper's method takes all features."""
+        return features
+
     def paint_new(self, image: Bands, thumbnail: object, placement: Placement, order: int) -> set[TileKey]:
         """Blend a frame into the picture; returns the tiles that look different now."""
         self._painted.add(placement.name)
@@ -53,11 +62,11 @@ class PaperPainter:
     def follow(self, placements: Iterable[Placement]) -> None:
         """No frame moves."""
 
-    def repaint_some(self) -> set[TileKey] | None:
+    def next_steps(self) -> list[Step]:
         """Nothing is ever repainted."""
-        return None
+        return []
 
-    def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
+    def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
         """Nothing is ever repainted."""
         return iter(())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sqlite3
 import time
@@ -11,6 +12,8 @@ from typing import TypeVar
 
 from gcs_mosaic.events import Notice
 from gcs_mosaic.flight.disk import CannotWrite
+
+logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -51,6 +54,7 @@ class Patience:
         self._in_trouble = True
         if time.monotonic() - self._said > SAID_AGAIN_S:
             self._said = time.monotonic()
+            logger.warning("writing has failed", exc_info=trouble)
             self._say(Notice(source="disk", level="error", text=str(trouble)))
 
     def _tell_success(self) -> None:

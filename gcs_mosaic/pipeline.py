@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import logging
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, DroppedFrame, Frame, Notice
@@ -13,17 +17,24 @@ from gcs_mosaic.flight.originals import is_intact
 from gcs_mosaic.flight.records import Accounts, FrameState
 from gcs_mosaic.frames.load import Unreadable, load_image
 from gcs_mosaic.painter import Painter
+from gcs_mosaic.painting import Painting
 from gcs_mosaic.paper import PaperPainter
-from gcs_mosaic.prepare import Prepared, Unprepared, thumbnail
+from gcs_mosaic.prepare import Prepared, Unprepared
 from gcs_mosaic.recorder import Recorder
 from gcs_mosaic.stitch.adjusting.background import WorkerProcess
 from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.journal import Journal
 from gcs_mosaic.stitch.matching.features import Features, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.observer import Observer
+from gcs_mosaic.stitch.observer import Observer, Observers
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.paper.mosaic import PaperMosaic
-from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
+from gcs_mosaic.stitch.placement import Covered, Outcome, Placement, Rejection, Waiting
+from gcs_mosaic.stitch.transaction import Kept, transaction
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +46,23 @@ class Done:
     reason: str | None
     island: int | None
     seconds: dict[str, float]
+    covered_by: str | None = None
 
 
-class Pipeline:
+class Pipeline(Kept):
     """Owns the mosaic, the canvas and the output folder of one flight. Used by one thread.
+
+    A frame is placed and painted, or it is rejected and all is as if it had never come, whatever was raised on the way. What
+    is no fault of it does not cost it: an island that cannot be adjusted stays as it was, another frame that cannot be
+    painted stays unpainted and is tried again with the next ones, a part of the map that cannot be repainted
+    goes on showing what it shows. All that is said.
 
     `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
     the same frames always give the same map, however fast the machine is. `observer` looks on while frames are placed. `utc`
     tells the time that is written into documents.
     """
+
+    FIXED = frozenset({"_worker", "_say"})
 
     def __init__(
         self,
@@ -64,7 +83,8 @@ class Pipeline:
             self.mosaic = PaperMosaic(config.paper, config.reduction)
             self._painter = PaperPainter(self.mosaic)
         else:
-            self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observer)
+            observers = Observers(Journal(), observer)
+            self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
             self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
         self.taken_in = 0  # files, whatever became of them
         self._said_problems: dict[str, str | None] = {}
@@ -74,6 +94,9 @@ class Pipeline:
         self._orders: dict[str, int] = {}
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
         self._names: dict[str, str] = {}  # first frame's name by content hash
+        self._painting = Painting(
+            self._painter, self.recorder, self, self.load_original, lambda name: self._orders[name], say
+        )
 
     @property
     def has_repaints(self) -> bool:
@@ -83,11 +106,16 @@ class Pipeline:
     def accounts(self) -> Accounts:
         return self.recorder.ledger.accounts()
 
-    def features_of(self, image: Bands) -> Features:
+    def features_of(self, image: Bands, *, reduction: int) -> Features:
         """What frames are placed by. May be called from any thread."""
         if isinstance(self.mosaic, PaperMosaic):
             return self.mosaic.features_of(image)
-        return extract(image, self._feature_settings, self._reduction)
+        return extract(image, self._feature_settings, reduction)
+
+    @property
+    def feature_pixels(self) -> float:
+        """Pixels of a frame that features are sought in; the paper's method takes frames as they are."""
+        return 0.0 if isinstance(self.mosaic, PaperMosaic) else self._feature_settings.megapixels * 1e6
 
     # Frames come in
 
@@ -99,8 +127,10 @@ class Pipeline:
         earlier = self._names.get(frame.content_hash)
         if earlier is not None:
             self.recorder.accept_duplicate(frame, earlier)
+            logger.info("%s: duplicate, the same picture as %s", frame.name, earlier)
             self.taken_in += 1
             return None
+        self.recorder.in_a_pause = False
         kept, said = self.recorder.accept(frame)
         self.taken_in += 1
         self._names[frame.content_hash] = frame.name
@@ -113,11 +143,13 @@ class Pipeline:
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Write down that a file is not whole."""
         self.recorder.accept_damaged(damaged)
+        logger.info("%s: damaged, %s", damaged.name, damaged.reason)
         self.taken_in += 1
 
     def accept_dropped(self, dropped: DroppedFrame) -> None:
         """Write down that there was no room for a stream's frame."""
         self.recorder.accept_dropped(dropped)
+        logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
         self.taken_in += 1
 
     # Frames are worked off
@@ -126,11 +158,12 @@ class Pipeline:
         """Place a frame, paint it and whatever finds its place because of it. `save` is to follow."""
         name = prepared.frame.name
         try:
-            return self._work_off(prepared)
+            with transaction(self):
+                return self._work_off(prepared)
         except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
+            logger.exception("%s could not be worked off", name)
             reason = f"it could not be worked off ({error!r})"
             self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
-            self.mosaic.forget(name)
             self._settle(name, FrameState.REJECTED, reason)
             return Done(name, FrameState.REJECTED, reason, None, {})
 
@@ -142,47 +175,67 @@ class Pipeline:
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
         self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
-        outcome = self.mosaic.place(prepared.features, name)
-        self._adjust()
+        outcome = self.mosaic.place(self._painter.in_sight(prepared.features, prepared.image), name)
+        self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         self._settle(name, state, reason)
+        covered_by = self.recorder.changes.cover(outcome) if isinstance(outcome, Covered) else None
         self._paint_moved(prepared)
         seconds = {"place": placed - start, "paint": time.perf_counter() - placed}
         island = outcome.island if isinstance(outcome, Placement) else None
-        return Done(name, state, reason, island, prepared.seconds | seconds)
+        return Done(name, state, reason, island, prepared.seconds | seconds, covered_by)
 
     def repaint_some(self) -> bool:
         """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
-        changed = self._painter.repaint_some()
+        some = self._painting.repaint_some()
         self._say_problem("canvas", self._painter.canvas.problem)
-        self.recorder.changes.tiles += [changed] if changed else []
-        return changed is not None
+        return some
 
     def adjust_in_a_pause(self) -> bool:
         """Use a pause in the flight to adjust every island that has grown. `save` is to follow.
 
         To be called again while it returns True: the adjustment is under way in the background.
         """
-        under_way = self.mosaic.adjust_in_a_pause()
-        self._say_problem("adjustment", self.mosaic.problem)
-        self._paint_moved(None)
-        return under_way
+        self.recorder.in_a_pause = True
+        under_way = self._adjusted(self.mosaic.adjust_in_a_pause) or self._connected_some()
+        with transaction(self):
+            self._paint_moved(None)
+        return bool(under_way)
 
-    def finish(self) -> Iterator[None]:
-        """The flight is over: try once more what waits, adjust everything, reject the rest, paint all, step by step.
+    def _connected_some(self) -> bool:
+        """Compare some frames that look alike and are not connected; whether there are more."""
+        more = self._tried(self.mosaic.connect_some, "islands could not be compared")
+        self._adjusted(self.mosaic.adjust)
+        return bool(more)
 
-        `save` may be called after each step.
+    def finish(self, connect_s: float = math.inf) -> Iterator[None]:
+        """The flight is over: connect what can be, adjust everything, reject the rest, paint all, step by step.
+
+        `save` may be called after each step. `connect_s`: how long frames may be compared that are not connected; a map
+        that is painted comes before one that is in fewer parts.
         """
-        self.mosaic.retry_waiting()
-        self.mosaic.adjust(everything=True)
-        self._paint_moved(None)
-        for rejection in self.mosaic.finish():
-            self._settle(rejection.name, FrameState.REJECTED, rejection.reason)
-        yield
-        for changed in self._painter.repaint_all(self.mosaic.placements()):
-            self.recorder.changes.tiles += [changed] if changed else []
+        self.recorder.in_a_pause = True
+        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        until = time.monotonic() + connect_s
+        while self._connected_some():
+            with transaction(self):
+                self._paint_moved(None)
             yield
+            if time.monotonic() > until:
+                text = (
+                    f"no more than {connect_s:g} s were taken to connect the parts of the map; stitch goes on with it"
+                )
+                self._say(Notice(source="adjustment", level="info", text=text))
+                break
+        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        self._adjusted(partial(self.mosaic.adjust, everything=True))
+        with transaction(self):
+            self._paint_moved(None)
+            for rejection in self.mosaic.finish():
+                self._settle(rejection.name, FrameState.REJECTED, rejection.reason)
+        yield
+        yield from self._painting.repaint_all(self.mosaic.placements())
 
     def _paint_moved(self, prepared: Prepared | None) -> None:
         """Paint what has found its place; note what must be painted elsewhere."""
@@ -191,31 +244,21 @@ class Pipeline:
         for placement in moved:
             if not self._painter.is_painted(placement.name):
                 self._settle(placement.name, FrameState.PLACED, None)
-                self._paint_new(placement, prepared)
-        self._painter.follow(moved)
+        self._painting.follow(moved, prepared)
 
-    def _paint_new(self, placement: Placement, prepared: Prepared | None) -> None:
-        order = self._orders[placement.name]
-        if prepared is not None and prepared.frame.name == placement.name:
-            self.recorder.changes.tiles.append(
-                self._painter.paint_new(prepared.image, prepared.thumbnail, placement, order)
-            )
-            return
-        image = self.load_original(placement.name)
-        if image is None:
-            text = f"{placement.name} found its place, but its original is gone: it is not on the map"
-            self._say(Notice(source="originals", level="error", text=text))
-            return
-        self.recorder.changes.tiles.append(self._painter.paint_new(image, thumbnail(image), placement, order))
-
-    def _adjust(self) -> None:
-        """What goes wrong here is not the fault of the frame that has just been placed."""
-        try:
-            self.mosaic.adjust()
-        except Exception as error:  # a map that cannot be bettered is still a map
-            text = f"the map could not be adjusted ({error!r})"
-            self._say(Notice(source="adjustment", level="error", text=text))
+    def _adjusted(self, adjust: Callable[[], T]) -> T | None:
+        """What goes wrong here is not the fault of the frame that has just been placed: a map is a map, bettered or not."""
+        found = self._tried(adjust, "the map could not be adjusted")
         self._say_problem("adjustment", self.mosaic.problem)
+        return found
+
+    def _tried(self, attempt: Callable[[], T], otherwise: str) -> T | None:
+        try:
+            return attempt()
+        except Exception as error:
+            logger.exception("%s", otherwise)
+            self._say(Notice(source="adjustment", level="error", text=f"{otherwise} ({error!r})"))
+            return None
 
     def _say_problem(self, source: str, problem: str | None) -> None:
         if problem and problem != self._said_problems.get(source):
@@ -236,12 +279,15 @@ class Pipeline:
         self.mosaic.hold(painted.name, painted.pose, painted.camera)
 
     def _settle(self, name: str, state: FrameState, reason: str | None) -> None:
+        if self.recorder.changes.states.get(name) != (state, reason):
+            logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
         self.recorder.changes.states[name] = (state, reason)
 
     def save(self) -> float:
         """Write everything that has changed; returns the seconds it took. After DiskFull call it again."""
         start = time.perf_counter()
-        self.recorder.save(self._painter.canvas, self.mosaic.islands, self.mosaic.frame_counts())
+        mosaic = self.mosaic
+        self.recorder.save(self._painter.canvas, mosaic.islands, mosaic.frame_counts(), mosaic.held_out)
         return time.perf_counter() - start
 
     def close(self) -> None:
@@ -251,10 +297,12 @@ class Pipeline:
         self.recorder.close()
 
 
-def _state_of(outcome: Placement | Waiting | Rejection) -> tuple[FrameState, str | None]:
+def _state_of(outcome: Outcome) -> tuple[FrameState, str | None]:
     match outcome:
         case Placement():
             return FrameState.PLACED, None
+        case Covered():
+            return FrameState.COVERED, None
         case Waiting():
             return FrameState.WAITING, None
         case Rejection():

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from typing import Protocol
 
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.load import Unreadable, load_frame
 from gcs_mosaic.stitch.bands import Bands, resized
 from gcs_mosaic.stitch.matching.features import Features
 
-FindFeatures = Callable[[Bands], Features]  # of a frame (h, w, bands), reduced or not; called from several threads
+logger = logging.getLogger(__name__)
+
+
+class FindFeatures(Protocol):
+    """What finds the features of a frame; called from several threads."""
+
+    def __call__(self, image: Bands, *, reduction: int) -> Features:
+        """Of a picture (h, w, bands) that was reduced by a whole factor."""
+
 
 THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
 AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 MP
@@ -38,23 +47,45 @@ class Unprepared:
     reason: str
 
 
-def prepare(frame: Frame, find: FindFeatures, reduction: int = 1) -> Prepared | Unprepared:
-    """Decode a frame, at full size or reduced by a whole factor, and find its features; never raises."""
+def prepare(frame: Frame, find: FindFeatures, reduction: int = 1, least_pixels: float = 0.0) -> Prepared | Unprepared:
+    """Decode a frame, at full size or reduced by a whole factor, and find its features; never raises.
+
+    least_pixels: how many features are sought in. A frame that has fewer once it is reduced is looked at less reduced, so
+    that it lies where it would at full size, however coarsely it is painted.
+    """
     try:
-        return _prepared(frame, find, reduction)
+        return _prepared(frame, find, reduction, least_pixels)
     except Exception as error:  # one picture that OpenCV or the memory cannot cope with must not end a flight
+        logger.exception("%s could not be prepared", frame.name)
         return Unprepared(frame, f"could not be decoded ({error!r})")
 
 
-def _prepared(frame: Frame, find: FindFeatures, reduction: int) -> Prepared | Unprepared:
+def _prepared(frame: Frame, find: FindFeatures, reduction: int, least_pixels: float) -> Prepared | Unprepared:
     start = time.perf_counter()
     image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):
         return Unprepared(frame, image.reason)
+    finer = finer_reduction(image.shape[0] * image.shape[1], reduction, least_pixels)
+    looked_at = image if finer == reduction else load_frame(frame, reduction=finer)
+    if isinstance(looked_at, Unreadable):
+        return Unprepared(frame, looked_at.reason)
     decoded = time.perf_counter()
-    features = find(image)
+    features = find(looked_at, reduction=finer)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
     return Prepared(frame, image, features, thumbnail(image), seconds)
+
+
+def finer_reduction(pixels: int, reduction: int, least_pixels: float) -> int:
+    """The largest of reduction, reduction / 2, ... 1 that leaves a frame so many pixels, or nearly.
+
+    pixels: what `reduction` leaves of it.
+    """
+    while reduction > 1 and pixels < NEARLY * least_pixels:
+        reduction, pixels = reduction // 2, 4 * pixels
+    return reduction
+
+
+NEARLY = 0.9  # of the pixels wanted: rounding, and pictures that are not quite 4:3, are not worth four times the pixels
 
 
 def thumbnail(image: Bands) -> Bands:
@@ -68,8 +99,8 @@ def thumbnail(image: Bands) -> Bands:
 class Preparation:
     """Frames in a row, the first few of them prepared ahead."""
 
-    def __init__(self, find: FindFeatures, reduction: int = 1) -> None:
-        self._find, self._reduction = find, reduction
+    def __init__(self, find: FindFeatures, reduction: int = 1, least_pixels: float = 0.0) -> None:
+        self._find, self._reduction, self._least_pixels = find, reduction, least_pixels
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._ahead: deque[Future[Prepared | Unprepared]] = deque()
         self._behind: deque[Frame] = deque()
@@ -105,4 +136,6 @@ class Preparation:
 
     def _fill(self) -> None:
         while self._behind and len(self._ahead) < AHEAD:
-            self._ahead.append(self._pool.submit(prepare, self._behind.popleft(), self._find, self._reduction))
+            self._ahead.append(
+                self._pool.submit(prepare, self._behind.popleft(), self._find, self._reduction, self._least_pixels)
+            )

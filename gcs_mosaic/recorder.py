@@ -23,18 +23,31 @@ from gcs_mosaic.paper import PaperCanvas
 from gcs_mosaic.stitch.islands import Island
 from gcs_mosaic.stitch.painting.canvas import Canvas
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, TileKey
-from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.placement import Covered, Placement
+from gcs_mosaic.stitch.tearing import HeldOut
+from gcs_mosaic.stitch.transaction import Kept
+
+# Covered frames change nothing on the map: once a flight has so many frames, the documents, which list all of them, tell of
+# two at a time, with twice as many of three, so that a film's frames cost the same however long it is.
+FRAMES_PER_COVERED = 200
 
 
-@dataclass(slots=True)
-class Changes:
+@dataclass
+class Changes(Kept):
     """What is not written yet."""
 
     states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # and reason, by frame name
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
     placements: dict[str, Placement] = field(default_factory=dict)
+    covered: dict[str, Covered] = field(default_factory=dict)
     painted: dict[str, Painted] = field(default_factory=dict)
-    tiles: list[set[TileKey]] = field(default_factory=list)  # one set for each frame that was painted
+    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # one set for each frame that was painted
+
+    def cover(self, covered: Covered) -> str:
+        """A placed frame covers a new one, which pages are to learn of though no tile changes; returns its name."""
+        self.covered[covered.name] = covered
+        self.tiles.append(frozenset())
+        return covered.by
 
     def __bool__(self) -> bool:
         return self.is_public or any((self.sizes, self.painted))
@@ -44,12 +57,20 @@ class Changes:
         """Whether the documents tell of any of it."""
         return any((self.states, self.placements, self.tiles))
 
+    @property
+    def is_only_covered(self) -> bool:
+        """Whether there is nothing but frames that placed ones cover."""
+        return self.states.keys() <= self.covered.keys() and not any((self.placements, self.painted, *self.tiles))
 
-class Recorder:
+
+class Recorder(Kept):
     """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk.
 
-    `utc` tells the time that is written into documents, in seconds since 1970.
+    `utc` tells the time that is written into documents, in seconds since 1970. What is in the folder can not be put back as
+    it was, so nothing is written while a frame is worked off.
     """
+
+    FIXED = frozenset({"out", "ledger", "flight", "_originals", "_tiles", "_manifest", "_published", "_utc"})
 
     def __init__(
         self,
@@ -70,6 +91,7 @@ class Recorder:
         self._utc = utc
         self._told: Accounts | None = None  # as the documents have them: events change them without any frame
         self._islands_known = 0
+        self.in_a_pause = False  # or at the end: there is time to write everything, and nothing may come after it
         self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
 
     @property
@@ -105,8 +127,17 @@ class Recorder:
         """Write down that a file is not whole."""
         self.ledger.record_damaged(damaged)
 
-    def save(self, canvas: Canvas | PaperCanvas, islands: Sequence[Island], frames_on: Mapping[int, int]) -> None:
-        """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there."""
+    def save(
+        self,
+        canvas: Canvas | PaperCanvas,
+        islands: Sequence[Island],
+        frames_on: Mapping[int, int],
+        held_out: Callable[[], Mapping[int, HeldOut]] = dict,
+    ) -> None:
+        """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there.
+
+        Whatever is raised on the way, they stay to be written by the next call.
+        """
         if not self.changes and self.ledger.accounts() == self._told:
             return
         self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
@@ -114,12 +145,21 @@ class Recorder:
         if not self.changes.is_public and self.ledger.accounts() == self._told:
             self.changes = Changes()
             return
-        contents = self._contents(list(self._entries(canvas, islands, frames_on)))
+        if self._documents_may_wait():
+            return
+        contents = self._contents(list(self._entries(canvas, islands, frames_on, held_out())))
         revision = self._manifest.write(contents)
         self._told = contents.accounts
-        tiles, self.changes = self.changes.tiles, Changes()
-        for changed in tiles:
+        for changed in self.changes.tiles:
             self._published(revision, changed)
+        self.changes = Changes()
+
+    def _documents_may_wait(self) -> bool:
+        """Whether too few frames have been covered since the documents were written; they stay among the changes."""
+        if self.in_a_pause or self._told is None or not self.changes.is_only_covered:
+            return False
+        known = self._told.frames.placed + self._told.frames.covered
+        return len(self.changes.covered) < 1 + known // FRAMES_PER_COVERED
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""
@@ -139,6 +179,8 @@ class Recorder:
             for name, (state, reason) in changes.states.items():
                 self.ledger.settle_frame(name, state, reason)
             self.ledger.record_estimates(estimate_of_placement(placement) for placement in changes.placements.values())
+            for covered in changes.covered.values():
+                self.ledger.record_covered(covered.name, covered.by, covered.by_from_frame)
             for painted in changes.painted.values():
                 self.ledger.record_painted(painted)
         self._islands_known = len(islands)
@@ -152,10 +194,16 @@ class Recorder:
             accounts=self.ledger.accounts(),
             estimates=self.ledger.estimates(),
             unplaced=[*frames(FrameState.REJECTED), *frames(FrameState.WAITING)],
+            covered=self.ledger.covered(),
+            newest=self.ledger.newest_on_map(),
         )
 
     def _entries(
-        self, canvas: Canvas | PaperCanvas, islands: Sequence[Island], frames_on: Mapping[int, int]
+        self,
+        canvas: Canvas | PaperCanvas,
+        islands: Sequence[Island],
+        frames_on: Mapping[int, int],
+        held_out: Mapping[int, HeldOut],
     ) -> Iterator[IslandEntry]:
         for island in islands:
             extent = canvas.extent(island.number) or self._extents.get(island.number)
@@ -168,6 +216,7 @@ class Recorder:
                     maxzoom=extent.finest,
                     frames=frames_on.get(island.number, 0),
                     merged_into=island.merged_into,
+                    held_out=held_out.get(island.number),
                 )
 
 

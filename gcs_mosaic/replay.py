@@ -24,6 +24,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import DamagedFile, Frame, Notice, TriggerEvent
 from gcs_mosaic.flight.folder import open_flight_folder
 from gcs_mosaic.flight.records import EventAccount
+from gcs_mosaic.flightlog import flight_log
 from gcs_mosaic.frames.given import looks_in, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.link.recorded import RecordedLink, read_recording
@@ -49,18 +50,13 @@ def replay(recording: Path, frames: Path, out: Path, config: Config, console: Co
         link = _read(recording, config, progress)
         came = arrivals(looks, link, config.shots, _FOUND_AFTER * config.frames.poll_s)
         folder = open_flight_folder(out)
-        console.print(folder.said)
-        console.print(_described(link, looks, came))
-        try:
-            flight = _Replay(folder.path, config, console, link)
-            try:
+        with closing(folder), flight_log(folder, config):
+            for text in (folder.said, _described(link, looks, came)):
+                say(console, Notice(source="replay", level="info", text=text))
+            with closing(_Replay(folder.path, config, console, link)) as flight:
                 start = time.monotonic()
                 done = flight.fly(_happenings(link, looks, came), speed, progress)
                 flight.summarise(done, time.monotonic() - start)
-            finally:
-                flight.close()
-        finally:
-            folder.close()
     return folder.path
 
 
@@ -97,7 +93,9 @@ class _Replay:
         """All that happens, then the final painting; returns what became of the frames."""
         looks = [what[0] for _, what in happenings if isinstance(what, tuple)]
         task, start = progress.add_task("flying", total=len(looks)), time.monotonic()
-        with closing(_ReadAhead(looks, self._config, self._pipeline.features_of)) as files:
+        with closing(
+            _ReadAhead(looks, self._config, self._pipeline.features_of, self._pipeline.feature_pixels)
+        ) as files:
             for seconds, what in happenings:
                 if speed:
                     time.sleep(max(0.0, start + seconds / speed - time.monotonic()))
@@ -154,11 +152,11 @@ class _Replay:
 class _ReadAhead:
     """Files in the order in which they came, read and prepared before it is their turn."""
 
-    def __init__(self, looks: Sequence[Look], config: Config, find: FindFeatures) -> None:
+    def __init__(self, looks: Sequence[Look], config: Config, find: FindFeatures, least_pixels: float) -> None:
         self.taken = 0
         self._looks, self._settings = iter(looks), config.frames
         self._read: deque[Frame | DamagedFile] = deque()
-        self._preparation = Preparation(find, config.reduction)
+        self._preparation = Preparation(find, config.reduction, least_pixels)
 
     def next(self) -> Prepared | Unprepared | DamagedFile:
         """The next file; there must be one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import sqlite3
 import time
 from collections import deque
@@ -17,12 +18,17 @@ from rich.markup import escape
 
 from gcs_mosaic.events import LinkReport, Notice, SourceReport
 from gcs_mosaic.flight.disk import DiskFull, overwrite, write_beside
+from gcs_mosaic.flight.heldout import Figures, held_out_lines, largest
 from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.log import log_notice
 from gcs_mosaic.flight.records import Accounts, FlightRecord, NoticeRecord
 from gcs_mosaic.flight.status import DaemonState, LastFrame, Status, status_document
 
+logger = logging.getLogger(__name__)
+
 STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
+ISLANDS_SHOWN = 12  # all are in mosaic.json
 STATUS_BYTES = 8192  # more than the document needs: it is filled up, so that it fits where it is when the disk is full
 STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 
@@ -42,6 +48,7 @@ class Reporter:
     def say(self, notice: Notice) -> None:
         """Tell the operator, and remember that it was told."""
         now = time.time()
+        log_notice(logger, notice)
         self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
         self.line(notice.text, STYLES[notice.level])
         with suppress(DiskFull, sqlite3.OperationalError):
@@ -53,7 +60,13 @@ class Reporter:
         try:
             self._console.print(line, style=style, highlight=False, soft_wrap=True)
         except (OSError, SystemExit):  # the second is what rich makes of a broken pipe
+            logger.info("the terminal is gone", exc_info=True)
             self._console = Console(quiet=True)
+
+    def judge(self, held_out: Figures) -> None:
+        """Say how good the map has become."""
+        for line in held_out_lines(largest(held_out, ISLANDS_SHOWN)):
+            self.line(line)
 
     def link(self, report: LinkReport) -> None:
         """How a link is; when it was heard last stays known."""
@@ -62,7 +75,14 @@ class Reporter:
         self._links[report.address] = replace(report, last_heard_utc=heard)
 
     def write(
-        self, state: DaemonState, queue: int, revision: int, accounts: Callable[[], Accounts], *, now: bool = False
+        self,
+        state: DaemonState,
+        queue: int,
+        revision: int,
+        accounts: Callable[[], Accounts],
+        held_out: Callable[[], Figures] = dict,
+        *,
+        now: bool = False,
     ) -> None:
         """Write status.json, but not more often than is useful."""
         if not now and time.monotonic() - self._written < STATUS_EACH_S:
@@ -70,6 +90,7 @@ class Reporter:
         try:
             counted = accounts()
         except sqlite3.OperationalError:  # the disk is gone, as whoever writes the ledger tells
+            logger.debug("the accounts cannot be read", exc_info=True)
             return
         status = Status(
             flight=self._flight.name,
@@ -82,6 +103,7 @@ class Reporter:
             frames_in_queue=queue,
             last_frame=self.last_frame,
             accounts=counted,
+            held_out=largest(held_out(), ISLANDS_SHOWN),
             notices=tuple(self._notices),
         )
         self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
@@ -91,5 +113,6 @@ class Reporter:
         try:
             write_beside(self._path, data)
         except (DiskFull, OSError):  # whoever writes the map tells of it
+            logger.debug("%s cannot be written beside", self._path.name, exc_info=True)
             with suppress(DiskFull, OSError):
                 overwrite(self._path, data)

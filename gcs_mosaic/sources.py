@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import queue
 import threading
 import time
@@ -34,6 +35,8 @@ from gcs_mosaic.link.signing import Signing, load_key
 from gcs_mosaic.link.speaker import Speaker
 from gcs_mosaic.link.triggers import triggers
 from gcs_mosaic.link.voice import Voice, check_identity
+
+logger = logging.getLogger(__name__)
 
 Report = LinkReport | SourceReport
 Item = TriggerEvent | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
@@ -129,7 +132,8 @@ class Inbox:
     def fill(self, sources: Iterable[Source]) -> None:
         """Start a thread for each source."""
         for source in sources:
-            self._threads.append(threading.Thread(target=self._pump, args=(source,), daemon=True))
+            name = source.failed.address if isinstance(source.failed, LinkReport) else source.failed.kind
+            self._threads.append(threading.Thread(target=self._pump, args=(source,), name=name, daemon=True))
             self._threads[-1].start()
 
     def next(self, timeout_s: float) -> Item | None:
@@ -151,6 +155,7 @@ class Inbox:
             for item in source.items:
                 self._put(item)
         except Exception as error:  # a source that dies must not go unnoticed
+            logger.exception("a source has failed")
             self._put(source.failed)
             self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
 

@@ -65,9 +65,10 @@ class DebugPictures:
     def placed(self, placement: Placement) -> None:
         self._note(f"{placement.name} placed on island {placement.island}, linked with {len(placement.neighbours)}")
 
-    def adjusted(self, island: int, residuals: Sequence[Residuals]) -> None:
-        self._note(f"island {island} adjusted, {len(residuals)} frames")
-        self._residuals[island] = residuals
+    def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
+        if left := residuals():
+            self._note(f"island {island} adjusted, {len(left)} frames")
+            self._residuals[island] = left
 
     # The pictures
 

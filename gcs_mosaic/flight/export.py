@@ -34,7 +34,14 @@ def export_placements(flight: Path, target: Path) -> str:
         estimates = ledger.estimates()
         unplaced = [*ledger.frames(FrameState.REJECTED), *ledger.frames(FrameState.WAITING)]
         contents = Contents(
-            flight="", updated_utc=0, islands=(), accounts=ledger.accounts(), estimates=estimates, unplaced=unplaced
+            flight="",
+            updated_utc=0,
+            islands=(),
+            accounts=ledger.accounts(),
+            estimates=estimates,
+            unplaced=unplaced,
+            covered=ledger.covered(),
+            newest=ledger.newest_on_map(),
         )
     document = placements_document(contents, last_revision(flight))
     for entry, estimate in zip(cast("list[Document]", document["frames"]), estimates, strict=True):

@@ -12,8 +12,9 @@ from gcs_mosaic.flight.lock import LOCK_NAME, FolderLock, try_lock
 
 LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
+LOG_NAME = "flight.log"
 OUR_NAMES = (
-    *(LEDGER_NAME, "mosaic.json", "placements.json", "status.json", RECORDING_NAME),
+    *(LEDGER_NAME, "mosaic.json", "placements.json", "status.json", RECORDING_NAME, LOG_NAME),
     *("tiles", "masks", "frames"),
 )
 MOST_FLIGHTS = 1000  # beside each other; more than that is a mistake in a script

@@ -15,6 +15,7 @@ from gcs_mosaic.events import DamagedFile, Frame, Notice, TriggerEvent
 from gcs_mosaic.flight.ledgerfile import LedgerFile
 from gcs_mosaic.flight.records import (
     Accounts,
+    CoveredRecord,
     Estimate,
     EventAccount,
     EventRecord,
@@ -35,12 +36,14 @@ from gcs_mosaic.flight.rows import (
     SUPPORT_COLUMNS,
     camera_row,
     canvas_of,
+    covered_of,
     estimate_of,
     event_record_of,
     event_row,
     frame_record_of,
     homography_row,
     look_row,
+    name_of,
     painted_of,
     pose_row,
     relief_row,
@@ -49,6 +52,7 @@ from gcs_mosaic.flight.rows import (
 )
 from gcs_mosaic.stitch.geometry import Camera
 from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.placement import Homography
 
 
 class Ledger(LedgerFile):
@@ -166,6 +170,26 @@ class Ledger(LedgerFile):
     def estimates(self) -> list[Estimate]:
         """The newest estimate of every frame that has one, in the order in which the frames came."""
         return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id"))]
+
+    def record_covered(self, name: str, by: str, by_from_frame: Homography) -> None:
+        """The frame lies where its keyframe `by` lies; replaces what was recorded for it before."""
+        values = (self._frame_id(name), self._frame_id(by), homography_row(by_from_frame))
+        self.write("INSERT OR REPLACE INTO covered (frame, keyframe, keyframe_from_frame) VALUES (?, ?, ?)", *values)
+
+    def covered(self) -> list[CoveredRecord]:
+        """Every frame that a placed one covers, in the order in which they came; none in a ledger from before there were."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'covered'"):
+            return []
+        frame = (
+            "JOIN frames AS frame ON frame.id = covered.frame JOIN frames AS keyframe ON keyframe.id = covered.keyframe"
+        )
+        columns = "frame.name, frame.width, frame.height, keyframe.name AS keyframe, keyframe_from_frame"
+        return [covered_of(row) for row in self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame")]
+
+    def newest_on_map(self) -> str | None:
+        """The frame that came last of those that have a place."""
+        rows = self.rows("SELECT name FROM frames WHERE state IN ('placed', 'covered') ORDER BY id DESC LIMIT 1")
+        return name_of(rows[0]) if rows else None
 
     def record_painted(self, painted: Painted) -> None:
         """How a frame is painted now; replaces what was recorded for it before."""

@@ -8,6 +8,7 @@ run short.
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import shutil
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from typing import Literal
 
 from gcs_mosaic.events import Frame, Notice
 from gcs_mosaic.flight.disk import make_folder, write_beside
+
+logger = logging.getLogger(__name__)
 
 GB = 10**9
 LONGEST_PART = 200  # bytes of UTF-8; most file systems take 255, and a temporary name is a little longer
@@ -115,6 +118,7 @@ def is_intact(path: Path, expected_hash: str) -> bool:
     try:
         return content_hash(path.read_bytes()) == expected_hash
     except OSError:
+        logger.warning("the original %s cannot be read", path, exc_info=True)
         return False
 
 
@@ -153,5 +157,6 @@ def link(source: Path, target: Path) -> bool:
         target.parent.mkdir(parents=True, exist_ok=True)
         target.hardlink_to(source.resolve())
     except OSError:
+        logger.debug("%s cannot be linked", source, exc_info=True)
         return False
     return True

@@ -6,6 +6,7 @@ or not a tile counts as unseen.
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from gcs_mosaic.flight.filling import WrittenTiles, fade, filled_picture
 from gcs_mosaic.flight.tiles import encode, encode_jpeg, mask_path, tile_path
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
+
+logger = logging.getLogger(__name__)
 
 Image = NDArray[np.uint8]
 FILLED_QUALITY = 90  # JPEG and WebP; what is made here is looked at and thrown away
@@ -83,7 +86,9 @@ def level_within(bounds: Box, most_pixels: int, finest: int) -> int:
 def _full_tile(root: Path, island: int, tile: Tile) -> bytes | None:
     try:
         data = tile_path(root, island, tile).read_bytes()
-    except OSError:
+    except OSError as error:
+        if not isinstance(error, FileNotFoundError):
+            logger.warning("a tile of island %d cannot be read", island, exc_info=True)
         return None
     return (
         None if mask_path(root, island, tile).exists() or fade(WrittenTiles(root, island), tile) is not None else data

@@ -27,6 +27,7 @@ class FrameState(StrEnum):
 
     PENDING = "pending"
     PLACED = "placed"
+    COVERED = "covered"  # kept and not painted: a placed frame shows all that it does
     WAITING = "waiting"  # matches nothing yet
     REJECTED = "rejected"
     DUPLICATE = "duplicate"
@@ -89,6 +90,17 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CoveredRecord:
+    """A frame that lies where its keyframe, a placed one, lies; `by_from_frame` takes its pixels to those of that one."""
+
+    name: str
+    by: str
+    by_from_frame: Homography
+    width: int  # px
+    height: int  # px
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IslandRecord:
     id: int
     merged_into: int | None
@@ -117,6 +129,7 @@ class EventAccount:
 class FrameAccount:
     pending: int = 0
     placed: int = 0
+    covered: int = 0
     waiting: int = 0
     rejected: int = 0
     duplicate: int = 0

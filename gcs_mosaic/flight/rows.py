@@ -10,7 +10,8 @@ from dataclasses import asdict
 import numpy as np
 
 from gcs_mosaic.events import CaptureResult, Position, Source, TriggerEvent
-from gcs_mosaic.flight.records import Estimate, EventRecord, EventState, FrameRecord, FrameState
+from gcs_mosaic.flight.records import CoveredRecord, Estimate, EventRecord, EventState, FrameRecord, FrameState
+from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.canvas import CanvasSettings
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
@@ -26,7 +27,7 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
-LOOK_COLUMNS = "gain, vignetting, display"
+LOOK_COLUMNS = "gain, vignetting, display, dead_border"
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 Stored = str | bytes | None
@@ -154,9 +155,9 @@ def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
 
 
 def look_row(painted: Painted) -> tuple[object, ...]:
-    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit numbers, the display as JSON."""
+    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit numbers, the others as JSON."""
     gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
-    return gain, vignetting, json.dumps(asdict(painted.display))
+    return gain, vignetting, json.dumps(asdict(painted.display)), json.dumps([int(lines) for lines in painted.dead])
 
 
 def vignetting_of(row: sqlite3.Row) -> Vignetting:
@@ -166,6 +167,12 @@ def vignetting_of(row: sqlite3.Row) -> Vignetting:
         return FLAT
     a, b = np.frombuffer(stored, "<f8").tolist()
     return a, b
+
+
+def dead_border_of(row: sqlite3.Row) -> DeadBorder:
+    """Also for a ledger that was written before there was any."""
+    stored = row["dead_border"] if "dead_border" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    return NO_BORDER if stored is None else DeadBorder(*json.loads(stored))
 
 
 def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
@@ -193,7 +200,22 @@ def homography_row(homography: Homography | None) -> bytes | None:
 def homography_of(row: sqlite3.Row) -> Homography | None:
     """None also for a ledger that was written before there were any."""
     stored = row["homography"] if "homography" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
-    return None if stored is None else tuple(map(tuple, np.frombuffer(stored, "<f8").reshape(3, 3).tolist()))
+    return None if stored is None else nine_numbers(stored)
+
+
+def nine_numbers(stored: bytes) -> Homography:
+    """Inverse of `homography_row`."""
+    return tuple(map(tuple, np.frombuffer(stored, "<f8").reshape(3, 3).tolist()))
+
+
+def covered_of(row: sqlite3.Row) -> CoveredRecord:
+    return CoveredRecord(
+        name=name_of(row),
+        by=restored(row["keyframe"]) or "",
+        by_from_frame=nine_numbers(row["keyframe_from_frame"]),
+        width=row["width"],
+        height=row["height"],
+    )
 
 
 def painted_of(row: sqlite3.Row) -> Painted:
@@ -207,6 +229,7 @@ def painted_of(row: sqlite3.Row) -> Painted:
         gain=gain_of(row),
         vignetting=vignetting_of(row),
         display=display_of(row),
+        dead=dead_border_of(row),
         level=row["level"],
     )
 

@@ -9,24 +9,17 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import telling_disk_full
 
-VERSION = 4  # PRAGMA user_version; raise it with every change to the tables below, and migrate
+VERSION = 6  # PRAGMA user_version; raise it with every change to the tables below, and migrate
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
 BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
 
 # Numbers whose every bit counts have no declared type, so that SQLite stores them as they are (a REAL column
 # turns whole numbers into integers on disk, and -0.0 into 0).
-TABLES = """
-CREATE TABLE flight (
-    id INTEGER PRIMARY KEY CHECK (id = 1),
-    name TEXT NOT NULL,
-    started_utc NOT NULL,
-    canvas TEXT NOT NULL -- how frames are painted, JSON
-);
-CREATE TABLE frames (
+FRAMES = """CREATE TABLE frames (
     id INTEGER PRIMARY KEY,
     name NOT NULL UNIQUE,
     state TEXT NOT NULL DEFAULT 'pending'
-        CHECK (state IN ('pending', 'placed', 'waiting', 'rejected', 'duplicate', 'damaged', 'dropped')),
+        CHECK (state IN ('pending', 'placed', 'covered', 'waiting', 'rejected', 'duplicate', 'damaged', 'dropped')),
     reason TEXT,
     original,
     content_hash TEXT,
@@ -38,7 +31,22 @@ CREATE TABLE frames (
     CHECK (reason IS NOT NULL OR state NOT IN ('rejected', 'duplicate', 'damaged', 'dropped')),
     CHECK (content_hash IS NOT NULL OR state = 'damaged')
 );
-CREATE TABLE events (
+"""
+COVERED = """CREATE TABLE covered (
+    frame INTEGER PRIMARY KEY REFERENCES frames (id),
+    keyframe INTEGER NOT NULL REFERENCES frames (id),
+    keyframe_from_frame BLOB NOT NULL,
+    CHECK (frame != keyframe)
+);
+"""
+TABLES = f"""
+CREATE TABLE flight (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    name TEXT NOT NULL,
+    started_utc NOT NULL,
+    canvas TEXT NOT NULL -- how frames are painted, JSON
+);
+{FRAMES}CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     state TEXT NOT NULL CHECK (state IN ('pending', 'matched', 'missing', 'duplicate', 'failed')),
     duplicate_of INTEGER REFERENCES events (id),
@@ -85,6 +93,7 @@ CREATE TABLE painted (
     camera INTEGER NOT NULL REFERENCES cameras (id),
     x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
     gain BLOB NOT NULL, display TEXT NOT NULL, vignetting BLOB,
+    dead_border TEXT, -- left, top, right, bottom, JSON
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
 );
 CREATE INDEX painted_by_island ON painted (island, "order");
@@ -101,7 +110,7 @@ CREATE TABLE estimates (
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB,
     homography BLOB
 );
-CREATE TABLE notices (
+{COVERED}CREATE TABLE notices (
     id INTEGER PRIMARY KEY,
     utc NOT NULL,
     source TEXT NOT NULL,
@@ -123,6 +132,15 @@ ALTER TABLE painted DROP COLUMN gain_g;
 ALTER TABLE painted DROP COLUMN gain_r;
 """,
     3: "ALTER TABLE painted ADD COLUMN vignetting BLOB;",
+    4: "ALTER TABLE painted ADD COLUMN dead_border TEXT;",
+    # What a table checks is only changed by making it anew; references to it go by its name.
+    5: f"""
+{FRAMES.replace("frames", "new_frames")}
+INSERT INTO new_frames SELECT * FROM frames;
+DROP TABLE frames;
+ALTER TABLE new_frames RENAME TO frames;
+{COVERED}
+""",
 }
 
 

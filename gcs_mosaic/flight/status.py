@@ -14,6 +14,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import LinkReport, SourceReport
 from gcs_mosaic.flight.documents import FORMAT, Document, finite, iso_utc
 from gcs_mosaic.flight.folder import find_flight
+from gcs_mosaic.flight.heldout import Figures, held_out_entry, held_out_words
 from gcs_mosaic.flight.records import Accounts, NoticeRecord
 
 HUNG_AFTER_S = 8.0  # a running daemon writes its status each two seconds or more often
@@ -33,6 +34,7 @@ class LastFrame:
     utc: float
     seconds_to_tile: float | None  # from the file being whole to its tiles being on disk
     reason: str | None = None
+    covered_by: str | None = None  # the placed frame that shows all that this one does
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +51,7 @@ class Status:
     frames_in_queue: int = 0
     last_frame: LastFrame | None = None
     accounts: Accounts = field(default_factory=Accounts)
+    held_out: Figures = field(default_factory=dict)  # how good islands are, by number
     notices: tuple[NoticeRecord, ...] = ()  # the newest few, oldest first
 
 
@@ -68,6 +71,7 @@ def status_document(status: Status) -> Document:
         "events": asdict(status.accounts.events),
         "frames": asdict(status.accounts.frames),
         "orphans": status.accounts.orphans,
+        "held_out_px": {str(island): held_out_entry(found) for island, found in status.held_out.items()},
         "notices": [notice_entry(notice) for notice in status.notices],
     }
 
@@ -105,6 +109,7 @@ def last_frame_entry(frame: LastFrame) -> Document:
         "name": frame.name,
         "outcome": frame.outcome,
         "reason": frame.reason,
+        "covered_by": frame.covered_by,
         "island": frame.island,
         "time": iso_utc(frame.utc),
         "seconds_to_tile": None if frame.seconds_to_tile is None else finite(frame.seconds_to_tile),
@@ -144,17 +149,28 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         *warning,
         f"frames: {counted(document['frames'])}; {document['frames_in_queue']} in the queue",
         f"triggers: {counted(document['events'])}",
-        *([f"last frame: {last['name']}, {last['outcome']} at {last['time']}{latency_words(last)}"] if last else []),
+        *[held_out_words(island, entry) for island, entry in document.get("held_out_px", {}).items()],
+        *([last_frame_words(last)] if last else []),
         *([f"{watch['kind']} {watch['folder']}: {'; '.join(watch_words(watch))}"] if watch else []),
         *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
 
 
+def last_frame_words(last: dict[str, Any]) -> str:
+    """What became of the frame that was worked off last."""
+    return f"last frame: {last['name']}, {last['outcome']}{covered_words(last)} at {last['time']}{latency_words(last)}"
+
+
 def latency_words(last: dict[str, Any]) -> str:
     """How long it took from the file being whole to its tiles being on disk."""
     seconds = last["seconds_to_tile"]
     return "" if seconds is None else f", on the map {seconds:.1f} s after it came"
+
+
+def covered_words(last: dict[str, Any]) -> str:
+    """Which frame covers the last one, if any does."""
+    return f" by {last['covered_by']}" if last.get("covered_by") else ""
 
 
 def watch_words(watch: dict[str, Any]) -> Iterator[str]:

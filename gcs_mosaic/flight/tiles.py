@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.painting.layers import full_coverage
 from gcs_mosaic.stitch.painting.painted import TileKey
 from gcs_mosaic.stitch.painting.stack import TilePicture
+
+logger = logging.getLogger(__name__)
 
 Image = NDArray[np.uint8]
 MCU = 8  # px; the blocks of a JPEG without chroma subsampling
@@ -152,7 +155,9 @@ def _read(path: Path, flags: int) -> Image | None:
     """Decoded from bytes read here, because OpenCV writes about missing files to the terminal."""
     try:
         data = path.read_bytes()
-    except OSError:
+    except OSError as error:
+        if not isinstance(error, FileNotFoundError):
+            logger.warning("the tile %s cannot be read", path, exc_info=True)
         return None
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     return None if image is None else np.asarray(image, dtype=np.uint8)

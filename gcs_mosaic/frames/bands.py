@@ -4,6 +4,7 @@ those that are not read at all."""
 from __future__ import annotations
 
 import io
+import logging
 import zlib
 from typing import Any
 
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.frames.structure import StructureError
 from gcs_mosaic.frames.tiff import TiffPage, first_page
+
+logger = logging.getLogger(__name__)
 
 _NONE, _DEFLATE = 1, (8, 32946)
 _COUNTS = frozenset({1, 4})  # sample formats: whole numbers without a sign, and not told
@@ -42,6 +45,7 @@ def decode_bands(data: bytes) -> NDArray[Any]:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             image = file.pages[0].asarray(maxworkers=1)
     except Exception as error:  # the library raises whatever a damaged file leads it to
+        logger.info("a TIFF cannot be decoded", exc_info=True)
         raise StructureError(f"damaged: {error}") from error
     if image.size != page.height * page.width * page.samples:
         raise StructureError("damaged: its data are not as many as its size says")

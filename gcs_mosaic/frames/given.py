@@ -5,33 +5,60 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import DamagedFile, Frame
 from gcs_mosaic.frames.candidate import frame_of, read_whole, versioned
 from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.scan import Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.frames.whole import NotWhole
 
 
-def frames_in(
-    paths: Path | Iterable[Path], settings: FolderSettings | None = None
-) -> tuple[int, Iterator[Frame | DamagedFile]]:
-    """How many files there are, and each as a frame or with the reason why it is none, read when it is asked for.
+@dataclass(frozen=True, slots=True)
+class Given:
+    """How many files there are; each as a frame or with the reason why it is none, read when it is asked for; and how they
+    are ordered, in words for the operator."""
 
-    Files come in the order given; those of a folder (and below it) in the order of their names, numbers counting as
-    numbers. Raises UsageError, at once, for a path that is not there and for a folder without images.
+    count: int
+    frames: Iterator[Frame | DamagedFile]
+    order: str
+
+
+def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = None) -> Given:
+    """The frames of files and folders.
+
+    Files come in the order given. Those of folders (and below them) come in the order of their capture times, if every one
+    has one and no two are the same; else folder by folder in the order of their names, numbers counting as numbers.
+    Raises UsageError, at once, for a path that is not there and for a folder without images.
     """
     given = [paths] if isinstance(paths, Path) else list(paths)
     looks = [look for path in given for look in looks_in(path)]
-    return len(looks), _frames(looks, settings or FolderSettings())
+    ordered, order = _in_order(looks) if all(path.is_dir() for path in given) else (looks, "in the order given")
+    return Given(len(looks), _frames(ordered, settings or FolderSettings()), f"{len(looks)} frames {order}")
 
 
-def name_order(name: str) -> tuple[tuple[int, str], ...]:
-    """Sort key: IMG_9 before IMG_10."""
-    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d{1,18})", name))
+def _in_order(looks: list[Look]) -> tuple[list[Look], str]:
+    """Files that are in the order of their names, in the better order if there is one, and which it is."""
+    by_names = "in the order of their names"
+    times: dict[datetime, Look] = {}
+    for look in looks:
+        time = capture_time(look.path)
+        if time is None:
+            return looks, f"{by_names} ({look.name} tells no capture time)" if times else by_names
+        if time in times:
+            return looks, f"{by_names} ({times[time].name} and {look.name} have the same capture time)"
+        times[time] = look
+    return [times[time] for time in sorted(times)], "in the order of their capture times (EXIF)"
+
+
+def name_order(name: str) -> tuple[tuple[tuple[int, str], ...], str]:
+    """Sort key: IMG_9 before IMG_10; no two names have the same one."""
+    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)), name
 
 
 def looks_in(path: Path) -> list[Look]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from gcs_mosaic.frames.bands import decode_bands, needs_bands
 from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.frames.structure import StructureError, Whole
 from gcs_mosaic.frames.whole import MAX_PIXELS, NotWhole, is_whole
+
+logger = logging.getLogger(__name__)
 
 Bands = NDArray[Any]  # (h, w, bands) uint8 or uint16
 
@@ -64,6 +67,7 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
     except StructureError as error:
         return Unreadable(str(error))
     except cv2.error as error:
+        logger.info("a picture cannot be decoded", exc_info=True)
         return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})")
     if image is None:
         return Unreadable("cannot be decoded")

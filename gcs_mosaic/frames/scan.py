@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
+
+logger = logging.getLogger(__name__)
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
@@ -81,22 +85,36 @@ def _listing(folder: str) -> list[os.DirEntry[str]]:
     try:
         with os.scandir(folder) as listing:
             entries = list(listing)
-    except OSError:  # gone, or not ours to read
+    except OSError as error:  # gone, or not ours to read
+        _note_unreadable(folder, error)
         return []
     return [] if any(entry.name == _LEDGER for entry in entries) else entries
+
+
+def _note_unreadable(path: str, error: OSError) -> None:
+    if not isinstance(error, FileNotFoundError):
+        _note_once(path, error.strerror)
+
+
+@lru_cache(maxsize=1000)
+def _note_once(path: str, why: str | None) -> None:
+    """Once for each: a watched folder is looked at four times a second."""
+    logger.warning("%s cannot be looked at (%s): it is passed over", path, why)
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
     try:
         return entry.is_dir(follow_symlinks=False)
-    except OSError:  # a network mount that has been lost
+    except OSError as error:  # a network mount that has been lost
+        _note_unreadable(entry.path, error)
         return False
 
 
 def _look(entry: os.DirEntry[str], name: str) -> Look | None:
     try:
         status = entry.stat(follow_symlinks=False)
-    except OSError:
+    except OSError as error:
+        _note_unreadable(entry.path, error)
         return None
     if not stat.S_ISREG(status.st_mode):  # reading a pipe would wait for ever
         return None

@@ -3,6 +3,7 @@ somebody asked for it (`Speaker`)."""
 
 from __future__ import annotations
 
+import logging
 import math
 import socket
 import time
@@ -22,6 +23,8 @@ from gcs_mosaic.link.ports import bind_udp
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.signing import Signing
 from gcs_mosaic.link.wire import PacketReader
+
+logger = logging.getLogger(__name__)
 
 _LARGEST_DATAGRAM = 65535
 _MOST_PEERS = 32  # senders whose unfinished packets are kept; the one that was silent longest is forgotten
@@ -160,6 +163,7 @@ class CallingChannel:
         try:
             return self._socket.send(packet) > 0
         except OSError:
+            logger.debug("nothing can be sent", exc_info=True)
             return False
 
     def close(self) -> None:

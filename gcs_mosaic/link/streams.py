@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import select
 import socket
 import time
@@ -15,6 +16,8 @@ from gcs_mosaic.link.arrival import Arrival
 from gcs_mosaic.link.ports import listen_tcp
 from gcs_mosaic.link.settings import LinkSettings
 from gcs_mosaic.link.wire import PacketReader
+
+logger = logging.getLogger(__name__)
 
 _CHUNK = 4096
 _KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # seconds, seconds, questions: gone after 25 s
@@ -81,6 +84,7 @@ class StreamChannel:
             ready = select.select([], [self._stream], [], 0.0)[1]
             return (self._stream.write(data) or 0) if ready else 0
         except OSError:  # reading will find out what is wrong
+            logger.debug("nothing can be sent", exc_info=True)
             return 0
 
     def close(self) -> None:

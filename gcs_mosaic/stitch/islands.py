@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
-from gcs_mosaic.stitch.matching.evidence import SAMPLE
-from gcs_mosaic.stitch.matching.registration import Registration
-from gcs_mosaic.stitch.matching.witnesses import MAJORITY, confirmed_share
+from gcs_mosaic.stitch.matching.evidence import SAMPLE, log_odds
+from gcs_mosaic.stitch.matching.witnesses import confirmed_around
 from gcs_mosaic.stitch.neighbours import boxes_meet, boxes_shared
-from gcs_mosaic.stitch.network import Network, box_of, centres
+from gcs_mosaic.stitch.network import Bridge, CameraNumber, Lens, Network, box_of, centres
+from gcs_mosaic.stitch.projection import lens_row, with_lens
 from gcs_mosaic.stitch.search import Search
 
 Array = NDArray[np.float64]
@@ -34,6 +34,7 @@ LOG_AGREEMENT = 4.0
 LOG_BRIDGE = 2.0
 # Of a footprint's diagonal: nearer than this, the matches of two bridges may lie on one and the same thing.
 APART = 0.25
+MUCH = 0.5  # of a frame of the smaller island that lies on the larger one: then it can tell whether that is right
 WITNESSES = 3  # frames of the smaller island for which the overlap is looked into
 PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched with
 
@@ -42,50 +43,45 @@ PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched w
 class IslandSettings:
     """When islands are joined."""
 
-    # -log10 of wrong agreements expected: two bridges that agree give 8, one whatever its matches 2
-    least_evidence: float = 6.0
+    # -log10 of the chance that a join is wrong: two bridges that agree give 8, one whatever its matches 2, a frame that is
+    # confirmed all over by what the other island shows of its ground about 5, one that is in a quarter of it 3.2
+    least_evidence: float = 3.0
+    # frames of other islands, or waiting, that each one is compared with in a pause and at the end: 0.03 s each
+    tries_in_a_pause: int = 8
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Island:
+    """A part of the map; `merged_into` is the island that it has become part of."""
+
     number: int
     merged_into: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Bridge:
-    """Two frames of different islands that were registered with each other."""
-
-    frame_a: int
-    frame_b: int
-    registration: Registration  # of frame a with frame b
-
-    def turned(self) -> Bridge:
-        """The same bridge, seen from the other side."""
-        return Bridge(self.frame_b, self.frame_a, self.registration.turned())
-
-
 class Bridges:
-    """Keeps what connects islands until it suffices to join them."""
+    """Judges what connects islands, and joins them where it suffices."""
 
     def __init__(self, network: Network, search: Search, settings: IslandSettings) -> None:
         self._network = network
         self._search = search
         self._settings = settings
-        self._bridges: list[Bridge] = []
+
+    @property
+    def tries_in_a_pause(self) -> int:
+        return self._settings.tries_in_a_pause
 
     def add(self, newest: Bridge) -> list[Bridge]:
         """Keep a bridge; returns all that agree with it, the larger island's side first, if they prove the join."""
+        sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
+        stays, goes = sorted(sides, key=lambda island: (-self._network.count_members(island), island))
+        newest = self._from_side(newest, stays)
         if not self._agree(newest, newest):
             return []  # its own matches fit no similarity: the frames lie awry on their islands
-        self._bridges.append(newest)
-        sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
-        stays, goes = sorted(sides, key=lambda island: (-len(self._network.members(island)), island))
-        newest = self._from_side(newest, stays)
-        known = [bridge for bridge in self._between(stays, goes) if self._agree(bridge, newest)]
-        looked_for, share = self._look_into_overlap(stays, goes, known)
+        known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
+        looked_for, odds = self._look_into_overlap(stays, goes, known)
         agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
-        proven = share > MAJORITY and self._evidence(agreeing) >= self._settings.least_evidence
+        self._network.bridges.append(newest)
+        proven = odds > 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
         return agreeing if proven else []
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
@@ -93,19 +89,28 @@ class Bridges:
         network = self._network
         stays, goes = network.island_of(bridges[0].frame_a), network.island_of(bridges[0].frame_b)
         stays_from_goes = self._similarity(bridges)
-        for frame in network.members(goes).tolist():
-            network.put(frame, moved_by_similarity(network.pose_of(frame), *stays_from_goes), stays)
-            network.frames[frame].held = None
+        members = network.members(goes).tolist()
+        moved = [moved_by_similarity(network.pose_of(frame), *stays_from_goes) for frame in members]
+        network.put_all(members, moved, stays, self._reconciled_lenses(stays, goes))
+        for frame in members:
+            network.note(frame, held=None)
         for bridge in bridges:
             network.link(bridge.frame_a, bridge.frame_b, bridge.registration)
-        self._bridges = [b for b in self._bridges if network.island_of(b.frame_a) != network.island_of(b.frame_b)]
+        network.merge(goes, stays)
         return stays, goes
+
+    def _reconciled_lenses(self, stays: int, goes: int) -> dict[CameraNumber, Lens]:
+        """What two islands know of the cameras that both have, each weighing as much as it knows: where the adjustment of
+        the joined island begins."""
+        lenses = self._network.lenses
+        of_both = [number for island, number in lenses if island == goes and (stays, number) in lenses]
+        return {number: _reconciled(lenses[stays, number], lenses[goes, number]) for number in of_both}
 
     def _between(self, stays: int, goes: int) -> list[Bridge]:
         """All bridges between two islands, the first island's side as a."""
         return [
             self._from_side(bridge, stays)
-            for bridge in self._bridges
+            for bridge in self._network.bridges
             if {self._network.island_of(bridge.frame_a), self._network.island_of(bridge.frame_b)} == {stays, goes}
         ]
 
@@ -115,20 +120,22 @@ class Bridges:
     def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
         """Match frames that should overlap if the known bridges are right.
 
-        Returns what is found, and the share of the expected ground that is confirmed, of the worst witness.
+        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness.
         """
         network, stays_from_goes = self._network, self._similarity(known)
         found: list[Bridge] = []
-        shares: list[float] = []
+        odds: list[float] = []
         for witness in self._witnesses(stays, goes, stays_from_goes, known):
             pose = moved_by_similarity(network.pose_of(witness), *stays_from_goes)
             links = dict(islice(self._search.neighbour_links(witness, pose, stays), PAIRS_PER_WITNESS))
             links |= {bridge.frame_a: bridge.registration.turned() for bridge in known if bridge.frame_b == witness}
             matched = {other: link for other, link in links.items() if link is not None}
-            shares.append(confirmed_share(network, witness, pose, list(links), [m.pixels_a for m in matched.values()]))
+            pixels = [link.agreeing_a for link in matched.values()]
+            around = confirmed_around(network, witness, pose, stays, list(links), pixels)
+            odds.append(log_odds(around, network.true_share))
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
             found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]
-        return found, min(shares)
+        return found, min(odds)
 
     def _witnesses(self, stays: int, goes: int, stays_from_goes: Similarity, known: list[Bridge]) -> list[int]:
         """The newest bridge's frame, and those next to it that should see much of the other island.
@@ -140,7 +147,7 @@ class Bridges:
         boxes = {f: box_of(pose, network.camera_of(f)) for f, pose in moved.items()}
         others = network.boxes[network.members(stays)]
         shared = {f: boxes_shared(box, others[boxes_meet(box, others)]).max(initial=0.0) for f, box in boxes.items()}
-        inside = [f for f, share in shared.items() if share > MAJORITY and f != newest]
+        inside = [f for f, share in shared.items() if share > MUCH and f != newest]
         away = {f: float(np.linalg.norm(centres(boxes[f][None]) - centres(boxes[newest][None]))) for f in inside}
         return [newest, *sorted(inside, key=away.__getitem__)[: WITNESSES - 1]]
 
@@ -200,3 +207,12 @@ class Bridges:
     def _diagonal(self, frame: int) -> float:
         box = self._network.boxes[frame]
         return float(np.linalg.norm(box[2:] - box[:2]))
+
+
+def _reconciled(one: Lens, other: Lens) -> Lens:
+    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none."""
+    if one.information is None or other.information is None:
+        return other if one.information is None and other.information is not None else one
+    information = one.information + other.information
+    weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
+    return Lens(with_lens(one.camera, np.linalg.lstsq(information, weighted, rcond=None)[0]), information)

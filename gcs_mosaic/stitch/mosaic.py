@@ -4,7 +4,7 @@ In use:
 
     mosaic = Mosaic()
     for name, image in frames:
-        print(mosaic.add(image, name))   # Placement, Waiting or Rejection
+        print(mosaic.add(image, name))   # Placement, Covered, Waiting or Rejection
         mosaic.adjust()                  # as the map grows; mostly there is nothing to do
         for placement in mosaic.moved():
             ...                          # all that lie elsewhere than before, this frame among them
@@ -19,15 +19,19 @@ from gcs_mosaic.stitch.adjusting.assembly import Assembly
 from gcs_mosaic.stitch.adjusting.background import Worker
 from gcs_mosaic.stitch.adjusting.upkeep import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.covering import Covering, CoverSettings
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.matching.registration import RegistrationSettings
+from gcs_mosaic.stitch.matching.still import StillPattern
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.observer import Observer, island_residuals
-from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting, placement_of
+from gcs_mosaic.stitch.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
 from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.search import Search, SearchSettings
+from gcs_mosaic.stitch.tearing import HeldOut, Tearing
+from gcs_mosaic.stitch.transaction import Kept, transaction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +40,7 @@ class StitchSettings:
 
     features: FeatureSettings = field(default_factory=FeatureSettings)
     registration: RegistrationSettings = field(default_factory=RegistrationSettings)
+    cover: CoverSettings = field(default_factory=CoverSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
     islands: IslandSettings = field(default_factory=IslandSettings)
@@ -43,12 +48,15 @@ class StitchSettings:
     upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
 
 
-class Mosaic:
+class Mosaic(Kept):
     """Places frames on one canvas per island, from their pixels alone.
 
     Large islands are adjusted by `worker` while frames go on being placed, without one in `adjust`. `punctual`: the same
     frames always give the same map, however fast the worker is. `observer` is told what decides where frames lie.
+    A call that raises has changed nothing; of several islands to adjust, those that could be are adjusted.
     """
+
+    FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
 
     def __init__(
         self,
@@ -69,35 +77,53 @@ class Mosaic:
         placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
         bridges = Bridges(self._network, self._search, self.settings.islands)
         self._assembly = Assembly(self._network, self._search, placing, bridges, self._upkeep, observer)
-        self._numbers: dict[str, int] = {}
+        self._covering = Covering(self._network, self._search, self.settings.cover)
+        self._covered: list[Covered] = []
+        self._still = StillPattern()
+        self._tearing = Tearing(self._network, adjustment.relief)
 
     @property
     def islands(self) -> list[Island]:
         """All islands there have ever been, by number."""
-        return self._assembly.islands
+        return [Island(number, into) for number, into in enumerate(self._network.merged_into)]
 
-    def add(self, image: Bands, name: str) -> Placement | Waiting | Rejection:
+    def add(self, image: Bands, name: str) -> Outcome:
         """Find the features of an image (h, w[, bands]) uint8 or uint16 and place it."""
         return self.place(extract(image, self.settings.features), name)
 
-    def place(self, features: Features, name: str) -> Placement | Waiting | Rejection:
+    def place(self, features: Features, name: str) -> Outcome:
         """Place a frame by its features."""
-        if len(features) < self.settings.plausibility.least_features:
-            return Rejection(name, f"too little to see: {len(features)} features")
-        frame = self._numbers[name] = self._network.append(name, features)
-        self._search.take_in(features)
-        return placement_of(self._network, frame) if self._assembly.take_in(frame) else Waiting(name)
+        with transaction(self):
+            features = self._still.without(features, self.settings.features)
+            if len(features) < self.settings.plausibility.least_features:
+                return Rejection(name, f"too little to see: {len(features)} features")
+            compared = self._covering.look(name, features)
+            if isinstance(compared, Covered):
+                self._covered.append(compared)
+                return compared
+            frame = self._network.append(name, features)
+            return placement_of(self._network, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
 
     def retry_waiting(self) -> None:
         """Try all that wait with whatever has become known since: for the end of a flight."""
-        self._assembly.retry_waiting()
+        with transaction(self):
+            self._assembly.retry_waiting()
+
+    def connect_some(self, frames: int = 2) -> bool:
+        """While no frame comes, and at the end of a flight: compare some frames with those that look most like them and are
+        not connected with them. To be called again while it returns True; `adjust` is to follow."""
+        with transaction(self):
+            return self._assembly.connect_some(frames)
 
     def adjust(self, *, everything: bool = False) -> None:
         """After each frame: adjust the islands that have grown enough since the last time.
 
-        With `everything` all that have grown at all, and here and now: for the end of a flight.
+        With `everything` all that have grown at all, and here and now: for the end of a flight. Each island is adjusted or
+        left as it was; if it raises, for one of them, it may be called again.
         """
         self._upkeep.finish() if everything else self._upkeep.after_frame()
+        if everything:
+            self._tearing.forget_all()
 
     def adjust_in_a_pause(self) -> bool:
         """While no frame comes: adjust all islands that have grown. To be called again while it returns True."""
@@ -114,37 +140,39 @@ class Mosaic:
         Besides the frame just placed these are frames that had waited for it, islands that it joined, and what the
         adjustment moved.
         """
-        moved = sorted(self._network.moved)
+        moved = [placement_of(self._network, frame) for frame in sorted(self._network.moved)]
         self._network.moved.clear()
-        return [placement_of(self._network, frame) for frame in moved]
+        return moved
 
     def hold(self, name: str, pose: Pose, camera: Camera) -> None:
         """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
-        self._network.frames[self._numbers[name]].held = (pose, camera)
-
-    def forget(self, name: str) -> None:
-        """Take a frame out again that was interrupted while it was placed; one that was never taken in is none."""
-        frame = self._numbers.get(name)
-        if frame is not None:
-            self._network.take_back(frame)
-            self._assembly.waiting.remove(frame)
+        self._network.note(self._network.numbers[name], held=(pose, camera))
 
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
         return [placement_of(self._network, frame) for frame in self._network.placed().tolist()]
 
+    def covered(self) -> list[Covered]:
+        """All frames that placed ones cover, in the order in which they came."""
+        return list(self._covered)
+
     def frame_counts(self) -> dict[int, int]:
         """Placed frames by island."""
         return self._network.frame_counts()
 
+    def held_out(self) -> dict[int, HeldOut]:
+        """How far each island, as its frames lie now, tears matches apart that it was not fitted to; none of small ones."""
+        return self._tearing.of_islands()
+
     def waiting(self) -> list[Waiting]:
         """Frames that match nothing so far."""
-        return [Waiting(self._network.frames[frame].name) for frame in self._assembly.waiting]
+        return [Waiting(self._network.frames[frame].name) for frame in self._network.waiting]
 
     def finish(self) -> list[Rejection]:
         """Nothing more will come: what still waits is rejected."""
         return [Rejection(w.name, "matches no other frame") for w in self.waiting()]
 
     def _tell_adjusted(self, island: int) -> None:
-        if self._observer and (residuals := island_residuals(self._network, island)):
-            self._observer.adjusted(island, residuals)
+        self._tearing.forget(island)
+        if self._observer:
+            self._observer.adjusted(island, lambda: island_residuals(self._network, island))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,8 @@ from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
 from gcs_mosaic.stitch.network import Network
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import on_plane
+
+logger = logging.getLogger(__name__)
 
 Array = NDArray[np.float64]
 
@@ -39,8 +42,35 @@ class Observer(Protocol):
     def placed(self, placement: Placement) -> None:
         """A frame lies on the map for the first time, or again after it was taken back."""
 
-    def adjusted(self, island: int, residuals: Sequence[Residuals]) -> None:
-        """A whole island was adjusted, and this is left over, frame by frame."""
+    def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
+        """A whole island was adjusted, and `residuals()` tells what is left over, frame by frame, if asked at once."""
+
+
+class Observers:
+    """Passes everything on to several. One that raises is told no more: whoever looks on must not change what happens."""
+
+    def __init__(self, *observers: Observer | None) -> None:
+        self._observers = [observer for observer in observers if observer is not None]
+
+    def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:
+        self._tell(lambda observer: observer.registered(a, b, found))
+
+    def disbelieved(self, name: str, beside: str, reason: str) -> None:
+        self._tell(lambda observer: observer.disbelieved(name, beside, reason))
+
+    def placed(self, placement: Placement) -> None:
+        self._tell(lambda observer: observer.placed(placement))
+
+    def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
+        self._tell(lambda observer: observer.adjusted(island, residuals))
+
+    def _tell(self, what: Callable[[Observer], None]) -> None:
+        for observer in list(self._observers):
+            try:
+                what(observer)
+            except Exception:
+                logger.exception("%s has failed, and looks on no more", type(observer).__name__)
+                self._observers.remove(observer)
 
 
 def island_residuals(network: Network, island: int) -> list[Residuals]:

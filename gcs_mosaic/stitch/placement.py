@@ -42,6 +42,20 @@ class Placement:
 
 
 @dataclass(frozen=True, slots=True)
+class Covered:
+    """A frame that shows nothing which the placed frame `by`, its keyframe, does not; it lies where that one lies."""
+
+    name: str
+    by: str
+    by_from_frame: Homography  # full-resolution pixels of this frame to those of its keyframe
+
+    def canvas_from_frame(self, keyframe: Placement) -> Array:
+        """The homography (3x3) from full-resolution pixels to the canvas, as its keyframe lies."""
+        canvas_from_frame = keyframe.canvas_from_frame @ np.array(self.by_from_frame)
+        return np.asarray(canvas_from_frame / canvas_from_frame[2, 2])
+
+
+@dataclass(frozen=True, slots=True)
 class Waiting:
     """A frame that matches nothing yet; it is tried again when new ground is known."""
 
@@ -54,6 +68,9 @@ class Rejection:
 
     name: str
     reason: str
+
+
+Outcome = Placement | Covered | Waiting | Rejection
 
 
 def placement_of(network: Network, frame: int) -> Placement:

@@ -11,14 +11,15 @@ from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.adjusting.certainty import note_resected
 from gcs_mosaic.stitch.adjusting.solving import Resected, adjust_island, level_pose_over, resect
-from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.matching.evidence import log_odds
 from gcs_mosaic.stitch.matching.registration import Registration
-from gcs_mosaic.stitch.matching.witnesses import MAJORITY, confirmed_share
-from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.matching.witnesses import confirmed_around
+from gcs_mosaic.stitch.network import LENS_KNOWN, Network
 from gcs_mosaic.stitch.relief.estimation import note_relief
 from gcs_mosaic.stitch.search import Search
+from gcs_mosaic.stitch.transaction import attempt
 
-LENS_KNOWN = 5  # frames after which a lens is known well enough to judge residuals
 UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
 
 
@@ -32,6 +33,9 @@ class PlausibilitySettings:
     most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
     steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
     largest_zoom: float = 5.0  # change of height against a linked frame that is still believed
+    # log10 of how much likelier what is found around a frame is if it lies there than if something only looks alike: below
+    # this it is refused; a little below nought, because a pair of frames that match for certain speaks for it already
+    least_log_odds: float = -0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,40 +59,39 @@ class Placing:
     def pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
         """The pose of a frame that was registered with a placed one, and its links with all that it overlaps.
 
-        Links are kept only if the result is to be believed.
+        Nothing is changed if the result is not to be believed.
         """
-        island = self._network.island_of(other)
-        before = self._as_it_is(island)
-        self._network.link(frame, other, registration)
-        found = self._believable_pose(frame, self._rough_poses(frame, other, registration))
-        if isinstance(found, Pose):
-            links = {other: registration, **dict(self._search.neighbour_links(frame, found, island))}
-            matched = {neighbour: link for neighbour, link in links.items() if link is not None}
-            for neighbour, link in matched.items():
-                self._network.link(frame, neighbour, link)
-            found = self._believable_pose(frame, [found])
+        with attempt(self._network) as trial:
+            found = self._pose_beside(frame, other, registration)
             if isinstance(found, Pose):
-                found = self._borne_out(frame, found, list(links), list(matched.values()))
-        if isinstance(found, Disbelief):
-            self._network.take_back(frame)
-            self._restore(island, before)
+                trial.keep()
         return found
 
-    def _as_it_is(self, island: int) -> tuple[list[Camera], dict[int, Pose]]:
-        """Lenses and poses that a frame may change before it is believed: those of an island of a few frames."""
-        few = self._network.members(island).tolist() if self._network.count_members(island) < LENS_KNOWN else []
-        return list(self._network.cameras), {member: self._network.pose_of(member) for member in few}
+    def _pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
+        island = self._network.island_of(other)
+        self._network.link(frame, other, registration)
+        found = self._believable_pose(frame, self._rough_poses(frame, other, registration), island)
+        if isinstance(found, Disbelief):
+            return found
+        links = {other: registration, **dict(self._search.neighbour_links(frame, found, island))}
+        matched = {neighbour: link for neighbour, link in links.items() if link is not None}
+        for neighbour, link in matched.items():
+            self._network.link(frame, neighbour, link)
+        found = self._believable_pose(frame, [found], island)
+        if isinstance(found, Disbelief):
+            return found
+        return self._borne_out(frame, found, island, list(links), list(matched.values()))
 
-    def _restore(self, island: int, before: tuple[list[Camera], dict[int, Pose]]) -> None:
-        cameras, poses = before
-        self._network.cameras[:] = cameras
-        for member, pose in poses.items():
-            self._network.put(member, pose, island)
-
-    def _borne_out(self, frame: int, pose: Pose, others: list[int], matched: list[Registration]) -> Pose | Disbelief:
+    def _borne_out(
+        self, frame: int, pose: Pose, island: int, others: list[int], matched: list[Registration]
+    ) -> Pose | Disbelief:
         """The pose, if what the other frames see around it was found in the frame."""
-        share = confirmed_share(self._network, frame, pose, others, [link.pixels_a for link in matched])
-        return pose if share > MAJORITY else Disbelief(f"only {share:.0%} of what it should show was found in it")
+        network = self._network
+        found = confirmed_around(network, frame, pose, island, others, [link.agreeing_a for link in matched])
+        if log_odds(found, network.true_share) < self._plausibility.least_log_odds:
+            return Disbelief(f"only {found.share:.0%} of what it should show was found in it")
+        network.note_believed(found.cells, found.share)
+        return pose
 
     def note_relief(self, frame: int) -> None:
         """Measure the relief displacement of a frame that has just been put at its pose."""
@@ -101,7 +104,7 @@ class Placing:
         on_ground = np.isfinite(places).all(axis=1)
         if on_ground.sum() < 4:
             return []
-        own = self._network.camera_of(frame)
+        own = self._network.camera_on(self._network.island_of(other), self._network.frames[frame].camera)
         homography = geometry.pinhole_homography(pose, camera) @ registration.b_from_a
         tilted = geometry.pose_from_homography(homography, own)
         return [
@@ -109,22 +112,21 @@ class Placing:
             *([tilted] if tilted else []),
         ]
 
-    def _believable_pose(self, frame: int, rough: list[Pose]) -> Pose | Disbelief:
-        """The frame's best pose against its links from any of the rough ones, if it is to be believed."""
-        found = [resect(self._network, frame, pose, self._adjustment) for pose in rough]
+    def _believable_pose(self, frame: int, rough: list[Pose], island: int) -> Pose | Disbelief:
+        """The frame's best pose on an island against its links from any of the rough ones, if it is to be believed."""
+        found = [resect(self._network, frame, pose, island, self._adjustment) for pose in rough]
         best = min(found, key=lambda resected: resected.residual_px, default=None)
         if best is None:
             return Disbelief("what it has in common with the other lies above its horizon")
-        doubt = self._doubt(frame, best)
+        doubt = self._doubt(frame, best, island)
         if not doubt:
             note_resected(self._network, frame, best.pose, best.corner_deviation_px)
             return best.pose
-        return self._pose_with_all_free(frame, best.pose) or Disbelief(doubt)
+        return self._pose_with_all_free(frame, best.pose, island) or Disbelief(doubt)
 
-    def _pose_with_all_free(self, frame: int, rough: Pose) -> Pose | None:
+    def _pose_with_all_free(self, frame: int, rough: Pose, island: int) -> Pose | None:
         """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
         network = self._network
-        island = network.island_of(next(iter(network.frames[frame].inliers)))
         others = [member for member in network.members(island).tolist() if member != frame]
         if len(others) >= LENS_KNOWN:
             return None
@@ -135,13 +137,14 @@ class Placing:
         possible = not any(self._impossible(member, network.pose_of(member)) for member in [frame, *others])
         return state.pose if fits and possible else None
 
-    def _doubt(self, frame: int, resected: Resected) -> str:
+    def _doubt(self, frame: int, resected: Resected, island: int) -> str:
         """Why a pose does not fit its links, is not determined by them, or is none that an aircraft can have; or nothing."""
         settings = self._plausibility
-        most_px = self._residual_limit(frame)
+        most_px = self._residual_limit(frame, island)
         if not resected.residual_px <= most_px:
             return f"misses its matches by {resected.residual_px:.1f} px, {most_px:.1f} allowed"
-        most_deviation_px = settings.most_deviation * self._network.camera_of(frame).half_diagonal
+        camera = self._network.camera_on(island, self._network.frames[frame].camera)
+        most_deviation_px = settings.most_deviation * camera.half_diagonal
         if not resected.cautious_deviation_px <= most_deviation_px:
             return f"a corner is only known to {resected.cautious_deviation_px:.0f} px, {most_deviation_px:.0f} allowed"
         return self._impossible(frame, resected.pose)
@@ -156,8 +159,8 @@ class Placing:
         zoom = math.exp(max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0))
         return "" if zoom <= settings.largest_zoom else f"change of height by {zoom:.1f}"
 
-    def _residual_limit(self, frame: int) -> float:
+    def _residual_limit(self, frame: int, island: int) -> float:
         """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
-        shown = self._network.count_placed(self._network.frames[frame].camera, LENS_KNOWN)
+        shown = self._network.count_with_camera(island, self._network.frames[frame].camera, LENS_KNOWN)
         limit = self._plausibility.most_residual_px
         return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gcs_mosaic.stitch.geometry import LEAST_SLOPE, Camera, Pose, lens_reach, undistorted_radius
 
@@ -40,9 +40,9 @@ def lens_row(camera: Camera) -> tuple[float, ...]:
     return (math.log(camera.focal), camera.k1, camera.k2, camera.shift_x, camera.shift_y)
 
 
-def with_lens(camera: Camera, row: Array) -> Camera:
+def with_lens(camera: Camera, row: ArrayLike) -> Camera:
     """The camera with the lens of this row (5,)."""
-    log_focal, k1, k2, shift_x, shift_y = (float(value) for value in row)
+    log_focal, k1, k2, shift_x, shift_y = (float(value) for value in np.asarray(row))
     return replace(camera, focal=math.exp(log_focal), k1=k1, k2=k2, shift_x=shift_x, shift_y=shift_y)
 
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gcs_mosaic.stitch import neighbours
-from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.matching.features import Features
-from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration, RegistrationSettings, register
-from gcs_mosaic.stitch.matching.retrieval import RetrievalIndex
+from gcs_mosaic.stitch.matching.registration import NotRegistered, Part, Registration, RegistrationSettings, register
 from gcs_mosaic.stitch.network import Network, box_of, centres
 from gcs_mosaic.stitch.observer import Observer
+
+View = tuple[Pose, Camera]
 
 # Frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ.
 PER_NEIGHBOUR = 4
@@ -44,19 +46,19 @@ class Search:
         self._settings = settings
         self._registration = registration
         self._observer = observer
-        self._retrieval = RetrievalIndex()
 
-    def take_in(self, features: Features) -> None:
-        """Make a frame findable by likeness; to be called once per frame of the network, in order."""
-        self._retrieval.add(features)
+    def first_links(
+        self, frame: int, last: int, compared: Mapping[int, Registration | None] = MappingProxyType({})
+    ) -> Iterator[tuple[int, Registration]]:
+        """Placed frames that this one can be registered with, the likeliest first; `last` was placed last.
 
-    def first_links(self, frame: int, last: int) -> Iterator[tuple[int, Registration]]:
-        """Placed frames that this one can be registered with, the likeliest first; `last` was placed last."""
+        `compared`: what came of comparing it with some of them already.
+        """
         tried: set[int] = set()
         for other in self._candidates(frame, last):
             if other not in tried:
                 tried.add(other)
-                registration = self.register(frame, other)
+                registration = compared[other] if other in compared else self.register(frame, other)
                 if registration is not None:
                     yield other, registration
 
@@ -69,18 +71,28 @@ class Search:
         others = np.asarray(among, dtype=np.intp)
         others = others[others != frame]
         features = self._network.frames[frame].features
-        return self._retrieval.likeliest(features, others, self._settings.wide_tries if count is None else count)
+        return self._network.retrieval.likeliest(
+            features, others, self._settings.wide_tries if count is None else count
+        )
 
     def register(self, frame: int, other: int) -> Registration | None:
         """Register two frames that may lie anywhere."""
         a, b = self._network.frames[frame].features, self._network.frames[other].features
-        return self._told(frame, other, register(a, b, self._registration))
+        parts = (Part(again=self._network.matched_before(f)) for f in (frame, other))
+        return self._told(frame, other, register(a, b, self._registration, *parts))
+
+    def compare(self, name: str, features: Features, other: int) -> Registration | None:
+        """Register a frame that is not of the network yet with one that is; the same as `register` once it is."""
+        part = Part(again=self._network.matched_before(other))
+        found = register(features, self._network.frames[other].features, self._registration, part_b=part)
+        return self._told_of(name, other, found)
 
     def neighbour_links(self, frame: int, pose: Pose, island: int) -> Iterator[tuple[int, Registration | None]]:
         """Links of a frame at a rough pose with those it should overlap, spread over all directions; None where none is."""
-        for other in self._overlapping(frame, pose, island):
+        camera = self._network.camera_on(island, self._network.frames[frame].camera)
+        for other in self._overlapping(frame, pose, camera, island):
             if other not in self._network.frames[frame].inliers:
-                yield other, self._register_in_place(frame, pose, other)
+                yield other, self._register_in_place(frame, (pose, camera), other)
 
     def _nearby(self, last: int) -> list[int]:
         """The last placed frame, then those that meet its region of interest, nearest first."""
@@ -92,12 +104,12 @@ class Search:
         order = [int(here[i]) for i in np.argsort(far, kind="stable") if here[i] != last]
         return [last, *order][: self._settings.first_tries]
 
-    def _overlapping(self, frame: int, pose: Pose, island: int) -> list[int]:
+    def _overlapping(self, frame: int, pose: Pose, camera: Camera, island: int) -> list[int]:
         """Frames of the island that share ground with this pose, spread over all directions, the best of each first.
 
         A climb puts hundreds of frames inside the box of one: the boxes choose those whose overlap is worked out.
         """
-        network, camera, count = self._network, self._network.camera_of(frame), self._settings.neighbours
+        network, count = self._network, self._settings.neighbours
         box = box_of(pose, camera)
         members = network.members(island)
         members = members[(members != frame) & neighbours.boxes_meet(box, network.boxes[members])]
@@ -111,16 +123,21 @@ class Search:
         chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
         return [int(f) for f in members[keep][chosen]]
 
-    def _register_in_place(self, frame: int, pose: Pose, other: int) -> Registration | None:
+    def _register_in_place(self, frame: int, view_a: View, other: int) -> Registration | None:
         """Register two frames by the features that both should see, as far as their poses are known."""
         network = self._network
         a, b = network.frames[frame].features, network.frames[other].features
-        view_a, view_b = (pose, network.camera_of(frame)), (network.pose_of(other), network.camera_of(other))
+        view_b = network.pose_of(other), network.camera_of(other)
         seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
-        return self._told(frame, other, register(a, b, self._registration, seen_a, seen_b))
+        part_a = Part(seen_a, network.matched_before(frame))
+        part_b = Part(seen_b, network.matched_before(other))
+        return self._told(frame, other, register(a, b, self._registration, part_a, part_b))
 
     def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
+        return self._told_of(self._network.frames[frame].name, other, found)
+
+    def _told_of(self, name: str, other: int, found: Registration | NotRegistered) -> Registration | None:
         if self._observer:
-            self._observer.registered(self._network.frames[frame].name, self._network.frames[other].name, found)
+            self._observer.registered(name, self._network.frames[other].name, found)
         return found if isinstance(found, Registration) else None

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from gcs_mosaic.stitch.transaction import Kept
+
 TURN_AFTER = 8  # newly placed frames after which a waiting one is tried again with the likeliest of them
 
 
-class WaitingFrames:
+class WaitingFrames(Kept):
     """Remembers who waits. Iterates over them in the order in which they came."""
 
     def __init__(self) -> None:

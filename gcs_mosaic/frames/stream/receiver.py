@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import queue
 import threading
 import time
@@ -17,6 +18,8 @@ from gcs_mosaic.frames.stream.address import StreamAddress
 from gcs_mosaic.frames.stream.connection import Connection, NotConnected
 from gcs_mosaic.frames.stream.ring import Ring
 from gcs_mosaic.frames.stream.settings import StreamSettings
+
+logger = logging.getLogger(__name__)
 
 _STOP_S = 0.5  # for the thread to end; one that waits for a silent camera is left to itself
 
@@ -75,8 +78,12 @@ class Receiver:
         """One connection to its end; returns why it ended, whatever went wrong: nobody would notice a thread that died."""
         try:
             return self._receive(address)
-        except Exception as error:  # its text may hold the address
-            return f"a fault of the kind {type(error).__name__}"
+        except Exception as error:
+            reason = f"a fault of the kind {type(error).__name__}"  # its own words may hold the address
+            if reason != self._said:  # else once for each attempt
+                fault = RuntimeError(reason).with_traceback(error.__traceback__)
+                logger.error("%s cannot be received", address.shown, exc_info=fault)
+            return reason
 
     def _receive(self, address: StreamAddress) -> str:
         """One connection to its end; returns why it ended."""

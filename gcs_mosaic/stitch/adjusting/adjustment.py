@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from gcs_mosaic.stitch.adjusting.lens import believable
 from gcs_mosaic.stitch.adjusting.normal import assembled, solve, unknowns
 from gcs_mosaic.stitch.adjusting.problem import Problem
 from gcs_mosaic.stitch.adjusting.residuals import parts, weighed, whitenings
@@ -55,16 +56,59 @@ class Solution:
 
 
 def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
-    """Best poses and lenses for the matches and the priors."""
-    state = _evaluate(problem, settings, [whitenings(part) for part in parts(problem)])
-    damping, steps, fall = 1e-4, 0, math.inf
-    while steps < settings.steps and fall >= settings.step_tolerance:
+    """Best poses and lenses for the matches and the priors.
+
+    What misfits by more than a pixel (woods, rolling shutters) misfits alike in all matches of a pair, and a lens would
+    follow it: the more the matches miss in the end, the less they may say of the lens, and all is adjusted once more.
+    """
+    state = _converged(_first_state(problem, settings), settings)
+    excess = _excess(state)
+    if problem.lens_free and excess > 1:
+        state = _converged(_with_firmer_lens_prior(state, settings, excess), settings)
+    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, state.steps)
+
+
+def _converged(state: _State, settings: AdjustmentSettings) -> _State:
+    damping, most, fall = 1e-4, state.steps + settings.steps, math.inf
+    while state.steps < most and fall >= settings.step_tolerance:
         candidate, damping = _descend(state, settings, damping)
         if candidate is None:
             break
         fall = (state.cost - candidate.cost) / max(state.cost, 1e-12)
-        state, steps = candidate, steps + 1
-    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, steps)
+        state = replace(candidate, steps=state.steps + 1)
+    return state
+
+
+def any_lens(settings: AdjustmentSettings) -> tuple[Array, Array]:
+    """What is expected of a lens of which nothing is known, and its standard deviation, (5,) each."""
+    shift = settings.shift_prior_sigma
+    sigma = [settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift]
+    return np.array([np.log(settings.focal_prior), 0.0, 0.0, 0.0, 0.0]), np.array(sigma)
+
+
+def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
+    """Where the adjustment begins, with the lenses' priors filled in."""
+    if problem.lens_prior is None:
+        mean, sigma = (np.tile(row, (len(problem.lenses), 1)) for row in any_lens(settings))
+        problem = replace(problem, lens_prior=np.stack([mean, sigma]))
+    return _evaluate(problem, settings, [whitenings(part) for part in parts(problem)])
+
+
+def _excess(state: _State) -> float:
+    """How much larger squared residuals are than where matches are only off by a pixel either way."""
+    size2 = state.residuals_px[np.isfinite(state.residuals_px)] ** 2
+    return min(float(np.median(size2)) / EXPECTED_SIZE2, MOST_EXCESS) if len(size2) else 1.0
+
+
+def _with_firmer_lens_prior(state: _State, settings: AdjustmentSettings, excess: float) -> _State:
+    assert state.problem.lens_prior is not None, "the first state fills it in"
+    mean, sigma = state.problem.lens_prior
+    firmer = replace(state.problem, lens_prior=np.stack([mean, sigma / math.sqrt(excess)]))
+    return replace(_evaluate(firmer, settings, state.whitenings), steps=state.steps)
+
+
+EXPECTED_SIZE2 = 2 * math.log(2)  # median of the squared size of a residual whose parts deviate by a pixel each
+MOST_EXCESS = 25.0  # times that; more is no misfit but matches that are wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +119,7 @@ class _State:
     normal: sparse.csc_matrix  # over the free unknowns
     gradient: Array
     residuals_px: Array
+    steps: int = 0  # that led here
 
 
 def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State | None, float]:
@@ -93,7 +138,7 @@ def _stepped(problem: Problem, step: Array) -> Problem:
     poses, lenses = problem.poses.copy(), problem.lenses.copy()
     poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
     if problem.lens_free:
-        lenses += step[pose_unknowns:].reshape(-1, LENS_TERMS)
+        lenses = believable(lenses + step[pose_unknowns:].reshape(-1, LENS_TERMS))
     return replace(problem, poses=poses, lenses=lenses)
 
 
@@ -126,13 +171,13 @@ def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Arra
     cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
     if not problem.lens_free:
         return float(cost), diagonal.ravel(), gradient.ravel()
-    shift = settings.shift_prior_sigma
-    sigma = np.array([settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift])
-    lens = (problem.lenses - [np.log(settings.focal_prior), 0.0, 0.0, 0.0, 0.0]) / sigma
+    assert problem.lens_prior is not None, "the first state fills it in"
+    mean, sigma = problem.lens_prior
+    lens = (problem.lenses - mean) / sigma
     cost += (lens**2).sum()
     return (
         float(cost),
-        np.concatenate([diagonal.ravel(), np.broadcast_to(1 / sigma**2, lens.shape).ravel()]),
+        np.concatenate([diagonal.ravel(), (1 / sigma**2).ravel()]),
         np.concatenate([gradient.ravel(), (lens / sigma).ravel()]),
     )
 

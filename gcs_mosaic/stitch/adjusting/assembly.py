@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+
+import numpy as np
 
 from gcs_mosaic.stitch.adjusting.upkeep import Upkeep
 from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.islands import Bridge, Bridges, Island
+from gcs_mosaic.stitch.islands import Bridges
 from gcs_mosaic.stitch.matching.registration import Registration
-from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.network import NOWHERE, Bridge, Network
 from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.placement import placement_of
 from gcs_mosaic.stitch.placing import Placing
 from gcs_mosaic.stitch.search import Search
-from gcs_mosaic.stitch.waiting import WaitingFrames
+from gcs_mosaic.stitch.transaction import attempt
 
 WAITING_TRIES = 2  # waiting frames, or founders that nothing has joined, that a newly placed one is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
 
 
 class Assembly:
-    """Puts frames on islands, and islands together. `islands`: all there have ever been, by number."""
+    """Puts frames of a network on islands, and islands together. Remembers nothing itself."""
 
     def __init__(
         self,
@@ -31,48 +35,102 @@ class Assembly:
         upkeep: Upkeep,
         observer: Observer | None = None,
     ) -> None:
-        self.islands: list[Island] = []
-        self.waiting = WaitingFrames()
         self._network = network
         self._search = search
         self._placing = placing
         self._bridges = bridges
         self._upkeep = upkeep
         self._observer = observer
-        self._last_placed = 0
 
-    def take_in(self, frame: int) -> bool:
-        """Place a frame of the network that is new, and all that finds its place because of it; False if it must wait."""
-        if not self.islands:
-            self._found_island(frame)
-        elif not (self._place_among_placed(frame) or self._found_with_waiting(frame)):
-            self.waiting.add(frame)
-            return False
-        self._use_what_is_new(frame)
-        return True
+    def take_in(self, frame: int, compared: Mapping[int, Registration | None] = MappingProxyType({})) -> bool:
+        """Place a frame of the network that is new, and all that finds its place because of it; False if it must wait.
+
+        `compared`: what came of comparing it with some placed frames already.
+        """
+        placed = self._place_first(frame, compared)
+        if not placed:
+            self._network.waiting.add(frame)
+        self._use_what_is_new(placed)
+        return bool(placed)
 
     def retry_waiting(self) -> None:
         """Try every frame that waits once more, and again as long as any finds its place."""
-        self.waiting.forget_comparisons()
-        while any(self._retry(frame) for frame in self.waiting):
+        self._network.waiting.forget_comparisons()
+        while any(self._retry(frame) for frame in self._network.waiting):
             pass
 
-    def _found_island(self, frame: int) -> int:
+    def connect_some(self, frames: int) -> bool:
+        """In a pause: compare so many frames with those that look most like them and are not connected with them.
+
+        False if there is nothing left to compare: every frame has been, since something new was known last.
+        """
+        network = self._network
+        if not network.frames_to_ask and network.asked_when != self._what_is_known():
+            network.frames_to_ask, network.asked_when = self._apart_from_most(), self._what_is_known()
+        asked, network.frames_to_ask = network.frames_to_ask[:frames], network.frames_to_ask[frames:]
+        for frame in asked:
+            for other in self._search.likeliest(frame, self._apart_from(frame), self._bridges.tries_in_a_pause):
+                pair = min(frame, other), max(frame, other)
+                if pair not in network.compared and other in self._apart_from(frame):
+                    network.compared.add(pair)
+                    self._compare(frame, other)
+        return bool(network.frames_to_ask) or network.asked_when != self._what_is_known()
+
+    def _what_is_known(self) -> tuple[int, int]:
+        """Changes whenever a frame is placed or islands are joined."""
+        placed = int(np.count_nonzero(self._network.islands != NOWHERE))
+        return placed, sum(into is not None for into in self._network.merged_into)
+
+    def _apart_from_most(self) -> list[int]:
+        """Frames that wait, and those of all islands but the largest, the smallest first."""
+        islands = sorted(self._network.frame_counts().items(), key=lambda island: (island[1], -island[0]))
+        return [
+            *self._network.waiting,
+            *(frame for island, _ in islands[:-1] for frame in self._network.members(island).tolist()),
+        ]
+
+    def _apart_from(self, frame: int) -> list[int]:
+        """Frames that are not connected with this one: of other islands, or waiting."""
+        network = self._network
+        placed = network.placed() if network.islands[frame] == NOWHERE else network.elsewhere(network.island_of(frame))
+        return [*placed.tolist(), *(other for other in network.waiting if other != frame)]
+
+    def _compare(self, frame: int, other: int) -> None:
+        """Two frames that may show one ground: join their islands, place the one that waits, or found an island with both."""
+        network = self._network
+        islands = network.islands[[frame, other]]
+        if (islands == NOWHERE).all():
+            self._use_what_is_new(self._founded_together(frame, other))
+        elif (islands == NOWHERE).any():
+            waiting, placed = (frame, other) if islands[0] == NOWHERE else (other, frame)
+            self._use_what_is_new(list(self._placed_waiting(waiting, [placed])))
+        elif islands[0] != islands[1] and not self._came_home(frame, other):
+            self._joined_by(frame, other)
+
+    # A frame finds its place
+
+    def _place_first(self, frame: int, compared: Mapping[int, Registration | None]) -> list[int]:
+        """The frame, if it is the first of all or can be placed; and another that it has founded an island with."""
+        if not self._network.merged_into:
+            self._found_island(frame)
+            return [frame]
+        links = self._search.first_links(frame, self._network.last_placed, compared)
+        if any(self._place_beside(frame, other, registration) for other, registration in links):
+            return [frame]
+        return self._found_with_waiting(frame)
+
+    def _found_island(self, frame: int) -> None:
         """The frame lies level and at its own resolution on a canvas of its own."""
-        self.islands.append(Island(len(self.islands)))
-        self._settle(frame, Pose(*self._network.camera_of(frame).centre), self.islands[-1].number)
-        return self.islands[-1].number
+        island, network = self._network.found_island(), self._network
+        camera = network.camera_on(island, network.frames[frame].camera)
+        self._settle(frame, Pose(*camera.centre), island)
 
     def _settle(self, frame: int, pose: Pose, island: int) -> None:
         self._network.put(frame, pose, island)
-        self._last_placed = frame
+        self._network.last_placed = frame
         self._upkeep.grow(island)
         if self._observer:
             self._observer.placed(placement_of(self._network, frame))
-
-    def _place_among_placed(self, frame: int) -> bool:
-        links = self._search.first_links(frame, self._last_placed)
-        return any(self._place_beside(frame, other, registration) for other, registration in links)
 
     def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
         """Place a frame from its first link; False (and nothing kept) if the result is not to be believed."""
@@ -85,52 +143,70 @@ class Assembly:
             self._observer.disbelieved(name, beside, found.reason)
         return isinstance(found, Pose)
 
-    def _found_with_waiting(self, frame: int) -> bool:
+    def _found_with_waiting(self, frame: int) -> list[int]:
         """Two frames that match nothing but each other found an island."""
-        for other in self._search.likeliest(frame, list(self.waiting)):
-            registration = self._search.register(frame, other)
-            if registration is None:
-                continue
-            last, island = self._last_placed, self._found_island(other)
-            if self._place_beside(frame, other, registration):
-                self.waiting.remove(other)
-                self._use_what_is_new(other)
-                return True
-            self.islands.pop()
-            self._upkeep.forget(island)
-            self._network.take_back(other)
-            self._last_placed = last
-        return False
+        for other in self._search.likeliest(frame, list(self._network.waiting)):
+            if founded := self._founded_together(frame, other):
+                return founded
+        return []
 
-    def _use_what_is_new(self, frame: int) -> None:
-        """A newly placed frame may give waiting ones their place, or connect its island with another."""
-        self.waiting.note_placed(frame)
-        for other in self._search.likeliest(frame, list(self.waiting), WAITING_TRIES):
-            self._place_waiting(other, [frame])
-        turn = self.waiting.next_turn()
+    def _founded_together(self, frame: int, other: int) -> list[int]:
+        """Both frames, if they can be placed beside each other on an island of their own; none of them lies anywhere yet."""
+        registration = self._search.register(frame, other)
+        if registration is None:
+            return []
+        with attempt(self._network, self._upkeep) as trial:
+            self._found_island(other)
+            if self._place_beside(frame, other, registration):
+                self._network.waiting.remove(frame)
+                self._network.waiting.remove(other)
+                trial.keep()
+        return [other, frame] if trial.kept else []
+
+    # What a newly placed frame makes possible
+
+    def _use_what_is_new(self, placed: Iterable[int]) -> None:
+        """Newly placed frames may give waiting ones their place, and so on, or connect their island with another."""
+        new = deque(placed)
+        while new:
+            frame = new.popleft()
+            new.extend(self._waiting_beside(frame))
+            self._connect_islands(frame)
+
+    def _waiting_beside(self, frame: int) -> Iterator[int]:
+        """Frames that have waited and find their place beside a newly placed one, or whose turn it is."""
+        waiting = self._network.waiting
+        waiting.note_placed(frame)
+        for other in self._search.likeliest(frame, list(waiting), WAITING_TRIES):
+            yield from self._placed_waiting(other, [frame])
+        turn = waiting.next_turn()
         if turn:
             other, new = turn
-            self._place_waiting(other, self._search.likeliest(other, self._still_placed(new), WAITING_TRIES))
-        self._connect_islands(frame)
+            yield from self._placed_waiting(
+                other, self._search.likeliest(other, self._still_placed(new), WAITING_TRIES)
+            )
 
     def _retry(self, frame: int) -> bool:
-        new = self._still_placed(self.waiting.take_new(frame))
-        return self._place_waiting(frame, self._search.likeliest(frame, new))
+        if frame not in self._network.waiting:  # it has found its place by another's
+            return False
+        new = self._still_placed(self._network.waiting.take_new(frame))
+        placed = list(self._placed_waiting(frame, self._search.likeliest(frame, new)))
+        self._use_what_is_new(placed)
+        return bool(placed)
 
-    def _place_waiting(self, frame: int, among: Iterable[int]) -> bool:
-        """Place a frame that waits beside one of these placed ones; what that makes possible follows."""
+    def _placed_waiting(self, frame: int, among: Iterable[int]) -> Iterator[int]:
+        """A frame that waits, if it can be placed beside one of these placed ones."""
         for other in among:
-            if frame not in self.waiting:  # it has found its place by another's
-                return False
             registration = self._search.register(frame, other)
             if registration is not None and self._place_beside(frame, other, registration):
-                self.waiting.remove(frame)
-                self._use_what_is_new(frame)
-                return True
-        return False
+                self._network.waiting.remove(frame)
+                yield frame
+                return
 
     def _still_placed(self, frames: list[int]) -> list[int]:
         return [frame for frame in frames if self._network.frames[frame].pose is not None]
+
+    # Islands find each other
 
     def _connect_islands(self, frame: int) -> None:
         """Look for this frame's ground on other islands; join two when the evidence suffices."""
@@ -138,29 +214,43 @@ class Assembly:
         if self._network.count_members(here) > 1:
             self._bring_home_lone_founders(frame, here)
         for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
-            registration = self._search.register(frame, other)
-            proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
-            if proof:
-                stays, goes = self._bridges.join(proof)
-                self.islands[goes].merged_into = stays
-                self._upkeep.grow(stays, self._upkeep.forget(goes) + self._network.count_members(stays))
-                self.waiting.forget_comparisons()
+            if self._joined_by(frame, other):
                 return
+
+    def _joined_by(self, frame: int, other: int) -> bool:
+        """Whether two frames of different islands show that these are one; then they are from now on."""
+        registration = self._search.register(frame, other)
+        proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
+        if not proof:
+            return False
+        stays, goes = self._bridges.join(proof)
+        self._upkeep.forget(goes)
+        self._upkeep.grow(stays, self._network.count_members(stays))  # all of it: its adjustment is due
+        self._network.waiting.forget_comparisons()
+        return True
 
     def _bring_home_lone_founders(self, frame: int, here: int) -> None:
         """A founder that nothing has joined is as good as waiting: it may find its place beside this frame."""
-        counts = self._network.frame_counts()
-        founders = [
-            f for island, n in counts.items() if n == 1 and island != here for f in self._network.members(island)
-        ]
+        network = self._network
+        alone = [island for island, count in network.frame_counts().items() if count == 1 and island != here]
+        founders = [f for island in alone for f in network.members(island).tolist()]
         for founder in self._search.likeliest(frame, founders, WAITING_TRIES):
-            registration = self._search.register(founder, frame)
-            if registration is None:
-                continue
-            pose, lone = self._network.pose_of(founder), self._network.island_of(founder)
-            self._network.take_back(founder)
+            self._came_home(founder, frame)
+
+    def _came_home(self, one: int, other: int) -> bool:
+        """Whether one of two frames was alone on its island, and is placed beside the other one now."""
+        network = self._network
+        founder, frame = sorted((one, other), key=lambda f: network.count_members(network.island_of(f)))
+        lone, here = network.island_of(founder), network.island_of(frame)
+        if network.count_members(lone) > 1:
+            return False
+        registration = self._search.register(founder, frame)
+        if registration is None:
+            return False
+        with attempt(network, self._upkeep) as trial:
+            network.take_back(founder)
             if self._place_beside(founder, frame, registration):
-                self.islands[lone].merged_into = here
+                network.merge(lone, here)
                 self._upkeep.forget(lone)
-            else:
-                self._network.put(founder, pose, lone)
+                trial.keep()
+        return trial.kept

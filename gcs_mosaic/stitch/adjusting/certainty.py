@@ -17,8 +17,7 @@ def note_adjusted(network: Network, island: int, members: Sequence[int], deviati
     """After the adjustment of a whole island: the deviations of its members, and how far they are from its root now."""
     hops = hops_from(network, network.roots[island])
     for frame, deviation_px in zip(members, deviations_px.tolist(), strict=True):
-        network.frames[frame].hops = hops[frame]
-        network.frames[frame].corner_deviation_px = deviation_px
+        network.note(frame, hops=hops[frame], corner_deviation_px=deviation_px)
 
 
 def note_resected(network: Network, frame: int, pose: Pose, deviation_px: float) -> None:
@@ -27,11 +26,11 @@ def note_resected(network: Network, frame: int, pose: Pose, deviation_px: float)
     Neighbours share most of their error, so theirs counts once: the mean of their variances, weighted by inliers. A frame
     that reaches far beyond its neighbours is less sure than that; the next adjustment of the island says it exactly.
     """
-    state, neighbours = network.frames[frame], network.frames[frame].inliers
+    neighbours = network.frames[frame].inliers
     deviations_px = [_seen_from(network, pose, other) for other in neighbours]
     theirs = np.average(np.square(deviations_px), weights=list(neighbours.values()))
-    state.hops = 1 + min(network.frames[other].hops for other in neighbours)
-    state.corner_deviation_px = math.sqrt(deviation_px**2 + float(theirs))
+    hops = 1 + min(network.frames[other].hops for other in neighbours)
+    network.note(frame, hops=hops, corner_deviation_px=math.sqrt(deviation_px**2 + float(theirs)))
 
 
 def _seen_from(network: Network, pose: Pose, other: int) -> float:

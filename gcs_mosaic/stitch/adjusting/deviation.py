@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,29 +30,43 @@ GAUGE = 4  # of these, the first four: place, scale and heading
 WAYS = 2  # a match stands in the normal matrix both ways, a to b and b to a, and is one measurement all the same
 
 
-def island_deviations(
-    problem: Problem, solution: Solution, cameras: Sequence[Camera], root: int, loss_px: float
-) -> Array:
-    """Standard deviation (n,) of each frame's least certain corner, in pixels of the frame.
+@dataclass(frozen=True, slots=True)
+class IslandCertainty:
+    """How sure an adjustment of n frames is: `deviations_px` (n,), standard deviation of each frame's least certain corner in
+    pixels of the frame, infinite where the matches leave the frame open, and everywhere if they leave anything open;
+    `lens_information` (c, 5, 5), the inverse covariance of each camera's lens terms, None where that is so."""
 
-    All n frames of the problem were free; `cameras` (c,) tell the frames' sizes, `root` is the frame that counts as known.
-    Infinite where the matches leave the frame open, and everywhere if they leave anything open.
-    """
+    deviations_px: Array
+    lens_information: Array | None = None
+
+
+def island_certainty(
+    problem: Problem, solution: Solution, cameras: Sequence[Camera], root: int, loss_px: float
+) -> IslandCertainty:
+    """All n frames of the problem were free; `cameras` (c,) tell the frames' sizes, `root` is the frame that counts as known."""
     size, lens = solution.normal.shape[0], _lens_unknowns(problem)
     factor = variance_factor(solution.residuals_px, loss_px, size - GAUGE)
     shifts = corner_shifts(problem, solution, cameras)[..., : POSE + lens.shape[1]]
     dependence = _dependence_of_root(shifts[root])
     if not math.isfinite(factor) or dependence is None:
-        return np.full(len(lens), np.inf)
+        return IslandCertainty(np.full(len(lens), np.inf))
     own = np.concatenate([POSE * root + np.arange(POSE), lens[root]])
     substitution = _substitution(size, own, dependence)
     normal = (substitution.T @ solution.normal @ substitution).tocsc()
     found = covariances(normal, POSE, solution.poses[:, :2], own[:GAUGE])
     if found is None:
-        return np.full(len(lens), np.inf)
+        return IslandCertainty(np.full(len(lens), np.inf))
     of_pose_and_lens = _joint(found, lens - POSE * len(lens))
     of_pose_and_lens[root] = dependence @ of_pose_and_lens[root] @ dependence.T
-    return math.sqrt(factor) * worst_corner(shifts, of_pose_and_lens) * problem.half_diagonal[problem.camera]
+    deviations_px = math.sqrt(factor) * worst_corner(shifts, of_pose_and_lens) * problem.half_diagonal[problem.camera]
+    return IslandCertainty(deviations_px, _lens_information(factor * found.of_common, len(problem.lenses)))
+
+
+def _lens_information(covariance: Array, cameras: int) -> Array:
+    """Inverses (c, terms, terms) of what the covariance of all lens terms together says of each camera's."""
+    terms = len(covariance) // cameras
+    of_each = [covariance[i : i + terms, i : i + terms] for i in range(0, len(covariance), terms)]
+    return np.linalg.pinv(np.array(of_each), hermitian=True)
 
 
 def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[Camera], factor: float) -> float:

@@ -34,3 +34,5 @@ class Problem:
     free: NDArray[np.bool_]  # (n,) frames that may move
     relief: float = 0.0  # standard deviation of the ground's heights about the plane, canvas units
     lens_free: bool = True
+    # (2, c, 5): what is expected of the lenses before any match, and its standard deviation; None: what is of any lens
+    lens_prior: Array | None = None

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch import projection
-from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings, Solution, adjust
+from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings, Solution, adjust, any_lens
 from gcs_mosaic.stitch.adjusting.certainty import note_adjusted
-from gcs_mosaic.stitch.adjusting.deviation import POSE, island_deviations, resected_deviation, variance_factor
+from gcs_mosaic.stitch.adjusting.deviation import POSE, island_certainty, resected_deviation, variance_factor
+from gcs_mosaic.stitch.adjusting.lens import expected
 from gcs_mosaic.stitch.adjusting.problem import Problem
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
-from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.network import CameraNumber, Lens, Network
 from gcs_mosaic.stitch.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 from gcs_mosaic.stitch.relief.estimation import Matched, displacements, matched, note_relief, sightings
@@ -42,17 +43,18 @@ class Resected:
     cautious_deviation_px: float  # the same, if matches were not better than the adjustment takes for granted
 
 
-def resect(network: Network, frame: int, rough: Pose, settings: AdjustmentSettings) -> Resected:
-    """Best pose of one frame against its linked frames as they lie."""
-    linked = [other for other in network.frames[frame].inliers if network.frames[other].pose is not None]
+def resect(network: Network, frame: int, rough: Pose, island: int, settings: AdjustmentSettings) -> Resected:
+    """Best pose of one frame against those of an island that it is linked with, as they lie."""
+    linked = [other for other in network.frames[frame].inliers if network.islands[other] == island]
     keys = [(frame, other) if (frame, other) in network.links else (other, frame) for other in linked]
     poses = [rough, *(network.pose_of(other) for other in linked)]
     free = np.arange(len(poses)) == 0
-    problem = replace(_problem(network, [frame, *linked], poses, keys, free, settings), lens_free=False)
+    problem, cameras = _problem(network, island, [frame, *linked], poses, keys, free, settings)
+    problem = replace(problem, lens_free=False)
     solution = adjust(problem, settings)
     residual = float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
     factors = variance_factor(solution.residuals_px, settings.loss_px, POSE), max(1.0, residual) ** 2
-    deviations = (resected_deviation(problem, solution, network.cameras, factor) for factor in factors)
+    deviations = (resected_deviation(problem, solution, cameras, factor) for factor in factors)
     return Resected(Pose(*solution.poses[0]), residual, *deviations)
 
 
@@ -65,6 +67,7 @@ class IslandTask:
     root: int  # row of the frame that founded the island
     problem: Problem
     matches: Matched | None  # rows as in the problem
+    numbers: tuple[CameraNumber, ...]  # of the problem's cameras
     cameras: tuple[Camera, ...]
     settings: AdjustmentSettings
 
@@ -74,7 +77,8 @@ class AdjustedIsland:
     """What an adjustment of n frames has found; residuals in pixels of the feature picture, NaN without matches."""
 
     poses: Array  # (n, 6)
-    lenses: Array
+    lenses: Array  # (c, 5)
+    lens_information: Array | None  # (c, 5, 5), None where the matches leave something open
     residuals: Array  # (n,) median over a frame's matches
     deviations_px: Array  # (n,) of the least certain corner, full-resolution pixels
     reliefs: list[ReliefDisplacement | None]
@@ -88,18 +92,24 @@ def island_task(network: Network, island: int, settings: AdjustmentSettings) -> 
     if not keys:
         return None
     poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
-    problem = _problem(network, members, poses, keys, free, settings)
+    problem, cameras = _problem(network, island, members, poses, keys, free, settings)
     root = members.index(network.roots[island])
-    matches = matched(network, members)
-    return IslandTask(island, tuple(members), root, problem, matches, tuple(network.cameras), settings)
+    matches, numbers = matched(network, members), _camera_numbers(network, members)
+    return IslandTask(island, tuple(members), root, problem, matches, tuple(numbers), tuple(cameras), settings)
 
 
 def adjusted(task: IslandTask) -> AdjustedIsland:
     """The work itself: a pure function, for whichever process has time."""
     solution = adjust(task.problem, task.settings)
-    deviations_px = island_deviations(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
-    residuals = _residuals_by_frame(task.problem, solution.residuals_px)
-    return AdjustedIsland(solution.poses, solution.lenses, residuals, deviations_px, _reliefs(task, solution))
+    certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
+    return AdjustedIsland(
+        poses=solution.poses,
+        lenses=solution.lenses,
+        lens_information=certainty.lens_information,
+        residuals=_residuals_by_frame(task.problem, solution.residuals_px),
+        deviations_px=certainty.deviations_px,
+        reliefs=_reliefs(task, solution),
+    )
 
 
 def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | None]:
@@ -120,15 +130,14 @@ def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:
     if (network.islands[members] != task.island).any():
         return False
     before = {f: (network.pose_of(f), network.camera_of(f)) for f in members}
-    _take_lenses(network, members, found.lenses)
+    lenses = _lenses(task, found)
     poses = [Pose(*pose) for pose in found.poses.tolist()]
-    aligned = _aligned_to_held(network, members, poses)
-    for frame, pose, relief in zip(members, aligned, found.reliefs, strict=True):
-        network.put(frame, pose, task.island)
-        network.frames[frame].relief = relief
+    cameras = [lenses[network.frames[f].camera].camera for f in members]
+    aligned = _aligned_to_held(network, members, poses, cameras)
+    network.put_all(members, aligned, task.island, lenses)
     _carry_along(network, before, task)
-    for frame, residual in zip(members, found.residuals.tolist(), strict=True):
-        network.frames[frame].residual_px = residual * network.frames[frame].features.scale
+    for frame, residual, relief in zip(members, found.residuals.tolist(), found.reliefs, strict=True):
+        network.note(frame, residual_px=residual * network.frames[frame].features.scale, relief=relief)
     note_adjusted(network, task.island, members, found.deviations_px)
     return True
 
@@ -163,7 +172,8 @@ def _carry_along(network: Network, before: dict[int, View], task: IslandTask) ->
             views[frame] = view
         waiting = [f for f in waiting if f not in views]
     for frame in sorted(f for f in views if f > newest):
-        network.put(frame, resect(network, frame, network.pose_of(frame), task.settings).pose, task.island)
+        rough = network.pose_of(frame)
+        network.put(frame, resect(network, frame, rough, task.island, task.settings).pose, task.island)
         note_relief(network, frame, task.settings.relief)
 
 
@@ -177,55 +187,83 @@ def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
     )
 
 
+def _camera_numbers(network: Network, frames: Sequence[int]) -> list[CameraNumber]:
+    """The cameras of these frames, in rising order: the cameras of their adjustment."""
+    return sorted({network.frames[frame].camera for frame in frames})
+
+
 def _problem(
     network: Network,
+    island: int,
     frames: Sequence[int],
     poses: list[Pose],
     keys: list[Key],
     free: NDArray[np.bool_],
     settings: AdjustmentSettings,
-) -> Problem:
-    """The adjustment of these frames by these links; `free` (n,) says which may move."""
+) -> tuple[Problem, list[Camera]]:
+    """The adjustment of these frames on an island by these links, and its cameras; `free` (n,) says which may move."""
     row = {frame: i for i, frame in enumerate(frames)}
-    pixels, present = _matches(network, keys, settings.matches_per_pair)
-    heights = [network.camera_of(f).focal_px * math.exp(pose.log_gsd) for f, pose in zip(frames, poses, strict=True)]
-    scale = {network.frames[f].camera: network.frames[f].features.scale for f in frames}
-    return Problem(
+    numbers = _camera_numbers(network, frames)
+    cameras = [network.camera_on(island, number) for number in numbers]
+    camera = {frame: numbers.index(network.frames[frame].camera) for frame in frames}
+    pixels, present = _matches(network, keys, camera, cameras, settings.matches_per_pair)
+    heights = [cameras[camera[f]].focal_px * math.exp(pose.log_gsd) for f, pose in zip(frames, poses, strict=True)]
+    scale = {camera[frame]: network.frames[frame].features.scale for frame in frames}
+    problem = Problem(
         poses=np.array([pose_row(pose) for pose in poses]),
-        lenses=np.array([lens_row(camera) for camera in network.cameras]),
-        camera=np.array([network.frames[f].camera for f in frames]),
-        half_diagonal=np.array([c.half_diagonal for c in network.cameras]),
-        unit_px=np.array([c.half_diagonal / scale.get(i, 1.0) for i, c in enumerate(network.cameras)]),
+        lenses=np.array([lens_row(camera) for camera in cameras]),
+        camera=np.array([camera[frame] for frame in frames]),
+        half_diagonal=np.array([c.half_diagonal for c in cameras]),
+        unit_px=np.array([c.half_diagonal / scale[i] for i, c in enumerate(cameras)]),
         pairs=np.array([[row[a], row[b]] for a, b in keys], dtype=np.intp).reshape(-1, 2),
         pixels_a=pixels[0],
         pixels_b=pixels[1],
         present=present,
         free=free,
         relief=settings.relief.sigma * float(np.median(heights)),
+        lens_prior=np.stack([_lens_prior(network, island, number, settings) for number in numbers], axis=1),
     )
+    return problem, cameras
 
 
-def _matches(network: Network, keys: list[Key], most: int) -> tuple[Array, NDArray[np.bool_]]:
+def _lens_prior(network: Network, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
+    """What is expected of a camera on an island, and its standard deviation, (2, 5).
+
+    Smaller islands learn of the largest, never the other way round, so that nothing is told to whom it came from.
+    """
+    mean, sigma = any_lens(settings)
+    teacher = network.best_known_lens(number)
+    if teacher is None or teacher == island or network.count_members(teacher) <= network.count_members(island):
+        return np.stack([mean, sigma])
+    lens = network.lenses[teacher, number]
+    assert lens.information is not None, "the best known lens was estimated"
+    return np.stack(expected(mean, sigma, np.array(lens_row(lens.camera)), lens.information))
+
+
+def _matches(
+    network: Network, keys: list[Key], camera: dict[int, int], cameras: list[Camera], most: int
+) -> tuple[Array, NDArray[np.bool_]]:
     """Matches of all links in the adjustment's units, (2, p, k, 2), and which are there, (p, k)."""
     links = [network.links[key] for key in keys]
     present = np.arange(most) < np.array([len(link.pixels_a) for link in links])[:, None]
-    centres = np.array([camera.centre for camera in network.cameras])
-    half_diagonals = np.array([camera.half_diagonal for camera in network.cameras])
+    centres = np.array([camera.centre for camera in cameras])
+    half_diagonals = np.array([camera.half_diagonal for camera in cameras])
     pixels = np.zeros((2, len(keys), most, 2))
     for side, points in enumerate(([link.pixels_a for link in links], [link.pixels_b for link in links])):
-        camera = np.array([network.frames[key[side]].camera for key in keys])[np.nonzero(present)[0]]
-        pixels[side][present] = (np.concatenate(points) - centres[camera]) / half_diagonals[camera, None]
+        rows = np.array([camera[key[side]] for key in keys])[np.nonzero(present)[0]]
+        pixels[side][present] = (np.concatenate(points) - centres[rows]) / half_diagonals[rows, None]
     return pixels, present
 
 
-def _take_lenses(network: Network, members: list[int], lenses: Array) -> None:
-    for camera in {network.frames[f].camera for f in members}:
-        network.cameras[camera] = with_lens(network.cameras[camera], lenses[camera])
+def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
+    information = [None] * len(task.numbers) if found.lens_information is None else list(found.lens_information)
+    cameras = (with_lens(camera, row) for camera, row in zip(task.cameras, found.lenses, strict=True))
+    return dict(zip(task.numbers, (Lens(*known) for known in zip(cameras, information, strict=True)), strict=True))
 
 
-def _aligned_to_held(network: Network, members: list[int], poses: list[Pose]) -> list[Pose]:
+def _aligned_to_held(network: Network, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
     """Move the whole island by the one similarity that disturbs least what is already drawn."""
-    held = [(pose, network.camera_of(f), network.frames[f].held) for f, pose in zip(members, poses, strict=True)]
+    held = [(pose, camera, network.frames[f].held) for f, pose, camera in zip(members, poses, cameras, strict=True)]
     new = _inner_corners([(pose, camera) for pose, camera, drawn in held if drawn])
     old = _inner_corners([drawn for _, _, drawn in held if drawn])
     seen = np.isfinite(new).all(axis=1) & np.isfinite(old).all(axis=1)

@@ -9,6 +9,7 @@ burnt into every frame: their matches are right, no model of chance refuses them
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -54,21 +55,44 @@ def chance_of_agreement(mapped: Array, matched: Array, radius: float, area: floa
     return min(1.0, max(math.pi * radius**2 / area, (near - own) / unrelated))
 
 
-def confirmed_share(features_a: Array, features_b: Array, inliers: Array) -> float:
-    """Share of the overlap, by area, in which matches bear it out, 0 to 1.
+@dataclass(frozen=True, slots=True)
+class Confirmed:
+    """How much of an overlap matches bear out: `share` of the `cells` in which they could have, 1 where there is none."""
 
-    features_a, features_b: all features (n, 2), (m, 2) of both frames that lie in the overlap, inliers (k, 2) the matches
+    share: float
+    cells: int
+
+
+# Share of the cells that look-alikes confirm: halls of one make 0.22 in the median of 68 pairs, 0.35 at three of four.
+FALSE_SHARE = 0.25
+CORRELATED_CELLS = 3  # neighbouring cells show one thing, and are confirmed or not together: so many count as one
+
+
+def log_odds(found: Confirmed, true_share: float) -> float:
+    """log10 of how much likelier it is that so many cells are confirmed if the overlap is true than if it is not.
+
+    true_share: share of the cells that true overlaps of this flight confirm.
+    """
+    for_it = found.share * math.log10(true_share / FALSE_SHARE)
+    against = (1 - found.share) * math.log10((1 - true_share) / (1 - FALSE_SHARE))
+    return found.cells / CORRELATED_CELLS * (for_it + against)
+
+
+def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirmed:
+    """In how much of the overlap, by area, matches bear it out.
+
+    features_a, features_b: what can be expected of both frames in the overlap, (n, 2), (m, 2), agreeing (k, 2) the matches
     that agree, all in pixels of frame a. The overlap is divided into cells; those in which both frames show enough
-    count, and are confirmed by at least one inlier. 1 where no cell counts: then nothing speaks against the overlap.
+    count, and are confirmed by at least one match that agrees.
     """
     fewer = min(len(features_a), len(features_b))
     if fewer < COMPARABLE:
-        return 1.0
+        return Confirmed(1.0, 0)
     hull = cv2.contourArea(cv2.convexHull(features_a.astype(np.float32)))
     side = math.sqrt(max(hull, 1.0) * PER_CELL / fewer)
-    both = np.concatenate([features_a, features_b, inliers])
+    both = np.concatenate([features_a, features_b, agreeing])
     cells, cell = np.unique((both // side).astype(np.int64), axis=0, return_inverse=True)
     ends = np.cumsum([len(features_a), len(features_b)])
-    of_a, of_b, agreeing = (np.bincount(part, minlength=len(cells)) for part in np.split(cell.ravel(), ends))
+    of_a, of_b, matched = (np.bincount(part, minlength=len(cells)) for part in np.split(cell.ravel(), ends))
     counts = np.minimum(of_a, of_b) >= COMPARABLE
-    return float((agreeing[counts] > 0).mean()) if counts.any() else 1.0
+    return Confirmed(float((matched[counts] > 0).mean()) if counts.any() else 1.0, int(counts.sum()))

@@ -5,20 +5,30 @@ MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). What counts as ev
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.matching.descriptors import match
-from gcs_mosaic.stitch.matching.evidence import SAMPLE, chance_of_agreement, confirmed_share, log_evidence
+from gcs_mosaic.stitch.matching.evidence import (
+    SAMPLE,
+    Confirmed,
+    chance_of_agreement,
+    confirmed,
+    log_evidence,
+    log_odds,
+)
 from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.matching.parallax import displaced_by_height
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 HYPOTHESES = 3  # homographies tried: the ground can be outdone by a thing that looks alike elsewhere, and by writing
+NO_MATCHES = np.empty((0, 2), np.intp)
+NO_PIXELS: Array = np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +42,10 @@ class RegistrationSettings:
     least_evidence: float = 8.0
     # share of the overlap that inliers bear out; true pairs 0.3 and more, copies of one house 0.2 and less
     least_confirmed: float = 0.25
+    # log10 of how much likelier a true overlap is by those features that were matched before: below this it is refused,
+    least_odds_again: float = -0.5
+    # from this on it needs nothing else to bear it out: in woods a tenth of the overlap agrees, and nearly all of these do
+    enough_odds_again: float = 1.0
     cell_px: float = 16.0  # inliers nearer than this, in pixels of the feature picture, count as one
     largest_zoom: float = 5.0  # change of scale between two frames that is still believed
 
@@ -46,12 +60,23 @@ class Registration:
     b_from_a: Array
     independent_inliers: int
     evidence: float  # -log10 of the chance agreements as good as this that were to be expected
+    displaced_a: Array = field(
+        default_factory=lambda: NO_PIXELS
+    )  # (k, 2) matches beside the plane that parallax explains
+    displaced_b: Array = field(default_factory=lambda: NO_PIXELS)
+    tentative: NDArray[np.intp] = field(default_factory=lambda: NO_MATCHES)  # (k, 2) features, inliers or not
 
     def turned(self) -> Registration:
         """The same, seen from the other frame."""
         a_from_b = np.asarray(np.linalg.inv(self.b_from_a), dtype=np.float64)
-        features = self.features[:, ::-1]
-        return replace(self, pixels_a=self.pixels_b, pixels_b=self.pixels_a, features=features, b_from_a=a_from_b)
+        turned = replace(self, features=self.features[:, ::-1], tentative=self.tentative[:, ::-1])
+        turned = replace(turned, displaced_a=self.displaced_b, displaced_b=self.displaced_a)
+        return replace(turned, pixels_a=self.pixels_b, pixels_b=self.pixels_a, b_from_a=a_from_b)
+
+    @property
+    def agreeing_a(self) -> Array:
+        """Pixels (m + k, 2) of frame a that were matched, on the plane or beside it."""
+        return np.concatenate([self.pixels_a, self.displaced_a])
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +99,8 @@ class _Pair:
     size_b: Array
     matches: NDArray[np.intp]
     features: NDArray[np.intp]  # (k, 2), the matches counted among all features of either frame
+    again_a: Mask  # (n,) which of them were matched before, see `register`
+    again_b: Mask  # (m,)
 
     @property
     def a(self) -> Array:
@@ -84,15 +111,30 @@ class _Pair:
         return self.all_b[self.matches[:, 1]]
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Which of a frame's n features are asked for; each (n,), None means all or none.
+
+    `seen`: those that the other frame should see, as far as poses are known. `again`: those that were matched before, with
+    other frames. Of a wood few features are ever found again, of a field nearly all: what was found before must be found
+    now where the frames overlap, and what never was says nothing.
+    """
+
+    seen: Mask | None = None
+    again: Mask | None = None
+
+    def chosen(self, features: Features) -> NDArray[np.intp]:
+        return np.arange(len(features)) if self.seen is None else np.flatnonzero(self.seen)
+
+
+ALL = Part()
+
+
 def register(
-    a: Features,
-    b: Features,
-    settings: RegistrationSettings,
-    seen_a: Mask | None = None,
-    seen_b: Mask | None = None,
+    a: Features, b: Features, settings: RegistrationSettings, part_a: Part = ALL, part_b: Part = ALL
 ) -> Registration | NotRegistered:
-    """Find the common ground of two frames; `seen_a`, `seen_b` (n,) limit the search to some of their features."""
-    pair = _matched(a, b, seen_a, seen_b, settings.ratio)
+    """Find the common ground of two frames."""
+    pair = _matched(a, b, part_a, part_b, settings.ratio)
     left = np.ones(len(pair.matches), bool)
     first_doubt: NotRegistered | None = None
     for _ in range(HYPOTHESES):
@@ -101,9 +143,13 @@ def register(
             break
         independent = independent_count(pair.a[inlier], pair.b[inlier], settings.cell_px)
         evidence = _evidence(pair, homography, inlier, independent, settings)
-        doubt = _doubt(pair, homography, inlier, evidence, settings)
+        displaced = np.zeros(len(left), bool)
+        if evidence >= settings.least_evidence:
+            diagonal = float(np.linalg.norm(pair.size_b))
+            displaced = displaced_by_height(_mapped(homography, pair.a), pair.b, inlier, diagonal)
+        doubt = _doubt(pair, homography, inlier, displaced, evidence, settings)
         if not doubt:
-            return _in_full_resolution(pair, homography, inlier, independent, evidence, a.scale, b.scale)
+            return _in_full_resolution(pair, homography, inlier, displaced, independent, evidence, a.scale, b.scale)
         first_doubt = first_doubt or NotRegistered(
             doubt, independent, pair.a[inlier] * a.scale, pair.b[inlier] * b.scale
         )
@@ -113,8 +159,8 @@ def register(
     return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
 
 
-def _matched(a: Features, b: Features, seen_a: Mask | None, seen_b: Mask | None, ratio: float) -> _Pair:
-    chosen_a, chosen_b = _chosen(a, seen_a), _chosen(b, seen_b)
+def _matched(a: Features, b: Features, part_a: Part, part_b: Part, ratio: float) -> _Pair:
+    chosen_a, chosen_b = part_a.chosen(a), part_b.chosen(b)
     matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b], ratio)
     return _Pair(
         all_a=a.points[chosen_a].astype(np.float64) / a.scale,
@@ -123,11 +169,9 @@ def _matched(a: Features, b: Features, seen_a: Mask | None, seen_b: Mask | None,
         size_b=np.array([b.width, b.height]) / b.scale,
         matches=matches,
         features=np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1),
+        again_a=np.zeros(len(chosen_a), bool) if part_a.again is None else part_a.again[chosen_a],
+        again_b=np.zeros(len(chosen_b), bool) if part_b.again is None else part_b.again[chosen_b],
     )
-
-
-def _chosen(features: Features, seen: Mask | None) -> NDArray[np.intp]:
-    return np.arange(len(features)) if seen is None else np.flatnonzero(seen)
 
 
 def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[Array | None, Mask]:
@@ -161,7 +205,9 @@ def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, se
     return log_evidence(matches, independent, chance)
 
 
-def _doubt(pair: _Pair, homography: Array, inlier: Mask, evidence: float, settings: RegistrationSettings) -> str:
+def _doubt(
+    pair: _Pair, homography: Array, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
+) -> str:
     """Why this homography cannot be two views of one ground, or nothing."""
     if evidence < settings.least_evidence:
         return f"evidence {evidence:.1f}, {settings.least_evidence:.1f} needed"
@@ -171,18 +217,57 @@ def _doubt(pair: _Pair, homography: Array, inlier: Mask, evidence: float, settin
     zoom = np.sqrt(area)
     if zoom.max() > settings.largest_zoom or zoom.min() < 1 / settings.largest_zoom:
         return f"change of scale {zoom.min():.2f} to {zoom.max():.2f}"
-    confirmed = _confirmed(pair, homography, inlier)
-    if confirmed < settings.least_confirmed:
-        return f"only {confirmed:.0%} of the overlap agrees"
+    return _contradicted(pair, homography, inlier | displaced, settings)
+
+
+def _contradicted(pair: _Pair, homography: Array, agreeing: Mask, settings: RegistrationSettings) -> str:
+    """What speaks against the overlap, or nothing: what was matched before, if that is enough to judge, else all."""
+    overlap = _Overlap.of(pair, homography, pair.a[agreeing])
+    again = overlap.confirmed_again(pair)
+    odds = log_odds(again, EXPECTED_SHARE)
+    if odds < settings.least_odds_again:
+        return f"only {again.share:.0%} of what was matched before agrees"
+    share = overlap.confirmed(ANY, ANY).share
+    if share < settings.least_confirmed and odds < settings.enough_odds_again:
+        return f"only {share:.0%} of the overlap agrees"
     return ""
 
 
-def _confirmed(pair: _Pair, homography: Array, inlier: Mask) -> float:
-    a_from_b = np.asarray(np.linalg.inv(homography), dtype=np.float64)
-    places_b = _mapped(a_from_b, pair.all_b)
-    in_b = _inside(_mapped(homography, pair.all_a), pair.size_b) & (_area_scale(homography, pair.all_a) > 0)
-    in_a = _inside(places_b, pair.size_a) & (_area_scale(a_from_b, pair.all_b) > 0)
-    return confirmed_share(pair.all_a[in_b], places_b[in_a], pair.a[inlier])
+ANY = np.True_
+ENOUGH_CELLS = 3
+EXPECTED_SHARE = 0.8  # of what was matched before, that a true overlap confirms: 0.75 to 1 in woods
+NOTHING = Confirmed(1.0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Overlap:
+    """The features of both frames that the other should see, in pixels of a: `a` (n, 2) and which of them do, `b` likewise."""
+
+    a: Array
+    b: Array
+    inside_a: Mask
+    inside_b: Mask
+    agreeing: Array  # (k, 2)
+
+    @classmethod
+    def of(cls, pair: _Pair, homography: Array, agreeing: Array) -> _Overlap:
+        a_from_b = np.asarray(np.linalg.inv(homography), dtype=np.float64)
+        places_b = _mapped(a_from_b, pair.all_b)
+        in_b = _inside(_mapped(homography, pair.all_a), pair.size_b) & (_area_scale(homography, pair.all_a) > 0)
+        in_a = _inside(places_b, pair.size_a) & (_area_scale(a_from_b, pair.all_b) > 0)
+        return cls(pair.all_a, places_b, in_b, in_a, agreeing)
+
+    def confirmed_again(self, pair: _Pair) -> Confirmed:
+        """How much matches bear out of what was matched before in both frames, or in one of them; no cells if too little was."""
+        for of_a, of_b in ((pair.again_a, pair.again_b), (ANY, pair.again_b), (pair.again_a, ANY)):
+            again = self.confirmed(of_a, of_b)
+            if again.cells >= ENOUGH_CELLS:
+                return again
+        return NOTHING
+
+    def confirmed(self, of_a: Mask | np.bool_, of_b: Mask | np.bool_) -> Confirmed:
+        """How much matches bear out of what these features show."""
+        return confirmed(self.a[self.inside_a & of_a], self.b[self.inside_b & of_b], self.agreeing)
 
 
 def _area_scale(homography: Array, points: Array) -> Array:
@@ -193,12 +278,27 @@ def _area_scale(homography: Array, points: Array) -> Array:
 
 
 def _in_full_resolution(
-    pair: _Pair, homography: Array, inlier: Mask, independent: int, evidence: float, scale_a: float, scale_b: float
+    pair: _Pair,
+    homography: Array,
+    inlier: Mask,
+    displaced: Mask,
+    independent: int,
+    evidence: float,
+    scale_a: float,
+    scale_b: float,
 ) -> Registration:
     small_from_full_a, full_from_small_b = np.diag([1 / scale_a, 1 / scale_a, 1]), np.diag([scale_b, scale_b, 1])
-    b_from_a = full_from_small_b @ homography @ small_from_full_a
-    pixels_a, pixels_b = pair.a[inlier] * scale_a, pair.b[inlier] * scale_b
-    return Registration(pixels_a, pixels_b, pair.features[inlier], b_from_a, independent, evidence)
+    return Registration(
+        pixels_a=pair.a[inlier] * scale_a,
+        pixels_b=pair.b[inlier] * scale_b,
+        features=pair.features[inlier],
+        b_from_a=full_from_small_b @ homography @ small_from_full_a,
+        independent_inliers=independent,
+        evidence=evidence,
+        displaced_a=pair.a[displaced] * scale_a,
+        displaced_b=pair.b[displaced] * scale_b,
+        tentative=pair.features,
+    )
 
 
 def _mapped(homography: Array, points: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.matching.features import Descriptors, Features
+from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 Floats = NDArray[np.float32]
 
@@ -29,14 +30,27 @@ ROUNDS = 5  # of k-means: cells need not be good, only about equally full
 BATCH = 20_000  # descriptors that are assigned to words at once; bounds the memory
 
 
-class RetrievalIndex:
+class RetrievalIndex(Kept):
     """Strongest descriptors of many frames, in the order in which they were added."""
+
+    FIXED = frozenset({"_descriptors", "_rows"})  # see `snapshot`
 
     def __init__(self) -> None:
         self._descriptors: Descriptors = np.empty((0, 0), np.uint8)  # the first frame shows of which kind they are
         self._count = 0
         self._words: Floats = np.empty((1, 0), np.float32)
         self._rows = [array("q")]  # rows of the descriptors in each word, ascending
+
+    def snapshot(self) -> Snapshot:
+        """What is stored is only added to, so how much there was says all, and nothing large is copied."""
+        filed = self._rows, tuple(len(rows) for rows in self._rows)
+        return {**super().snapshot(), "_descriptors": self._descriptors, "_rows": filed}
+
+    def restore(self, before: Snapshot) -> None:
+        rows, lengths = before["_rows"]
+        for row, length in zip(rows, lengths, strict=True):
+            del row[length:]
+        super().restore({**before, "_rows": rows})
 
     def add(self, features: Features) -> None:
         """Append a frame; one with fewer features than are wanted repeats them."""

@@ -20,29 +20,52 @@ from gcs_mosaic.stitch.geometry import (
     pixel_grid,
     pixels_from_canvas,
 )
+from gcs_mosaic.stitch.matching.evidence import Confirmed
 from gcs_mosaic.stitch.network import Network
 
 COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features where there is anything to see
 COMPARABLE = 3  # features below which a cell says nothing
-# of what is expected must be found: 0.73 and more at true places, 0.5 and less where only a hall looked alike
-MAJORITY = 0.5
 SHARPER = 2.0  # times; SIFT bridges more, but finds less and less in common
 
 
-def confirmed_share(network: Network, frame: int, pose: Pose, others: Sequence[int], matched: Iterable[Array]) -> float:
-    """Share of what these other frames should have in common with the frame at this pose that matches confirm, 0 to 1.
+def confirmed_around(
+    network: Network, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[Array]
+) -> Confirmed:
+    """How much of what these other frames of an island should have in common with the frame at this pose matches confirm:
+    of what was matched between them before if that is enough to judge, else of all they see.
 
-    matched: the frame's pixels (m, 2) in full resolution that were matched with any of them. 1 where nothing is expected.
+    matched: the frame's pixels (m, 2) in full resolution that were matched with any of them.
     """
-    camera = network.camera_of(frame)
-    expected = _full_cells(network, frame) & _seen_by_any(network, pose, camera, others)
-    confirmed = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
-    return float(confirmed[expected].mean()) if expected.any() else 1.0
+    camera = network.camera_on(island, network.frames[frame].camera)
+    agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
+    full = _full_cells(network, frame, camera)
+    expected = full & _matched_before_by_any(network, pose, camera, others)
+    if expected.sum() < ENOUGH_CELLS:
+        expected = full & _seen_by_any(network, pose, camera, others)
+    return Confirmed(float(agreeing[expected].mean()) if expected.any() else 1.0, int(expected.sum()))
 
 
-def _full_cells(network: Network, frame: int) -> NDArray[np.bool_]:
+ENOUGH_CELLS = 6
+
+
+def _matched_before_by_any(network: Network, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
+    """Cells (ROWS * COLUMNS,) that show what the others have been matched by, as sharply as they do."""
+    counts = np.zeros(ROWS * COLUMNS, np.intp)
+    for other in others:
+        view = network.pose_of(other), network.camera_of(other)
+        pixels = network.frames[other].features.points[network.matched_before(other)].astype(np.float64)
+        places = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
+        with np.errstate(invalid="ignore"):
+            inside = ((places >= 0) & (places < [camera.width, camera.height])).all(axis=1)
+        ratio = ground_sampling_distance(*view, pixels[inside]) / ground_sampling_distance(pose, camera, places[inside])
+        alike = (ratio < SHARPER) & (ratio > 1 / SHARPER)
+        counts = np.maximum(counts, _counts(places[inside][alike], camera))
+    return np.asarray(counts >= COMPARABLE)
+
+
+def _full_cells(network: Network, frame: int, camera: Camera) -> NDArray[np.bool_]:
     points = network.frames[frame].features.points.astype(np.float64)
-    return np.asarray(_counts(points, network.camera_of(frame)) >= COMPARABLE)
+    return np.asarray(_counts(points, camera) >= COMPARABLE)
 
 
 def _counts(pixels: Array, camera: Camera) -> NDArray[np.intp]:

@@ -8,9 +8,9 @@ that nothing new is held back, until `repaint` has made it anew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, Self
 
@@ -24,6 +24,7 @@ from gcs_mosaic.stitch.painting.modes import BLENDS
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, PaintedFrames, TileKey, Turn
 from gcs_mosaic.stitch.painting.stack import AT_ONCE, LoadTile, TilePicture, TileStack, chunks, top_level
 from gcs_mosaic.stitch.painting.view import FrameView, KeepBands, frame_view
+from gcs_mosaic.stitch.transaction import Kept
 
 LoadImage = Callable[[str], Bands | None]
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
@@ -46,13 +47,23 @@ class CanvasSettings:
                 raise ValueError(f"{value!r} is not one of {', '.join(known)}")
 
 
-class Canvas:
+@dataclass(frozen=True, slots=True)
+class _Fold:
+    """Tiles that are being made anew together: with each the frames folded so far, which are those up to a turn."""
+
+    turn: Turn | None
+    tiles: Mapping[TileKey, tuple[Painted, ...]]
+
+
+class Canvas(Kept):
     """All tiles of all islands. Used by one thread; the work on tiles is spread over a few of its own.
 
     `load_image(name)` gives a frame's original, or None if it is gone for good; `load_tile` a tile that an earlier run wrote
     (for `resume`); `scratch` is a folder for the tiles that do not fit into memory. `keep_bands`: whether tiles have, besides
     what is shown, all bands of the frames, which then must have the same ones.
     """
+
+    FIXED = frozenset({"_blend", "_load_image", "_pool"})
 
     def __init__(
         self,
@@ -72,7 +83,8 @@ class Canvas:
         self._stack = TileStack(self._store, self._pool, load_tile)
         self._frames = PaintedFrames()
         self._behind: dict[TileKey, float] = {}  # with how urgent each is
-        self._left: dict[str, set[TileKey]] = {}  # by frames that are on another level or island now: where they were
+        self._left: dict[str, frozenset[TileKey]] = {}  # by frames that are on another level or island: where they were
+        self._fold: _Fold | None = None
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
     def paint(self, image: Bands, painted: Painted) -> set[TileKey]:
@@ -81,7 +93,7 @@ class Canvas:
         A frame that is not the last in capture order is laid on top all the same, and its tiles are behind.
         ValueError if the image does not fit the camera.
         """
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
+        lattice = _lattice_of(painted)
         view = None if lattice is None else self._view(image, painted, lattice)
         self._fall_behind(self._frames.remove(painted.name))
         keys = self._frames.add(painted, () if lattice is None else lattice.tiles())
@@ -106,9 +118,9 @@ class Canvas:
         for painted in changed:
             old = self._frames.remove(painted.name)
             self._fall_behind(old | self._register(painted), urgency)
-            elsewhere = {key for key in old if (key[0], key[1].z) != (painted.island, painted.level)}
+            elsewhere = frozenset(key for key in old if (key[0], key[1].z) != (painted.island, painted.level))
             if elsewhere:
-                self._left.setdefault(painted.name, set()).update(elsewhere)
+                self._left[painted.name] = self._left.get(painted.name, frozenset()) | elsewhere
         return len(changed)
 
     def remove(self, names: Iterable[str]) -> None:
@@ -129,8 +141,29 @@ class Canvas:
         Stop between any two steps, call `paint` or `move` in between, go on or start again: a tile is replaced only when it
         is whole, and nothing is lost but the work since. One such iterator at a time.
         """
-        while self._behind:
-            yield from self._recompose(self._next_block(block))
+        try:
+            while self._behind:
+                yield self.repaint_step(block)
+        finally:
+            self._drop_fold()
+
+    def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
+        """One step of `repaint`, to be called while tiles are behind: a frame's work, or the change itself."""
+        fold = self._fold = self._fold or self._begun(block)
+        # Asked anew at each step, because frames may come and move between steps.
+        painted = self._frames.next_after(fold.turn, fold.tiles)
+        if painted is not None:
+            self._fold = self._with_frame(fold, painted)
+            return set()
+        return self._commit(fold)
+
+    def skip_step(self, block: int = BLOCK) -> None:
+        """Leave what `repaint_step` would do next for good: its tiles go on showing what they show."""
+        fold = self._fold or self._begun(block)
+        painted = self._frames.next_after(fold.turn, fold.tiles)
+        keys = set(fold.tiles) if painted is None else self._shared(painted, fold)
+        rest = self._without(fold, keys)
+        self._fold = rest if rest.tiles else None
 
     def tile(self, island: int, tile: Tile) -> TilePicture | None:
         """A tile as it is shown; None if there is nothing on it. Its arrays are not to be changed."""
@@ -162,7 +195,7 @@ class Canvas:
             self._behind[key] = max(urgency, self._behind.get(key, 0.0))
 
     def _register(self, painted: Painted) -> set[TileKey]:
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
+        lattice = _lattice_of(painted)
         return self._frames.add(painted, () if lattice is None else lattice.tiles())
 
     def _view(self, image: Bands, painted: Painted, lattice: FrameLattice) -> FrameView:
@@ -196,42 +229,44 @@ class Canvas:
             del self._left[name]
         return set[TileKey]().union(*self._left.values())
 
-    def _recompose(self, keys: Iterable[TileKey]) -> Iterator[set[TileKey]]:
-        """Fold tiles anew, beside what is shown, and put them in its place at the end."""
-        folded: dict[TileKey, list[Painted]] = {key: [] for key in keys}
-        turn: Turn | None = None
-        try:
-            # Asked anew at each step, because frames may come and move between steps.
-            while (painted := self._frames.next_after(turn, folded)) is not None:
-                turn = painted.turn
-                self._fold(painted, folded)
-                yield set()
-            yield self._commit(folded)
-        finally:
-            for key in folded:
-                self._store.put(LayerKey(*key, "fresh"), None)
+    def _begun(self, block: int) -> _Fold:
+        return _Fold(None, dict.fromkeys(self._next_block(block), ()))
 
-    def _fold(self, painted: Painted, folded: dict[TileKey, list[Painted]]) -> None:
-        keys = [key for key in self._frames.tiles_of(painted.name) if key in folded]
+    def _shared(self, painted: Painted, fold: _Fold) -> set[TileKey]:
+        return {key for key in self._frames.tiles_of(painted.name) if key in fold.tiles}
+
+    def _with_frame(self, fold: _Fold, painted: Painted) -> _Fold:
+        keys = self._shared(painted, fold)
         image = self._load_image(painted.name)
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
+        lattice = _lattice_of(painted)
         if image is None or lattice is None:
             self.gone.add(painted.name)
-            self._give_up(keys, folded)
-            return
+            return replace(self._without(fold, keys), turn=painted.turn)
         self._lay_over(self._view(image, painted, lattice), keys, "fresh")
-        for key in keys:
-            folded[key].append(painted)
+        return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
 
-    def _give_up(self, keys: Iterable[TileKey], folded: dict[TileKey, list[Painted]]) -> None:
+    def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold:
+        """Give up tiles: they stay as they are."""
         for key in keys:
             self._store.put(LayerKey(*key, "fresh"), None)
             self._behind.pop(key, None)
-            del folded[key]
+        return replace(fold, tiles={key: frames for key, frames in fold.tiles.items() if key not in keys})
 
-    def _commit(self, folded: dict[TileKey, list[Painted]]) -> set[TileKey]:
-        ready = {key for key, frames in folded.items() if frames == self._frames.on(key)}
+    def _commit(self, fold: _Fold) -> set[TileKey]:
+        ready = {key for key, frames in fold.tiles.items() if frames == tuple(self._frames.on(key))}
         for key in ready:
             self._stack.set_own(key, self._store.get(LayerKey(*key, "fresh")))
             self._behind.pop(key, None)
+        for key in fold.tiles:
+            self._store.put(LayerKey(*key, "fresh"), None)
+        self._fold = None
         return self._refresh(ready, {island for island, _ in ready})
+
+    def _drop_fold(self) -> None:
+        for key in self._fold.tiles if self._fold else ():
+            self._store.put(LayerKey(*key, "fresh"), None)
+        self._fold = None
+
+
+def _lattice_of(painted: Painted) -> FrameLattice | None:
+    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)

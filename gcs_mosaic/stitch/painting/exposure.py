@@ -33,6 +33,11 @@ Levels = NDArray[np.uint8] | NDArray[np.float32]
 Array = NDArray[np.float64]
 Gain = tuple[float, ...]  # one for each band
 
+# Of the colours in a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
+PALETTE_SATURATION = 75  # median of highest less lowest channel
+PALETTE_SPREAD = (
+    40  # RMS distance from the mean of what is not grey: ground is of one hue, a palette runs through several
+)
 DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and says nothing about exposure
 
 
@@ -127,6 +132,20 @@ def gain_beside(
     wanted = np.array([_log_ratio(means) + np.log(gain) for means, gain in seen]).reshape(-1, bands)
     prior = settings.gain_sigma**-2.0
     return _bounded(trust @ wanted / (trust.sum() + np.sqrt(prior * trust.sum()) + prior), settings)
+
+
+def is_false_colour(small: Levels) -> bool:
+    """Whether a thumbnail (h, w, bands) in grey levels shows a thermal camera's palette.
+
+    Its colours are temperatures, on a scale that follows each frame: a gain would turn them into colours that mean others,
+    or that the palette does not have.
+    """
+    if small.shape[2] != 3:
+        return False
+    colours = small.reshape(-1, 3).astype(np.float64)
+    hue = colours - colours.mean(axis=1, keepdims=True)
+    spread = float(np.sqrt(hue.var(axis=0).sum()))
+    return float(np.median(np.ptp(colours, axis=1))) > PALETTE_SATURATION and spread > PALETTE_SPREAD
 
 
 def apply_gain(image: Image, gain: Gain) -> Image:

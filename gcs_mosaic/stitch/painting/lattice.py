@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import (
     Camera,
     Pose,
@@ -52,8 +53,9 @@ class FrameLattice:
     """A frame seen from the tile grid of one level.
 
     `pixels` (rows * 16 + 1, columns * 16 + 1, 2): frame pixels at the lattice points, NaN where nowhere. `weight` (same, no
-    last axis): 0 at the frame's border and outside, 1 in its middle if it resolves the ground as finely as the level does,
-    less by the square if not. `useful`: above 0 where the ground is resolved well enough, or None if it is so everywhere.
+    last axis): 0 at the border of what is alive of the frame and outside, 1 in its middle if it resolves the ground as finely
+    as the level does, less by the square if not. `useful`: above 0 where the ground is resolved well enough, or None if it is
+    so everywhere.
     """
 
     first: Tile
@@ -62,6 +64,12 @@ class FrameLattice:
     pixels: Lattice
     weight: Lattice
     useful: Lattice | None
+    dead: DeadBorder = NO_BORDER
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The least and the greatest (x, y) of the frame that are painted."""
+        return self.dead.limits(self.camera.width, self.camera.height)
 
     def window(self, tile: Tile) -> tuple[slice, slice]:
         """Rows and columns of the lattice that belong to a tile."""
@@ -69,9 +77,9 @@ class FrameLattice:
         return slice(y, y + LATTICE), slice(x, x + LATTICE)
 
     def inside(self) -> NDArray[np.bool_]:
-        """Which lattice points lie in the frame and are useful."""
-        limits = np.array([self.camera.width, self.camera.height]) - 0.5
-        within = np.logical_and(self.pixels > -0.5, self.pixels < limits).all(axis=-1)
+        """Which lattice points lie in what is painted of the frame."""
+        least, most = self.limits
+        within = np.logical_and(self.pixels > least, self.pixels < most).all(axis=-1)
         return np.asarray(within if self.useful is None else within & (self.useful > 0))
 
     def tiles(self) -> Iterator[Tile]:
@@ -85,7 +93,7 @@ class FrameLattice:
 
 
 def frame_lattice(
-    pose: Pose, camera: Camera, level: int, relief: ReliefDisplacement | None = None
+    pose: Pose, camera: Camera, level: int, relief: ReliefDisplacement | None = None, dead: DeadBorder = NO_BORDER
 ) -> FrameLattice | None:
     """The lattice of a frame at a level; None where it sees no ground. ValueError if the level is absurdly fine for it."""
     ground = useful_ground(pose, camera, relief)
@@ -96,10 +104,10 @@ def frame_lattice(
     _check_cost(camera, level, (last.x - first.x + 1) * (last.y - first.y + 1))
     pixels = _lattice_pixels(pose, camera, relief, first, last)
     detail = _frame_pixels_per_step(pixels) / LATTICE_STEP
-    weight = _border_weight(pixels, camera, RIM * LATTICE_STEP * pixel_size(level) / best)
+    weight = _border_weight(pixels, camera, dead, RIM * LATTICE_STEP * pixel_size(level) / best)
     weight *= np.minimum(detail * (1 - RESOLUTION_LOSS), 1) ** 2
     useful = np.log(np.maximum(detail * USEFUL_RATIO * best / pixel_size(level), 0.1))
-    return FrameLattice(first, last, camera, pixels, weight, useful if useful.min() <= 0 else None)
+    return FrameLattice(first, last, camera, pixels, weight, useful if useful.min() <= 0 else None, dead)
 
 
 def resolved(pose: Pose, camera: Camera) -> float | None:
@@ -151,11 +159,12 @@ def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | Non
     return pixels.reshape(places.shape).astype(np.float32)
 
 
-def _border_weight(pixels: Lattice, camera: Camera, rim: float) -> Lattice:
-    """Distance to the nearest border, 0 up to `rim` px inside it, 1 where it is greatest."""
-    x, y = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5
-    distance = np.minimum(np.minimum(x, camera.width - x), np.minimum(y, camera.height - y)) - rim
-    most = max(min(camera.width, camera.height) / 2 - rim, 1.0)
+def _border_weight(pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float) -> Lattice:
+    """Distance to the nearest border of what is alive, 0 up to `rim` px inside it, 1 where it is greatest."""
+    x, y, width, height = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5, camera.width, camera.height
+    from_sides = np.minimum(x - dead.left, width - dead.right - x), np.minimum(y - dead.top, height - dead.bottom - y)
+    distance = np.minimum(*from_sides) - rim
+    most = max(min(width - dead.left - dead.right, height - dead.top - dead.bottom) / 2 - rim, 1.0)
     return np.asarray(np.clip(np.nan_to_num(distance, nan=0.0) / most, 0, 1), dtype=np.float32)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from collections import OrderedDict
@@ -16,6 +17,9 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import LATTICE_STEP, Lattice
+from gcs_mosaic.stitch.transaction import Kept, Snapshot
+
+logger = logging.getLogger(__name__)
 
 Image = NDArray[np.uint8]
 Measured = NDArray[np.float16]  # half the memory; no map needs more than three digits
@@ -79,50 +83,84 @@ class LayerKey(NamedTuple):
     kind: Literal["own", "fresh", "quarter"]  # a tile's own layer; the next one, not yet whole; all of it at half size
 
 
+class _Place:
+    """Room in the scratch file. Given back when nobody knows of it any more, neither the store nor a snapshot of it."""
+
+    __slots__ = ("_holes", "offset", "size")
+
+    def __init__(self, offset: int, size: int, holes: dict[int, list[int]]) -> None:
+        self.offset, self.size, self._holes = offset, size, holes
+
+    def __del__(self) -> None:
+        self._holes.setdefault(self.size, []).append(self.offset)
+
+
 class _Record(NamedTuple):
-    offset: int
-    size: int
+    place: _Place
     side: int
     bands: int
     kind: np.dtype[Any]  # of the bands
     measured: int  # numbers at each lattice point
 
 
-class LayerStore:
+@dataclass(slots=True, eq=False)
+class _Held:
+    """A layer, in memory or in the file or both. Which layer never changes, only where it is."""
+
+    layer: Layer | None
+    record: _Record | None = None
+
+
+class LayerStore(Kept):
     """Layers by key: the most recently used in memory, the others losslessly in an unnamed file that vanishes by itself.
 
     Uncompressed: reading and writing a layer takes 0.1 ms so; PNG at its fastest takes 3 ms to write for a quarter of the
     bytes. `folder` None means the system's own place for such files. While the disk is full layers stay in memory and
-    `problem` says why; nothing is lost.
+    `problem` says why; nothing is lost. What a snapshot knows of stays in memory or in the file as long as the snapshot.
     """
+
+    # Where layers are is nothing that could be undone, nor needs to be: only which there are.
+    FIXED = frozenset({"_memory_bytes", "_file", "_cached", "_holes", "_end", "_used", "problem"})
 
     def __init__(self, memory_bytes: int, folder: Path | None = None) -> None:
         self._memory_bytes = memory_bytes
         self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 -- lives as long as the store
-        self._cached: OrderedDict[LayerKey, Layer] = OrderedDict()
-        self._spilled: dict[LayerKey, _Record] = {}
+        self._held: dict[LayerKey, _Held] = {}
+        self._cached: OrderedDict[LayerKey, _Held] = OrderedDict()  # those of them that are in memory
         self._holes: dict[int, list[int]] = {}  # offsets of free places, by size
         self._end = 0
         self._used = 0
         self.problem: str | None = None
 
+    def restore(self, before: Snapshot) -> None:
+        super().restore(before)
+        cached = {key: held for key, held in self._cached.items() if self._held.get(key) is held}
+        others = {key: held for key, held in self._held.items() if held.layer is not None and key not in cached}
+        self._cached = OrderedDict(others | cached)
+        self._used = sum(held.layer.nbytes for held in self._cached.values() if held.layer is not None)
+
     def get(self, key: LayerKey) -> Layer | None:
-        layer = self._cached.get(key)
-        if layer is not None:
-            self._cached.move_to_end(key)
-            return layer
-        record = self._spilled.get(key)
-        if record is None:
+        held = self._held.get(key)
+        if held is None:
             return None
-        layer = _unpacked(os.pread(self._file.fileno(), record.size, record.offset), record)
-        self._keep(key, layer)
+        if held.layer is not None:
+            self._cached[key] = held
+            self._cached.move_to_end(key)
+            return held.layer
+        assert held.record is not None, "a layer is in memory or in the file"
+        place = held.record.place
+        layer = _unpacked(os.pread(self._file.fileno(), place.size, place.offset), held.record)
+        self._keep(key, held, layer)
         return layer
 
     def put(self, key: LayerKey, layer: Layer | None) -> None:
         """Keep a layer under a key, in place of what was there; None drops it."""
-        self._drop(key)
+        self._held.pop(key, None)
+        old = self._cached.pop(key, None)
+        self._used -= 0 if old is None or old.layer is None else old.layer.nbytes
         if layer is not None:
-            self._keep(key, layer)
+            held = self._held[key] = _Held(layer)
+            self._keep(key, held, layer)
 
     @property
     def bytes_on_disk(self) -> int:
@@ -131,46 +169,41 @@ class LayerStore:
     def close(self) -> None:
         """Give back all memory and disk."""
         self._cached.clear()
-        self._spilled.clear()
+        self._held.clear()
         self._file.close()
 
-    def _keep(self, key: LayerKey, layer: Layer) -> None:
-        self._cached[key] = layer
+    def _keep(self, key: LayerKey, held: _Held, layer: Layer) -> None:
+        held.layer = layer
+        self._cached[key] = held
         self._used += layer.nbytes
         try:
             while self._used > self._memory_bytes and len(self._cached) > 1:
                 self._evict()
             self.problem = None
         except OSError as error:
+            if self.problem is None:
+                logger.warning("the scratch file cannot grow", exc_info=True)
             self.problem = f"the scratch file of the painting cannot grow: {error}"
 
     def _evict(self) -> None:
-        oldest, layer = next(iter(self._cached.items()))
-        if oldest not in self._spilled:
-            self._spilled[oldest] = self._write(layer)
+        oldest, held = next(iter(self._cached.items()))
+        assert held.layer is not None, "what is cached is in memory"
+        held.record = held.record or self._write(held.layer)
         del self._cached[oldest]
-        self._used -= layer.nbytes
-
-    def _drop(self, key: LayerKey) -> None:
-        old = self._cached.pop(key, None)
-        self._used -= 0 if old is None else old.nbytes
-        record = self._spilled.pop(key, None)
-        if record is not None:
-            self._holes.setdefault(record.size, []).append(record.offset)
+        self._used -= held.layer.nbytes
+        held.layer = None
 
     def _write(self, layer: Layer) -> _Record:
         data = _packed(layer)
         holes = self._holes.get(len(data))
-        offset = holes[-1] if holes else self._end
-        written = os.pwrite(self._file.fileno(), data, offset)
+        place = _Place(holes.pop() if holes else self._end, len(data), self._holes)
+        self._end = max(self._end, place.offset + place.size)
+        written = os.pwrite(self._file.fileno(), data, place.offset)
         if written != len(data):
             raise OSError(f"only {written} of {len(data)} bytes of a tile could be written")
-        if holes:
-            holes.pop()
-        self._end = max(self._end, offset + len(data))
         bands = np.empty((1, 1, 0), np.uint8) if layer.bands is None else layer.bands
         measured = 0 if layer.measured is None else layer.measured.shape[2]
-        return _Record(offset, len(data), layer.side, bands.shape[2], bands.dtype, measured)
+        return _Record(place, layer.side, bands.shape[2], bands.dtype, measured)
 
 
 def _packed(layer: Layer) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import insort
+from bisect import bisect
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
@@ -10,11 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
 from gcs_mosaic.stitch.painting.vignetting import FLAT, Vignetting, log_brightness
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+from gcs_mosaic.stitch.transaction import Kept
 
 TileKey = tuple[int, Tile]  # island, tile
 Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then name
@@ -23,7 +25,7 @@ Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then na
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Painted:
     """A frame as it is (to be) painted. `gain` multiplies what each of its bands has above the display's black, and
-    `vignetting` is taken out; `level` is usually `own_level(pose, camera)`."""
+    `vignetting` is taken out; `dead` pixels of `camera`'s picture are left out; `level` is usually `own_level(pose, camera)`."""
 
     name: str
     order: int  # capture order
@@ -34,6 +36,7 @@ class Painted:
     gain: tuple[float, ...] = (1.0, 1.0, 1.0)
     vignetting: Vignetting = FLAT
     display: Display = PLAIN
+    dead: DeadBorder = NO_BORDER
     level: int
 
     @property
@@ -66,13 +69,13 @@ class _Entry:
     box: Box | None
 
 
-class PaintedFrames:
+class PaintedFrames(Kept):
     """The painted frames by name, by tile and by island; pure bookkeeping."""
 
     def __init__(self) -> None:
         self._entries: dict[str, _Entry] = {}
-        self._turns: dict[TileKey, list[Turn]] = {}
-        self._islands: dict[int, dict[str, None]] = {}
+        self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
+        self._islands: dict[int, frozenset[str]] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self._entries
@@ -86,9 +89,11 @@ class PaintedFrames:
         touched = tuple(tiles)
         entry = _Entry(painted, touched, _box_of_tiles(touched) if touched else None)
         self._entries[painted.name] = entry
-        self._islands.setdefault(painted.island, {})[painted.name] = None
+        self._islands[painted.island] = self._islands.get(painted.island, frozenset()) | {painted.name}
         for tile in entry.tiles:
-            insort(self._turns.setdefault((painted.island, tile), []), painted.turn)
+            turns = self._turns.get((painted.island, tile), ())
+            at = bisect(turns, painted.turn)
+            self._turns[painted.island, tile] = (*turns[:at], painted.turn, *turns[at:])
         return self.tiles_of(painted.name)
 
     def remove(self, name: str) -> set[TileKey]:
@@ -96,11 +101,11 @@ class PaintedFrames:
         keys = self.tiles_of(name)
         entry = self._entries.pop(name, None)
         if entry is not None:
-            del self._islands[entry.painted.island][name]
+            self._islands[entry.painted.island] -= {name}
             for key in keys:
-                self._turns[key].remove(entry.painted.turn)
-                if not self._turns[key]:
-                    del self._turns[key]
+                turns = tuple(turn for turn in self._turns.pop(key) if turn != entry.painted.turn)
+                if turns:
+                    self._turns[key] = turns
         return keys
 
     def tiles_of(self, name: str) -> set[TileKey]:

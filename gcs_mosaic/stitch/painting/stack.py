@@ -17,6 +17,7 @@ from gcs_mosaic.stitch.painting.lattice import LATTICE, Lattice
 from gcs_mosaic.stitch.painting.layers import Layer, LayerKey, LayerStore, make_layer
 from gcs_mosaic.stitch.painting.overviews import assemble, composite, shrink
 from gcs_mosaic.stitch.painting.painted import Extent, TileKey
+from gcs_mosaic.stitch.transaction import Kept
 
 Image = NDArray[np.uint8]
 T = TypeVar("T")
@@ -38,11 +39,14 @@ class TilePicture:
 LoadTile = Callable[[int, Tile], TilePicture | None]
 
 
-class TileStack:
+class TileStack(Kept):
     """Layers of tiles in a store. A tile has a quarter if it shows anything and lies below its island's top level.
 
-    `load_tile` gives back tiles that an earlier run wrote; they stand in until they are painted anew.
+    `load_tile` gives back tiles that an earlier run wrote; they stand in until they are painted anew. The store is kept by
+    whoever gave it.
     """
+
+    FIXED = frozenset({"_store", "_pool", "_load_tile"})
 
     def __init__(self, store: LayerStore, pool: Executor, load_tile: LoadTile | None = None) -> None:
         self._store = store

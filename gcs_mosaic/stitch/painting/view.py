@@ -70,6 +70,7 @@ def frame_view(
     if image.shape[:2] != size or not display.fits(image) or image.dtype not in (np.uint8, np.uint16):
         wanted = (*size, len(display.black))
         raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8 or uint16")
+    image = painted.dead.filled(image)  # so that nothing of it is mixed into the pixels beside it
     shown = display.picture(image)
     gained = apply_gain(shown, display.of_shown(painted.gain))
     bands = image if keep == "raw" else None

@@ -8,7 +8,7 @@ curve flat where overlaps do not tell it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -45,23 +45,25 @@ class RadialSums:
 NO_SUMS = RadialSums((0.0, 0.0), (0.0, 0.0))
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class VignettingEstimate:
     """The curve of one camera, from all overlaps so far."""
 
     settings: VignettingSettings = field(default_factory=VignettingSettings)
-    _products: Array = field(default_factory=lambda: np.zeros((2, 2)))
-    _wanted: Array = field(default_factory=lambda: np.zeros(2))
+    products: tuple[float, float, float] = (0.0, 0.0, 0.0)  # summed as in RadialSums
+    wanted: tuple[float, float] = (0.0, 0.0)
 
-    def add(self, sums: RadialSums) -> None:
-        aa, ab, bb = sums.products
-        self._products += [[aa, ab], [ab, bb]]
-        self._wanted += sums.wanted
+    def after(self, sums: RadialSums) -> VignettingEstimate:
+        """The estimate with what one more overlap tells."""
+        (aa, ab, bb), (to_a, to_b) = self.products, self.wanted
+        products = aa + sums.products[0], ab + sums.products[1], bb + sums.products[2]
+        return replace(self, products=products, wanted=(to_a + sums.wanted[0], to_b + sums.wanted[1]))
 
     @property
     def curve(self) -> Vignetting:
         prior = np.eye(2) * (self.settings.pixel_sigma / self.settings.sigma) ** 2
-        a, b = np.linalg.solve(self._products + prior, self._wanted).tolist()
+        aa, ab, bb = self.products
+        a, b = np.linalg.solve(np.array([[aa, ab], [ab, bb]]) + prior, np.array(self.wanted)).tolist()
         return a, b
 
 

@@ -80,18 +80,17 @@ def tile_picture(lattice: FrameLattice, image: Bands, tile: Tile, interpolation:
 def _coverage(lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice]) -> Image | None:
     if _well_inside(lattice, window):
         return None
-    width, height = lattice.camera.width, lattice.camera.height
-    coverage = cv2.inRange(pixels, (-0.5, -0.5), (width - 0.5, height - 0.5))
+    coverage = cv2.inRange(pixels, *lattice.limits)
     if lattice.useful is not None:
         coverage[~(upscale(lattice.useful[window]) > 0)] = 0
     return np.asarray(coverage, dtype=np.uint8)
 
 
 def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:
-    """Whether all of a tile is in the frame, told from its lattice points (bilinear values lie between those)."""
-    limits = np.array([lattice.camera.width, lattice.camera.height]) - 0.5
+    """Whether all of a tile is painted, told from its lattice points (bilinear values lie between those)."""
+    least, most = lattice.limits
     corners = lattice.pixels[window]
-    within = bool(((corners > -0.5) & (corners < limits)).all())
+    within = bool(((corners > least) & (corners < most)).all())
     return within and (lattice.useful is None or bool((lattice.useful[window] > 0).all()))
 
 

@@ -29,6 +29,8 @@ from gcs_mosaic.stitch.paper.homography import Fit, fit_homography
 from gcs_mosaic.stitch.paper.matching import ratio_matches
 from gcs_mosaic.stitch.paper.raster import Raster, Window
 from gcs_mosaic.stitch.placement import Placement, Rejection
+from gcs_mosaic.stitch.tearing import HeldOut
+from gcs_mosaic.stitch.transaction import Kept, transaction
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -48,10 +50,10 @@ class PaperSettings:
     most_megapixels: float = 400.0
 
 
-class PaperMosaic:
+class PaperMosaic(Kept):
     """Places frames on one growing picture. All frames are reduced by `reduction`, a power of two.
 
-    `seconds`: what the last frame took, in the stages of the paper's tables.
+    `seconds`: what the last frame took, in the stages of the paper's tables. A call that raises has changed nothing else.
     """
 
     def __init__(self, settings: PaperSettings | None = None, reduction: int = 1) -> None:
@@ -72,10 +74,11 @@ class PaperMosaic:
 
     def add(self, image: Bands, name: str) -> Placement | Rejection:
         """Place a frame (h, w, bands) and paint it."""
-        outcome = self.place(self.features_of(image), name)
-        if isinstance(outcome, Placement):
-            self.paint(image, name)
-        return outcome
+        with transaction(self):
+            outcome = self.place(self.features_of(image), name)
+            if isinstance(outcome, Placement):
+                self.paint(image, name)
+            return outcome
 
     def features_of(self, image: Bands) -> Features:
         """A. Features of the frame."""
@@ -84,6 +87,10 @@ class PaperMosaic:
     def place(self, features: Features, name: str) -> Placement | Rejection:
         """Where a frame belongs; `paint` is to follow."""
         self.seconds = {}
+        with transaction(self):
+            return self._place(features, name)
+
+    def _place(self, features: Features, name: str) -> Placement | Rejection:
         if self._last is None:
             return self._founder(features, name)
         with self._timed("features"):
@@ -97,14 +104,13 @@ class PaperMosaic:
 
     def paint(self, image: Bands, name: str) -> set[Tile]:
         """D. Blend a placed frame into the mosaic; returns the tiles that look different now."""
-        with self._timed("stitching"):
+        with transaction(self), self._timed("stitching"):
             height, width = image.shape[:2]
             box = footprint_window(self._homographies[name], width, height)
             assert box is not None, "a frame without a box is not placed"
-            self.raster.grow(box)
             self._blend(self._shown(image), self._homographies[name], box)
-        self._last, self._region = box, None
-        return self.raster.tiles(box)
+            self._last, self._region = box, None
+            return self.raster.tiles(box)
 
     def _founder(self, features: Features, name: str) -> Placement | Rejection:
         if len(features) < self.settings.least_inliers:  # nothing could ever be laid on it
@@ -170,8 +176,8 @@ class PaperMosaic:
         new = cv2.warpPerspective(image, box_from_frame, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         everywhere = np.full(image.shape[:2], 255, np.uint8)
         covered = np.asarray(cv2.warpPerspective(everywhere, box_from_frame, size, flags=cv2.INTER_NEAREST), np.uint8)
-        shown[:] = blend(shown, self._weight_shown(box), np.asarray(new, np.uint8), covered)
-        np.maximum(coverage, covered, out=coverage)
+        mixed = blend(shown, self._weight_shown(box), np.asarray(new, np.uint8), covered)
+        self.raster.put(box, mixed, np.maximum(coverage, covered))
 
     def _shown(self, image: Bands) -> Image:
         """What a person sees of a frame, as the first frame of its kind has fixed it."""
@@ -183,7 +189,9 @@ class PaperMosaic:
     def _weight_shown(self, box: Window) -> NDArray[np.float32]:
         """How far each place of a frame's box is from the mosaic's border; exact up to half the box, the most a frame weighs."""
         wide, high = (box.right - box.left) // 2, (box.bottom - box.top) // 2
-        around = Window(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(self.raster.window)
+        around = Window(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(
+            self.raster.window_with(box)
+        )
         distance = border_distance(self.raster.part(around)[1])
         top, left = box.top - around.top, box.left - around.left
         return distance[top : top + box.bottom - box.top, left : left + box.right - box.left]
@@ -207,6 +215,10 @@ class PaperMosaic:
         """Placed frames by island."""
         return {0: len(self._placed)} if self._placed else {}
 
+    def held_out(self) -> dict[int, HeldOut]:
+        """Nothing is held out."""
+        return {}
+
     def moved(self) -> list[Placement]:
         """All placements that are new since this was last asked."""
         moved, self._moved = self._moved, []
@@ -220,6 +232,10 @@ class PaperMosaic:
     def adjust(self, *, everything: bool = False) -> None:
         """No frame is moved."""
 
+    def connect_some(self) -> bool:
+        """No frame waits, and there is one picture."""
+        return False
+
     def adjust_in_a_pause(self) -> bool:
         """Nothing is under way."""
         return False
@@ -227,11 +243,6 @@ class PaperMosaic:
     def finish(self) -> list[Rejection]:
         """What does not match was rejected when it came."""
         return []
-
-    def forget(self, name: str) -> None:
-        """Take a frame out again that was interrupted before it was painted."""
-        self._placed.pop(name, None)
-        self._moved = [placement for placement in self._moved if placement.name != name]
 
 
 def footprint_window(mosaic_from_frame: Array, width: int, height: int) -> Window | None:

@@ -5,6 +5,8 @@ Pixels of the mosaic are pixels of the first frame at the size it is stitched at
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
 from typing import NamedTuple
 
 import cv2
@@ -24,8 +26,10 @@ from gcs_mosaic.stitch.painting.grid import (
 )
 from gcs_mosaic.stitch.painting.painted import Extent
 from gcs_mosaic.stitch.painting.stack import TilePicture
+from gcs_mosaic.stitch.transaction import Kept
 
 Image = NDArray[np.uint8]
+Place = tuple[slice, slice]  # rows, columns
 
 
 class Window(NamedTuple):
@@ -47,14 +51,14 @@ class Window(NamedTuple):
         return Window(*(max(a, b) for a, b in zip(self[:2], other[:2], strict=True)), *map(min, self[2:], other[2:]))
 
 
-class Raster:
-    """A picture with coverage over one window of whole tiles, which `grow` enlarges. Empty at first."""
+class Raster(Kept):
+    """A picture with coverage over one window of whole tiles, which grows. Empty at first."""
 
     def __init__(self, reduction: int) -> None:
         self.level = BASE_LEVEL - (reduction.bit_length() - 1)
         self.window = Window(0, 0, 0, 0)
-        self._colour = np.zeros((0, 0, 3), np.uint8)
-        self._coverage = np.zeros((0, 0), np.uint8)
+        # Colour and coverage of the tiles that show anything, by their left and top; replaced, never changed in place.
+        self._tiles: dict[tuple[int, int], tuple[Image, Image]] = {}
         self._top = self.level  # the coarsest level that has been told of
 
     def window_with(self, added: Window) -> Window:
@@ -64,24 +68,27 @@ class Raster:
         up = (-TILE_SIZE * (-value // TILE_SIZE) for value in outer[2:])
         return Window(*down, *up)
 
-    def grow(self, added: Window) -> None:
-        """Make room for a window."""
-        wanted = self.window_with(added)
-        if wanted == self.window:
-            return
-        shape = wanted.bottom - wanted.top, wanted.right - wanted.left
-        colour, coverage = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
-        left, top = self.window.left - wanted.left, self.window.top - wanted.top
-        place = slice(top, top + len(self._colour)), slice(left, left + self._colour.shape[1])
-        if self.window.pixels:
-            colour[place], coverage[place] = self._colour, self._coverage
-        self._colour, self._coverage, self.window = colour, coverage, wanted
-
     def part(self, window: Window) -> tuple[Image, Image]:
-        """Colour (h, w, 3) and coverage (h, w), 0 or 255, of a window inside the mosaic's; to be written into."""
-        y, x = self.window.top, self.window.left
-        place = slice(window.top - y, window.bottom - y), slice(window.left - x, window.right - x)
-        return self._colour[place], self._coverage[place]
+        """Colour (h, w, 3) and coverage (h, w), 0 or 255, of a window; a copy, empty where the mosaic is."""
+        shape = window.bottom - window.top, window.right - window.left
+        colour, coverage = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+        for corner in _corners(window):
+            if corner in self._tiles:
+                there, here = _shared(window, corner)
+                colour[there], coverage[there] = (picture[here] for picture in self._tiles[corner])
+        return colour, coverage
+
+    def put(self, window: Window, colour: Image, coverage: Image) -> None:
+        """Show something else in a window; the mosaic grows as far as it must."""
+        new = {}
+        for corner in _corners(window):
+            there, here = _shared(window, corner)
+            old = self._tiles.get(corner, _EMPTY)
+            pictures = old[0].copy(), old[1].copy()
+            pictures[0][here], pictures[1][here] = colour[there], coverage[there]
+            new[corner] = pictures
+        self._tiles |= new
+        self.window = self.window_with(window)
 
     def tiles(self, changed: Window) -> set[Tile]:
         """Tiles of all levels that show any of a window, and those of levels that have come into use since the last call."""
@@ -107,21 +114,33 @@ class Raster:
         inner = whole.cut(self.window)
         if not inner.pixels:
             return None
-        part_colour, part_coverage = self.part(inner)
         # The window is made of whole tiles of its level, so its edges are whole pixels of a tile up to 256 times coarser.
-        size = (inner.right - inner.left) // side, (inner.bottom - inner.top) // side
-        seen = cv2.resize(part_coverage, size, interpolation=cv2.INTER_AREA)
+        mean, seen = self._reduced(inner, side)
         if not seen.any():
             return None
-        mean = cv2.resize(part_colour, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         filled = np.where(
             seen[..., None] > 0, mean * (255 / np.maximum(seen, 1)[..., None]), 0
         )  # what is empty is black
         colour, coverage = np.zeros((TILE_SIZE, TILE_SIZE, 3), np.uint8), np.zeros((TILE_SIZE, TILE_SIZE), np.uint8)
         y, x = (inner.top - whole.top) // side, (inner.left - whole.left) // side
-        colour[y : y + size[1], x : x + size[0]] = np.rint(filled).clip(0, 255)
-        coverage[y : y + size[1], x : x + size[0]] = seen
+        place = slice(y, y + seen.shape[0]), slice(x, x + seen.shape[1])
+        colour[place], coverage[place] = np.rint(filled).clip(0, 255), seen
         return TilePicture(colour, coverage)
+
+    def _reduced(self, window: Window, side: int) -> tuple[NDArray[np.float32], Image]:
+        """The mean colour and coverage of each `side` by `side` pixels of a window of whole tiles."""
+        size = TILE_SIZE // side
+        shape = (window.bottom - window.top) // side, (window.right - window.left) // side
+        mean, seen = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.uint8)
+        for left, top in _corners(window):
+            if (left, top) in self._tiles:
+                y, x = (top - window.top) // side, (left - window.left) // side
+                place = slice(y, y + size), slice(x, x + size)
+                mean[place], seen[place] = (
+                    cv2.resize(picture, (size, size), interpolation=cv2.INTER_AREA)
+                    for picture in self._tiles[left, top]
+                )
+        return mean, seen
 
     def _canvas_box(self, window: Window) -> Box:
         left, top, right, bottom = canvas_from_level(self.level, np.array(window) + float(self._middle)).tolist()
@@ -131,3 +150,23 @@ class Raster:
     def _middle(self) -> int:
         """The pixel of the level, across and down, at which the mosaic's (0, 0) lies."""
         return round(HALF_SPAN / pixel_size(self.level))
+
+
+_EMPTY = np.zeros((TILE_SIZE, TILE_SIZE, 3), np.uint8), np.zeros((TILE_SIZE, TILE_SIZE), np.uint8)
+
+
+def _corners(window: Window) -> Iterator[tuple[int, int]]:
+    """Left and top of the tiles that a window touches."""
+    left, top = (TILE_SIZE * (value // TILE_SIZE) for value in window[:2])
+    return product(range(left, window.right, TILE_SIZE), range(top, window.bottom, TILE_SIZE))
+
+
+def _shared(window: Window, corner: tuple[int, int]) -> tuple[Place, Place]:
+    """What a window and a tile have in common, as a place in the window and as one in the tile."""
+    tile = Window(*corner, corner[0] + TILE_SIZE, corner[1] + TILE_SIZE)
+    both = tile.cut(window)
+    there, here = (
+        (slice(both.top - of.top, both.bottom - of.top), slice(both.left - of.left, both.right - of.left))
+        for of in (window, tile)
+    )
+    return there, here

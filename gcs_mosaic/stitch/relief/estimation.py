@@ -87,7 +87,7 @@ def note_relief(network: Network, frame: int, settings: ReliefSettings) -> None:
     frames = [frame, *network.frames[frame].inliers]
     matches = matched(network, frames, of=[frame])
     views = [(network.pose_of(f), network.camera_of(f)) for f in frames]
-    network.frames[frame].relief = displacements(sightings(matches), views, settings, of=[0])[0] if matches else None
+    network.note(frame, relief=displacements(sightings(matches), views, settings, of=[0])[0] if matches else None)
 
 
 def displacements(

@@ -59,7 +59,7 @@ export class MosaicMap {
   show(mosaic, placements) {
     if (!mosaic || !mosaic.islands.length) return;
     this.mosaic = mosaic;
-    this.newestFrame = placements?.frames.at(-1) ?? null;
+    this.newestFrame = placements ? newestOf(placements) : null;
     this.showChoice();
     this.showIsland();
   }
@@ -158,6 +158,12 @@ function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) 
     updateInterval: 100,
     keepBuffer: 3,
   };
+}
+
+/** Of the newest frame that was placed and the newest that a placed one covers the one that came last, or null. */
+function newestOf({ frames, covered = [], newest }) {
+  const last = [frames.at(-1), covered.at(-1)].filter(Boolean);
+  return last.find(({ name }) => name === newest) ?? last[0] ?? null;
 }
 
 /** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. */

@@ -8,10 +8,10 @@ const NOTICES = 3;
 
 const byId = (id) => document.getElementById(id);
 
-export function showStrip({ mosaic, placements, status }, connection) {
+export function showStrip({ mosaic, placements, status }, connection, island) {
   const state = stateOf(status, mosaic, connection.lostForSeconds());
   showState(state);
-  showCounts(status, mosaic);
+  showCounts(status, mosaic, island);
   showNotices(status?.notices ?? []);
   showEmpty(!mosaic?.islands.length && !placements?.frames.length, status, state);
 }
@@ -62,19 +62,21 @@ function showState({ kind, title, detail, alarm }) {
   document.body.classList.toggle("stale", Boolean(alarm));
 }
 
-function showCounts(status, mosaic) {
+function showCounts(status, mosaic, island) {
   const source = status ?? mosaic;
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
   entries.push(...linkCounts(status?.mavlink ?? []));
   const islands = mosaic?.islands.filter((island) => island.merged_into === undefined).length ?? 0;
   if (source) entries.push(["Islands", islands, islands > 1 ? "warn" : ""]);
+  if (island?.held_out_px) entries.push(fit(island.held_out_px));
   if (status?.last_frame) entries.push(lastFrame(status));
   byId("counts").replaceChildren(...entries.map(countOf));
 }
 
-function frameCounts({ placed, waiting, rejected, damaged, dropped }) {
+function frameCounts({ placed, covered, waiting, rejected, damaged, dropped }) {
   return [
     ["Frames placed", placed, "good"],
+    ...(covered ? [["Covered", covered, "", "kept, but not painted: a placed frame shows all that they do"]] : []),
     ["Waiting", waiting, ""],
     ["Rejected", rejected, rejected ? "warn" : ""],
     ...seldom([["Damaged", damaged], ["Dropped", dropped]]),
@@ -112,16 +114,24 @@ function seldom(entries) {
   return entries.filter(([, count]) => count).map(([label, count]) => [label, count, "warn"]);
 }
 
-function lastFrame({ state, last_frame: last }) {
-  const when = state === "stopped" ? clock(last.time) : `${duration(ageOf(last.time))} ago`;
-  return ["Last frame", when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}`];
+/** How well the island in view fits together, measured by matches that had no say in where anything lies. */
+function fit({ median, p95, matches }) {
+  const short = (px) => (px === null ? "∞" : String(Number(px.toPrecision(2))));
+  const meaning = `Half of ${matches} points that were kept out of the fitting are torn apart by less than ${short(median)} px, 95 % by less than ${short(p95)} px`;
+  return ["Fits to", `${short(median)} px`, "", meaning, `95 %: ${short(p95)}`];
 }
 
-function countOf([label, value, kind, title]) {
+function lastFrame({ state, last_frame: last }) {
+  const when = state === "stopped" ? clock(last.time) : `${duration(ageOf(last.time))} ago`;
+  return ["Last frame", when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}${last.covered_by ? ` by ${last.covered_by}` : ""}`];
+}
+
+function countOf([label, value, kind, title, beside]) {
   const box = document.createElement("div");
   box.className = kind;
   box.title = title ?? "";
   box.append(element("dt", label), element("dd", String(value)));
+  if (beside) box.lastChild.append(element("small", beside));
   return box;
 }
 

@@ -56,7 +56,7 @@ function listen() {
 }
 
 function show() {
-  showStrip(known, connection);
+  showStrip(known, connection, map.mosaic ? map.currentIsland() : undefined);
 }
 
 readMap();

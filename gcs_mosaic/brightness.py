@@ -1,0 +1,83 @@
+"""How bright frames are to be painted, by what overlapping ones see of the same ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import replace
+
+from gcs_mosaic.stitch.dead_border import DeadBorder
+from gcs_mosaic.stitch.painting.agreement import Overlap, agreed_gains, overlap_of
+from gcs_mosaic.stitch.painting.exposure import ExposureSettings, Gain, Levels, OverlapMeans, gain_beside
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.stitch.transaction import Kept
+
+Size = tuple[int, int]  # width, height of frames as they are painted
+
+
+class Brightness(Kept):
+    """Thumbnails of all painted frames, and what their overlaps tell of gains and vignetting.
+
+    `dead_of` tells the border that is known to be dead of frames of a size.
+    """
+
+    FIXED = frozenset({"_dead_of"})
+
+    def __init__(
+        self, exposure: ExposureSettings, vignetting: VignettingSettings, dead_of: Callable[[Size], DeadBorder]
+    ) -> None:
+        self._exposure = exposure
+        self._no_estimate = VignettingEstimate(vignetting)
+        self._dead_of = dead_of
+        self._thumbnails: dict[str, Levels] = {}
+        self._overlaps: list[Overlap] = []
+        self._estimates: dict[Size, VignettingEstimate] = {}  # each size is one camera
+
+    def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted]) -> Painted:
+        """A frame at the brightness that fits those beside it which are painted; it counts for others from now on."""
+        self._thumbnails[new.name] = thumbnail
+        found = self._find_overlaps(new, beside)
+        curve = self.curve_of(new)
+        shares = [(means.flattened(curve, other.vignetting), other.gain) for means, other in found]
+        return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curve)
+
+    def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
+        """What overlaps of these frames told included their dead borders, or left out too much."""
+        kept: list[Overlap] = []
+        for i, j, means in self._overlaps:
+            changed = i in names or j in names
+            again = self._overlap(painted[i], painted[j]) if changed else means
+            kept += [] if again is None else [(i, j, again)]
+        self._overlaps = kept
+
+    def final(self, painted: Mapping[str, Painted]) -> dict[str, tuple[Gain, Vignetting]]:
+        """Gain and vignetting of each frame by all that is known."""
+        curves = {name: self.curve_of(one) for name, one in painted.items()}
+        gains = agreed_gains(painted.values(), self._overlaps, curves, self._exposure)
+        return {name: (gains[name], curves[name]) for name in painted}
+
+    def curve_of(self, painted: Painted) -> Vignetting:
+        """The vignetting of a frame's camera, as far as it is known."""
+        return self._estimates.get(size_of(painted), self._no_estimate).curve
+
+    def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
+        """What a new frame has in common with others of the same kind; kept for the end, and told the vignetting."""
+        found: list[tuple[OverlapMeans, Painted]] = []
+        for painted in beside:
+            if painted.island == new.island and painted.display == new.display:
+                means = self._overlap(new, painted)
+                if means is not None:
+                    self._overlaps.append((new.name, painted.name, means))
+                    found.append((means, painted))
+                    size = size_of(painted)
+                    self._estimates[size] = self._estimates.get(size, self._no_estimate).after(means.radial)
+        return found
+
+    def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
+        """Without the borders that are known to be dead, even where these are still painted."""
+        i, j = (replace(painted, dead=self._dead_of(size_of(painted))) for painted in (one, other))
+        return overlap_of(i, self._thumbnails[i.name], j, self._thumbnails[j.name])
+
+
+def size_of(painted: Painted) -> Size:
+    return painted.camera.width, painted.camera.height

@@ -1,0 +1,135 @@
+"""When a frame was taken, by its camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
+
+A frame's time may tell when it is its turn, and nothing else. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import struct
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from io import SEEK_END
+from pathlib import Path
+from typing import BinaryIO
+
+from gcs_mosaic.frames.structure import StructureError, unpack
+
+logger = logging.getLogger(__name__)
+
+_EXIF_DIRECTORY, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 0x8769, 0x9003, 0x9291
+_TEXT, _LONG, _DIRECTORY = 2, 4, 13  # field types
+_DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)", re.ASCII)
+_APP1, _START_OF_SCAN, _END = 0xE1, 0xDA, 0xD9
+
+MOST_SEGMENTS = 64  # before a JPEG's picture; cameras write fewer than ten
+MOST_ENTRIES = 512  # of a directory; cameras write some dozens
+LONGEST_TEXT = 64  # bytes; a date has 20
+
+
+def capture_time(path: Path) -> datetime | None:
+    """The time by the camera's clock, whose zone is not known; None if the file has none that can be read."""
+    try:
+        with path.open("rb") as file:
+            magic = file.read(4)
+            if magic.startswith(b"\xff\xd8\xff"):
+                return _of_jpeg(file)
+            return _of_tiff(_Block(file, 0, file.seek(0, SEEK_END))) if magic.startswith((b"II", b"MM")) else None
+    except (OSError, StructureError) as error:
+        logger.info("%s: when it was taken cannot be read: %s", path.name, error)
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """A TIFF structure within a file, from byte `start` of it; every read is bounded by what is asked for."""
+
+    file: BinaryIO
+    start: int
+    length: int
+
+    def read(self, offset: int, count: int) -> bytes:
+        """Just so many bytes; raises StructureError if there are not as many."""
+        if offset + count > self.length:
+            raise StructureError("damaged: EXIF points beyond its end")
+        self.file.seek(self.start + offset)
+        data = self.file.read(count)
+        if len(data) != count:
+            raise StructureError("truncated: the file ends within EXIF")
+        return data
+
+
+def _of_jpeg(file: BinaryIO) -> datetime | None:
+    """Walks from segment to segment, of which only the heads are read, up to the picture."""
+    at = 2
+    for _ in range(MOST_SEGMENTS):
+        file.seek(at)
+        head = file.read(10)
+        mark, marker, length = unpack(">BBH", head, 0)
+        if mark != 0xFF or marker in (_START_OF_SCAN, _END) or length < 2:
+            return None
+        if marker == _APP1 and head[4:] == b"Exif\0\0":
+            return _of_tiff(_Block(file, at + 10, length - 8))
+        at += 2 + length
+    return None
+
+
+def _of_tiff(block: _Block) -> datetime | None:
+    head = block.read(0, 8)
+    order = "<" if head.startswith(b"II") else ">"
+    kind, first = unpack(order + "HI", head, 2)
+    if kind == 43:  # BigTIFF
+        (first,) = unpack(order + "Q", block.read(8, 8), 0)
+    elif kind != 42:
+        raise StructureError("damaged: neither TIFF nor BigTIFF")
+    outer = _directory(block, order, first, big=kind == 43)
+    if _EXIF_DIRECTORY not in outer:
+        return None
+    kind_of, _, value = outer[_EXIF_DIRECTORY]
+    if kind_of not in (_LONG, _DIRECTORY):
+        return None
+    inner = _directory(block, order, *unpack(order + "I", value, 0), big=kind == 43)
+    date, fraction = (_text(block, order, inner.get(tag)) for tag in (_DATE_TIME_ORIGINAL, _SUB_SECONDS))
+    return _moment(date, fraction)
+
+
+_Entry = tuple[int, int, bytes]  # field type, number of values, and the values or where they are
+
+
+def _directory(block: _Block, order: str, at: int, *, big: bool) -> dict[int, _Entry]:
+    """The entries of the directory at `at` by tag, the first of each; no directory leads to another one but by a tag."""
+    form, count_form = ("HHQ8s", "Q") if big else ("HHI4s", "H")
+    count_size, size = struct.calcsize(order + count_form), struct.calcsize(order + form)
+    (count,) = unpack(order + count_form, block.read(at, count_size), 0)
+    if count > MOST_ENTRIES:
+        raise StructureError(f"damaged: a directory of {count} entries")
+    data = block.read(at + count_size, count * size)
+    entries: dict[int, _Entry] = {}
+    for tag, kind, values, value in struct.iter_unpack(order + form, data):
+        entries.setdefault(tag, (kind, values, value))
+    return entries
+
+
+def _text(block: _Block, order: str, entry: _Entry | None) -> str:
+    """A text as it is written, without what follows its end; empty if there is none."""
+    if entry is None or entry[0] != _TEXT or entry[1] > LONGEST_TEXT:
+        return ""
+    _, count, value = entry
+    if count > len(value):
+        (at,) = unpack(order + ("Q" if len(value) == 8 else "I"), value, 0)
+        value = block.read(at, count)
+    return value[:count].split(b"\0")[0].decode("ascii", "replace").strip()
+
+
+def _moment(date: str, fraction: str) -> datetime | None:
+    """Of "2021:06:05 14:03:59" and the digits behind the point of its seconds; None if that is no moment."""
+    found = _DATE.fullmatch(date)
+    if not found:
+        return None
+    try:
+        moment = datetime(*map(int, found.groups()))  # type: ignore[arg-type]
+    except ValueError:
+        return None
+    digits = fraction[:6] if fraction.isascii() and fraction.isdecimal() else ""
+    return moment + timedelta(microseconds=int(digits.ljust(6, "0")))

@@ -1,0 +1,26 @@
+"""How far frames are painted from where they lie now."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gcs_mosaic.stitch.geometry import Array, Camera, Pose, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
+
+
+def displacement(painted: Painted, placement: Placement) -> float:
+    """How far the frame is painted from where it should be, at most, in the frame's own pixels."""
+    if painted.island != placement.island:
+        return np.inf
+    there = _places(painted.pose, painted.camera, painted.relief)
+    here = _places(placement.pose, placement.camera, placement.relief)
+    off = np.linalg.norm(there - here, axis=1) / np.exp(placement.pose.log_gsd)
+    return float(np.nanmax(off)) if np.isfinite(off).any() else np.inf
+
+
+def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Array:
+    """Canvas places of points all over the frame, (n, 2); NaN above the horizon."""
+    pixels = pixel_grid(camera, 9, 7)
+    return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))

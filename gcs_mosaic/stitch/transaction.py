@@ -1,0 +1,108 @@
+"""All or nothing: what is kept between frames changes as a whole, or it is as it was.
+
+Whatever outlives a frame is an attribute of something `Kept`, and consists of values that never change, or of containers
+of such values. So a shallow copy of the containers is a copy of everything, and putting it back undoes whatever happened
+meanwhile: there is no list of things to undo that could be incomplete. An attribute that could not be put back is refused
+when the first copy is made.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import enum
+from array import array
+from collections import Counter, OrderedDict, deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import PurePath
+from types import BuiltinFunctionType, FunctionType, MethodType
+from typing import Any, ClassVar
+
+import numpy as np
+
+CONTAINERS = (dict, list, set, OrderedDict, Counter, deque, np.ndarray, array)
+VALUES = (
+    *(type(None), bool, int, float, str, bytes, tuple, frozenset, np.generic, enum.Enum, PurePath, type),
+    *(FunctionType, BuiltinFunctionType, MethodType),
+)
+
+Snapshot = dict[str, Any]
+
+
+class Kept:
+    """Base of all that keeps something between frames.
+
+    `FIXED` names attributes that belong to no frame: settings, helpers without memory, threads, files.
+    """
+
+    FIXED: ClassVar[frozenset[str]] = frozenset()
+
+    def snapshot(self) -> Snapshot:
+        """Everything that is kept, as it is now; for one `restore`. TypeError for an attribute that could not be put back."""
+        return {name: _copied(name, value) for name, value in vars(self).items() if name not in self.FIXED}
+
+    def restore(self, before: Snapshot) -> None:
+        """Be as at the time of the snapshot."""
+        for name in vars(self).keys() - before.keys() - self.FIXED:
+            delattr(self, name)
+        for name, value in before.items():
+            if isinstance(value, _Part):
+                value.owner.restore(value.before)
+                setattr(self, name, value.owner)
+            else:
+                setattr(self, name, value)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Part:
+    """Something kept inside something kept, and how it was."""
+
+    owner: Kept
+    before: Snapshot
+
+
+def _copied(name: str, value: object) -> object:
+    if isinstance(value, Kept):
+        return _Part(value, value.snapshot())
+    if isinstance(value, CONTAINERS):
+        return copy.copy(value)
+    if isinstance(value, VALUES) or _is_frozen(value):
+        return value
+    raise TypeError(f"{name} is a {type(value).__name__}, which cannot be put back as it was")
+
+
+def _is_frozen(value: object) -> bool:
+    return dataclasses.is_dataclass(value) and bool(getattr(type(value), "__dataclass_params__").frozen)  # noqa: B009
+
+
+class Attempt:
+    """Something that is tried: undone at its end unless `keep` was called."""
+
+    def __init__(self) -> None:
+        self.kept = False
+
+    def keep(self) -> None:
+        self.kept = True
+
+
+@contextmanager
+def attempt(*parts: Kept) -> Iterator[Attempt]:
+    """Try something that changes these parts; they are put back unless it is kept, and whenever anything is raised."""
+    before = [part.snapshot() for part in parts]
+    trial, raised = Attempt(), True
+    try:
+        yield trial
+        raised = False
+    finally:
+        if raised or not trial.kept:
+            for part, snapshot in zip(parts, before, strict=True):
+                part.restore(snapshot)
+
+
+@contextmanager
+def transaction(*parts: Kept) -> Iterator[None]:
+    """Change these parts; if anything is raised on the way, they are put back."""
+    with attempt(*parts) as trial:
+        yield
+        trial.keep()
