@@ -12,14 +12,16 @@ from sitl.geometry import (
     Array,
     CameraState,
     Lens,
-    ground_from_pixels,
     ground_of_rays,
     pixels_from_ground,
+    rays_from_pixels,
     rays_of_picture,
     sinking_views,
 )
+from sitl.glint import shimmer
 from sitl.ground.raster import Field
 from sitl.sensor import Sensor
+from sitl.sight import first_met
 from sitl.targets import Target, paint_targets
 from sitl.world import World
 
@@ -52,7 +54,8 @@ class Camera:
 class Scene:
     """A camera over a world. relief: share of the world's heights that is seen, 0 for a plane.
 
-    With relief, walls and crowns are right in views within about 40 degrees of straight down; flatter ones smear them.
+    With relief, walls and crowns are right in views within about 40 degrees of straight down; flatter ones smear them. In a
+    sheer world views are followed down to what they meet first, so what stands tall hides what is behind it.
     """
 
     world: World
@@ -67,7 +70,14 @@ class Scene:
 
     def ground_from_pixels(self, state: CameraState, pixels: Array) -> Array:
         """(n, 2) pixels -> (n, 2) metres: the orthographic place of the surface point seen; NaN for sky."""
-        return ground_from_pixels(self.camera.lens, state, pixels, self.surface if self.relief else None)
+        x, y = self.seen(state, rays_from_pixels(self.camera.lens, np.asarray(pixels, np.float64)))
+        return np.stack([x, y], axis=-1)
+
+    def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array]:
+        """(x, y) in metres of the places seen along rays (..., 2); NaN for sky."""
+        if self.relief and self.world.sheer:
+            return first_met(state, rays, self.surface, self.relief * float(self.world.heights.max()))
+        return ground_of_rays(state, rays, self.surface if self.relief else None)
 
     def pixels_from_ground(self, state: CameraState, ground: Array) -> Array:
         """(n, 2) metres -> (n, 2) pixels of the surface there, hidden or not; NaN behind the camera."""
@@ -90,8 +100,10 @@ class Scene:
         """(height, width, 3): the picture before the sensor."""
         rays = rays_of_picture(self.camera.lens)
         east, south, down = sinking_views(state, rays)
-        x, y = ground_of_rays(state, rays, self.surface if self.relief else None)
+        x, y = self.seen(state, rays)
         colours = self.world.colours(x, y, octave(self, state, down))
+        if self.world.water is not None:
+            shimmer(colours, self.world.water_at(x, y), state, rays)
         paint_targets(colours, self.targets, state, self.pixels_from_ground)
         horizon_near = down < 0.25 * np.sqrt(east * east + south * south)
         if horizon_near.any():

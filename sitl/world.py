@@ -20,12 +20,17 @@ from numpy.typing import NDArray
 
 from sitl.geometry import Array
 from sitl.ground.copies import paint_copies
-from sitl.ground.heights import height_map
+from sitl.ground.drills import BERRIES, MAIZE, VINES, paint_drills
+from sitl.ground.heights import CELL, height_map
+from sitl.ground.lake import paint_lake
 from sitl.ground.land import lay_out
+from sitl.ground.orchard import raise_canopy, raise_orchard
 from sitl.ground.paint import paint
 from sitl.ground.pattern import car_park, crop_rows, paint_pattern
+from sitl.ground.quarter import BARRACKS, QUARTER, raise_blocks
 from sitl.ground.raster import Field, Image
 from sitl.ground.shapes import Land
+from sitl.ground.suburb import raise_suburb
 from sitl.ground.water import paint_water
 
 PAINT_VERSION = 1  # raise it when the same seed gives another picture: cached worlds are then made anew
@@ -34,11 +39,17 @@ COARSEST = 32  # pixels: the pyramid ends here
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """levels: pictures (size, size, 3) BGR, each half the one before; heights: metres; gsd: metres per pixel of levels[0]."""
+    """levels: pictures (size, size, 3) BGR, each half the one before; heights: metres; gsd: metres per pixel of levels[0].
+
+    sheer: things stand so tall that a view must be followed down to the first that it meets. water: how much of each pixel of
+    levels[0] is water on which waves move, 0 to 1.
+    """
 
     levels: tuple[Image, ...]
     heights: Field
     gsd: float
+    sheer: bool = False
+    water: Field | None = None
 
     @property
     def side(self) -> float:
@@ -59,6 +70,16 @@ class World:
     def cell_of(self, place: Array) -> Field:
         cell = self.side / len(self.heights)
         return np.nan_to_num(mirrored(place / cell, len(self.heights))).astype(np.float32)
+
+    def water_at(self, x: Array, y: Array) -> Field:
+        """How much of the places (h, w) is water, 0 to 1; nothing of what is not finite."""
+        if self.water is None:
+            return np.zeros(x.shape, np.float32)
+        column, row = (
+            mirrored(np.nan_to_num(place) / self.gsd, len(self.water)).astype(np.float32) for place in (x, y)
+        )
+        seen = cv2.remap(self.water, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.where(np.isfinite(x), seen, 0).astype(np.float32)
 
     def colours(self, x: Array, y: Array, octave: Array) -> Field:
         """(h, w, 3) BGR of places (h, w), each mixed from the two levels nearest to its octave, log2(pixel size / gsd);
@@ -110,8 +131,19 @@ BARE: dict[str, Callable[[int, int, float], Image]] = {
     "cars": lambda seed, size, gsd: paint_pattern(car_park(), seed, size, gsd),
     "water": paint_water,
     "halls": paint_copies,
+    "maize": lambda seed, size, gsd: paint_drills(MAIZE, seed, size, gsd),
+    "berries": lambda seed, size, gsd: paint_drills(BERRIES, seed, size, gsd),
+    "vines": lambda seed, size, gsd: paint_drills(VINES, seed, size, gsd),
 }  # grounds that are a picture only, (seed, pixels along a side, metres per pixel) -> picture; their heights are hills
-GROUNDS = (COUNTRY, *BARE)
+RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
+    "orchard": raise_orchard,
+    "canopy": raise_canopy,
+    "quarter": lambda seed, size, gsd: raise_blocks(QUARTER, seed, size, gsd),
+    "barracks": lambda seed, size, gsd: raise_blocks(BARRACKS, seed, size, gsd),
+    "suburb": raise_suburb,
+}  # grounds that are a picture and the heights of what stands on it, on a plane
+LAKE = "lake"  # a plane with water on which waves move
+GROUNDS = (COUNTRY, LAKE, *BARE, *RAISED)
 
 
 @lru_cache(maxsize=2)
@@ -120,8 +152,15 @@ def make_world(
 ) -> World:
     """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted once and read from there.
 
-    ground: one of GROUNDS; all but "country" are there to mislead: they repeat themselves, or look alike everywhere.
+    ground: one of GROUNDS; "country", "canopy" and "suburb" are as ground is; all others are there to mislead: they repeat
+    themselves, or look alike everywhere.
     """
+    if cache is None and ground in RAISED:
+        picture, heights = RAISED[ground](seed, size, gsd)
+        return World(pyramid(picture), heights, gsd, sheer=True)
+    if cache is None and ground == LAKE:
+        picture, water = paint_lake(seed, size, gsd)
+        return World(pyramid(picture), np.zeros((size // CELL,) * 2, np.float32), gsd, water=water)
     if cache is None:
         land = lay_out(seed, size * gsd) if ground == COUNTRY else Land(size * gsd)
         picture = paint(land, seed, size, gsd) if ground == COUNTRY else BARE[ground](seed, size, gsd)
@@ -129,7 +168,7 @@ def make_world(
     folder = cache / f"world-{PAINT_VERSION}-{ground}-{seed}-{size}-{gsd:g}"
     if not folder.is_dir():
         save(make_world.__wrapped__(seed, size, gsd, ground=ground), folder)
-    return load(folder, gsd)
+    return load(folder, gsd, sheer=ground in RAISED)
 
 
 def pyramid(picture: Image) -> tuple[Image, ...]:
@@ -147,12 +186,15 @@ def save(world: World, folder: Path) -> None:
     for k, level in enumerate(world.levels):
         np.save(beside / f"level-{k:02d}.npy", level)
     np.save(beside / "heights.npy", world.heights)
+    if world.water is not None:
+        np.save(beside / "water.npy", world.water)
     try:
         beside.rename(folder)
     except OSError:
         shutil.rmtree(beside)
 
 
-def load(folder: Path, gsd: float) -> World:
+def load(folder: Path, gsd: float, *, sheer: bool) -> World:
     levels: list[Any] = [np.load(path, mmap_mode="r") for path in sorted(folder.glob("level-*.npy"))]
-    return World(tuple(levels), np.load(folder / "heights.npy"), gsd)
+    water = np.load(folder / "water.npy") if (folder / "water.npy").exists() else None
+    return World(tuple(levels), np.load(folder / "heights.npy"), gsd, sheer, water)

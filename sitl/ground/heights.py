@@ -15,6 +15,12 @@ HIGHEST_HILL = 5.0  # metres: a twentieth of the usual flying height
 def height_map(seed: int, land: Land, size: int, gsd: float) -> Field:
     """(size / CELL, size / CELL) metres: hills with buildings and trees; walls are as steep as one cell allows."""
     cells, cell = size // CELL, gsd * CELL
+    return np.asarray(hills(np.random.default_rng([seed, 3]), cells, cell) + standing(land, size, gsd), np.float32)
+
+
+def standing(land: Land, size: int, gsd: float) -> Field:
+    """(size / CELL, size / CELL) metres that buildings and trees stand above the ground."""
+    cells, cell = size // CELL, gsd * CELL
     objects = np.zeros((cells, cells), np.float32)
     for building in land.buildings:
         cv2.fillConvexPoly(objects, fixed(building.outline()[0], cell), building.height, cv2.LINE_8, SHIFT)
@@ -24,7 +30,7 @@ def height_map(seed: int, land: Land, size: int, gsd: float) -> Field:
             cv2.circle(
                 objects, (x, y), fixed_length(tree.radius * share, cell), tree.height * high, -1, cv2.LINE_8, SHIFT
             )
-    return np.asarray(hills(np.random.default_rng([seed, 3]), cells, cell) + cv2.blur(objects, (3, 3)), np.float32)
+    return np.asarray(cv2.blur(objects, (3, 3)), np.float32)
 
 
 def hills(rng: np.random.Generator, cells: int, cell: float) -> Field:
