@@ -117,7 +117,7 @@ def adjusted(task: Task, notes: Notes) -> None:
             frame = pipeline.accept(found)
             if frame is None:
                 continue
-            prepared = prepare(frame, pipeline.features_of, task.config.reduction)
+            prepared = prepare(frame, pipeline.features_of, task.config.reduction, pipeline.feature_pixels)
             notes.result.last = {}
             done = pipeline.work_off(prepared)
             notes.add("features", done.seconds.get("features", 0.0))
@@ -255,7 +255,7 @@ def main() -> None:
     given = parser.parse_args()
     config = replace(Config().with_features(given.features), scale=given.scale)
     config = replace(config, method="paper" if given.name == "paper" else "adjusted")
-    frames = [item for item in frames_in(given.frames, config.frames)[1] if isinstance(item, Frame)]
+    frames = [item for item in frames_in(given.frames, config.frames).frames if isinstance(item, Frame)]
     notes = Notes(given.result)
     CONTESTANTS[given.name](Task(frames, config), notes)
     notes.result.done = True

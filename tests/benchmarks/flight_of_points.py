@@ -6,7 +6,7 @@ the size of its pixels. Good for times; no map of it says anything about accurac
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,14 +30,19 @@ def plan(frames: int) -> Plan:
 
 def features_of_flight(frames: int, seed: int = 1) -> Iterator[Features]:
     """Features (at most SEEN) of each frame in turn."""
+    return features_of_states(fly("survey", LENS, plan(frames)), seed)
+
+
+def features_of_states(states: Iterable[CameraState], seed: int = 1, seen: int = SEEN) -> Iterator[Features]:
+    """Features (at most `seen`) of what is seen from each place in turn."""
     rng, ground = np.random.default_rng([seed, 7]), _Ground(seed)
-    for state in fly("survey", LENS, plan(frames)):
+    for state in states:
         places, descriptors = ground.marks(state)
         pixels = pixels_from_ground(LENS, state, places) + rng.normal(0, NOISE_PX, places.shape)
-        inside = np.flatnonzero(((pixels >= 0) & (pixels < [LENS.width, LENS.height])).all(axis=1))[:SEEN]
+        inside = np.flatnonzero(((pixels >= 0) & (pixels < [LENS.width, LENS.height])).all(axis=1))[:seen]
         noisy = descriptors[inside] + rng.normal(0, NOISE_DESCRIPTOR, (len(inside), 128))
-        seen = np.asarray(np.clip(np.rint(noisy), 0, 255), np.uint8)
-        yield Features(pixels[inside].astype(np.float32), seen, LENS.width, LENS.height, 1.0)
+        told = np.asarray(np.clip(np.rint(noisy), 0, 255), np.uint8)
+        yield Features(pixels[inside].astype(np.float32), told, LENS.width, LENS.height, 1.0)
 
 
 class _Ground:

@@ -29,8 +29,9 @@ from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.prepare import Prepared, prepare
 from gcs_mosaic.recorder import estimate_of_placement
 from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from gcs_mosaic.stitch.mosaic import StitchSettings
 from gcs_mosaic.stitch.placement import Placement
+from tests.benchmarks.flown import Flown
 
 SHARED = Path(__file__).parents[3] / "shared"
 
@@ -130,18 +131,16 @@ def features_in(folder: Path, settings: FeatureSettings) -> list[Named]:
     """Names and features of all frames of a folder, in order, found at full size."""
     cv2.setNumThreads(1)
     find = partial(extract, settings=settings)
-    prepared = (prepare(f, find) for f in frames_in([folder], FolderSettings())[1] if isinstance(f, Frame))
+    prepared = (prepare(f, find) for f in frames_in([folder], FolderSettings()).frames if isinstance(f, Frame))
     return [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
 
 
 def stitched(frames: Sequence[Named], settings: StitchSettings) -> list[Placement]:
-    """What the stitching alone makes of these frames, adjusted as at the end of a flight."""
-    mosaic = Mosaic(settings)
-    for name, features in frames:
-        mosaic.place(features, name)
-        mosaic.adjust()
-    mosaic.adjust(everything=True)
-    return mosaic.placements()
+    """What the stitching alone makes of these frames, as at the end of a flight."""
+    with Flown(settings) as flown:
+        for name, features in frames:
+            flown.place(name, features)
+        return flown.finish()
 
 
 def document(placements: Sequence[Placement]) -> Document:
@@ -152,6 +151,8 @@ def document(placements: Sequence[Placement]) -> Document:
                 "name": placement.name,
                 "island": placement.island,
                 "canvas_from_frame": placement.canvas_from_frame.tolist(),
+                "width": placement.camera.width,
+                "height": placement.camera.height,
                 "warp": _numbers(warp(estimate_of_placement(placement))),
             }
             for placement in placements

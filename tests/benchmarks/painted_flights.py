@@ -83,7 +83,7 @@ def simulated(flight: Flight, *, registered: bool = False) -> PlacedFlight:
 def recorded(folder: Path, reduction: int = 1, most: int | None = None) -> PlacedFlight:
     """A folder of photographs, or the first few of them, stitched; painted at full size or reduced by a whole factor."""
     settings = StitchSettings()
-    frames = [one for one in frames_in([folder], FolderSettings())[1] if isinstance(one, Frame)][:most]
+    frames = [one for one in frames_in([folder], FolderSettings()).frames if isinstance(one, Frame)][:most]
     prepared = (prepare(one, partial(extract, settings=settings.features)) for one in frames)
     features = [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
     placements, paths = stitched(features, settings), {one.name: one.path for one in frames}
@@ -175,7 +175,7 @@ class FrameAlone:
     """One frame as it is painted, with nothing else on the tiles."""
 
     def __init__(self, image: Bands, painted: Painted, settings: PaintSettings) -> None:
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief)
+        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)
         assert lattice is not None
         self.painted = painted
         self.tiles = set(lattice.tiles())

@@ -63,7 +63,7 @@ class Flight:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.frames = [f.path for f in frames_in([folder], FolderSettings())[1] if isinstance(f, Frame)]
+        self.frames = [f.path for f in frames_in([folder], FolderSettings()).frames if isinstance(f, Frame)]
         known = (folder / "truth.json").exists() or (SHARED / "data" / "truth" / f"{folder.name}.json").exists()
         self._truth: KnownFlight | None = known_flight(folder) if known else None
 

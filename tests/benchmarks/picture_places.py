@@ -133,7 +133,7 @@ def _reach(target: Target) -> float:
 
 
 def _tiles(frame: Painted) -> set[Tile]:
-    lattice = frame_lattice(frame.pose, frame.camera, frame.level, frame.relief)
+    lattice = frame_lattice(frame.pose, frame.camera, frame.level, frame.relief, frame.dead)
     return set() if lattice is None else set(lattice.tiles())
 
 

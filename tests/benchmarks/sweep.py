@@ -28,22 +28,29 @@ PACKAGE = "gcs_mosaic.stitch"
 # Constants of modules that decide what is believed, tried or weighed. What only sets a pace (steps of a convergent
 # iteration, batches, where the dense solver takes over) is none of these.
 CONSTANTS = {
-    "matching.registration": ("HYPOTHESES",),
-    "matching.evidence": ("PER_CELL", "COMPARABLE"),
-    "matching.witnesses": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER"),
+    "matching.registration": ("HYPOTHESES", "ENOUGH_CELLS", "EXPECTED_SHARE"),
+    "matching.evidence": ("PER_CELL", "COMPARABLE", "FALSE_SHARE", "CORRELATED_CELLS"),
+    "matching.witnesses": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER", "ENOUGH_CELLS"),
+    "matching.parallax": ("LARGEST", "EPIPOLAR_PX", "HYPOTHESES", "LEAST_CHANCE"),
     "matching.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
     "neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
     "search": ("PER_NEIGHBOUR",),
-    "placing": ("LENS_KNOWN", "UNKNOWN_LENS", "MAJORITY"),
+    "network": ("EXPECTED_SHARE", "EXPECTED_CELLS", "LEAST_SHARE", "MOST_SHARE", "LENS_KNOWN"),
+    "placing": ("UNKNOWN_LENS",),
     "waiting": ("TURN_AFTER",),
-    "islands": ("AGREEMENT", "LOG_AGREEMENT", "LOG_BRIDGE", "APART", "MAJORITY", "WITNESSES", "PAIRS_PER_WITNESS"),
+    "islands": ("AGREEMENT", "LOG_AGREEMENT", "LOG_BRIDGE", "APART", "MUCH", "WITNESSES", "PAIRS_PER_WITNESS"),
     "adjusting.assembly": ("WAITING_TRIES", "BRIDGE_TRIES"),
-    "adjusting.adjustment": ("TILT_PRIOR_REACH",),
+    "adjusting.adjustment": ("TILT_PRIOR_REACH", "EXPECTED_SIZE2", "MOST_EXCESS"),
+    "adjusting.lens": ("SHORTEST_FOCAL", "LONGEST_FOCAL", "MOST_BARREL", "MOST_PINCUSHION", "REACH", "DOUBT"),
     "relief.points": ("ROUNDS",),
     "relief.displacement": ("STEEPEST",),
     "relief.estimation": ("FEWEST", "ROUNDS"),
     "geometry": ("HORIZON_COSINE", "LEAST_LIKENESS"),
 }
+
+IMPORTED_BY = {
+    ("network", "LENS_KNOWN"): ("placing",)
+}  # modules with a name of their own for a constant of another one
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,13 +110,16 @@ def with_value(settings: Any, path: Sequence[str], value: float) -> Any:
 
 @contextmanager
 def constant_set(constant: Constant, value: float) -> Iterator[None]:
-    """Meanwhile the constant has another value. Only its own module is told: none of CONSTANTS is imported by another."""
-    module = importlib.import_module(f"{PACKAGE}.{constant.module}")
-    setattr(module, constant.name, value)
+    """Meanwhile the constant has another value, in its own module and in those that have imported it."""
+    names = constant.module, *IMPORTED_BY.get((constant.module, constant.name), ())
+    modules = [importlib.import_module(f"{PACKAGE}.{name}") for name in names]
+    for module in modules:
+        setattr(module, constant.name, value)
     try:
         yield
     finally:
-        setattr(module, constant.name, constant.value)
+        for module in modules:
+            setattr(module, constant.name, constant.value)
 
 
 def changed(value: float, factor: float) -> float:

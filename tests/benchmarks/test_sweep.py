@@ -1,16 +1,29 @@
 """The sweep forgets no threshold, changes what it says, and leaves everything as it was."""
 
+import ast
 import dataclasses
 import importlib
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from tests.benchmarks.known_flights import Result
-from tests.benchmarks.sweep import Constant, Setting, changed, constant_set, constants, settings_of, verdict, with_value
+from tests.benchmarks.sweep import (
+    CONSTANTS,
+    IMPORTED_BY,
+    Constant,
+    Setting,
+    changed,
+    constant_set,
+    constants,
+    settings_of,
+    verdict,
+    with_value,
+)
 
 GOOD = Result(placed=9, islands=1, ortho_px=10.0, tracks_median_px=2.0, tracks_p95_px=9.0, frames_px={})
 
@@ -23,7 +36,9 @@ def leaves(values: Any) -> Iterator[Any]:
 def test_every_number_of_the_settings_is_swept_and_can_be_changed() -> None:
     found = list(settings_of(StitchSettings()))
     numbers = [
-        value for value in leaves(dataclasses.asdict(StitchSettings())) if isinstance(value, int | float) and value != 0
+        value
+        for value in leaves(dataclasses.asdict(StitchSettings()))
+        if isinstance(value, int | float) and not isinstance(value, bool) and value != 0
     ]
     assert sorted(setting.value for setting in found) == sorted(numbers)
     for setting in found:
@@ -41,6 +56,19 @@ def test_a_constant_is_another_only_meanwhile() -> None:
         assert getattr(module, constant.name) == 77
     assert getattr(module, constant.name) == constant.value
     assert all(isinstance(one, Constant) and one.value for one in constants())
+
+
+def test_whoever_imports_a_constant_is_told_of_its_change() -> None:
+    package = Path(str(importlib.import_module("gcs_mosaic.stitch").__file__)).parent
+    importers: dict[tuple[str, str], list[str]] = {}
+    for path in sorted(package.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("gcs_mosaic.stitch."):
+                module = node.module.removeprefix("gcs_mosaic.stitch.")
+                for name in {alias.name for alias in node.names} & set(CONSTANTS.get(module, ())):
+                    importer = ".".join(path.relative_to(package).with_suffix("").parts)
+                    importers.setdefault((module, name), []).append(importer)
+    assert {known: tuple(found) for known, found in importers.items()} == IMPORTED_BY
 
 
 @pytest.mark.parametrize(("value", "factor", "expected"), [(5, 0.5, 2), (1, 0.5, 1), (0.3, 0.5, 0.15), (3, 2.0, 6)])
