@@ -120,12 +120,31 @@ def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(flown, 
     assert (flown.watch / "sub" / "text.jpg").exists()
 
 
+def test_how_good_the_map_is_is_told_everywhere(flown):
+    islands = {str(one["id"]): one["held_out_px"] for one in flown.document("mosaic.json")["islands"]}
+    known = {island: found for island, found in islands.items() if found}
+    assert known["0"]["median"] < 2
+    assert known == flown.status()["held_out_px"]
+    line = f"{known['0']['p95']:.1f} px 95 % (island 0, {known['0']['matches']:,} matches)"
+    assert line in flown.said
+    assert line in run("status", flown.out, cwd=flown.home).stdout
+
+
 def test_what_happened_is_said(flown):
     assert flown.status()["state"] == "stopped"
     assert "made the folder frames, which was not there" in flown.said
     assert "sub/cut.jpg is damaged: truncated" in flown.said
     assert "files ending in .txt are not images" in flown.said
     assert "Traceback" not in flown.said
+
+
+def test_what_happened_is_in_the_log(flown):
+    log = (flown.out / "flight.log").read_text()
+    assert "gcs_mosaic.reporting: frames: sub/cut.jpg is damaged: truncated" in log
+    assert "gcs_mosaic.pipeline: sub/copy.jpg: duplicate, the same picture as DCIM/IMG_0002.JPG" in log
+    assert "gcs_mosaic.pipeline: sub/black.jpg: rejected, too little to see: 0 features" in log
+    assert "sub/elsewhere.jpg and DCIM/IMG_0003.JPG are not connected: " in log
+    assert log.endswith("gcs_mosaic.flightlog: the flight has ended\n")
 
 
 def test_the_status_is_told_of_an_ended_flight(flown):

@@ -16,6 +16,7 @@ from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.tiles import TileSettings, TileWriter
 from gcs_mosaic.frames.load import load_image
+from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.painting.canvas import Canvas
 from sitl.path import Plan
@@ -25,9 +26,13 @@ QUIET = Console(quiet=True)
 
 @pytest.fixture(scope="module")
 def stitched(tmp_path_factory, world_cache) -> Path:
-    """A small flight that was stitched, with strangers among its frames."""
+    """A small flight that was stitched, by a camera with two dead lines, with strangers among its frames."""
     folder = tmp_path_factory.mktemp("frames")
     sitl.flight.make("survey", folder, (640, 480), cache=world_cache, route=Plan(frames=12))
+    for path in folder.rglob("*.JPG"):
+        image = cv2.imread(str(path))
+        image[-1:] = image[:, -1:] = 0
+        cv2.imwrite(str(path), image)
     cv2.imwrite(str(folder / "DCIM" / "black.png"), np.zeros((480, 640, 3), np.uint8))
     (folder / "DCIM" / "cut.jpg").write_bytes(next(folder.rglob("*.JPG")).read_bytes()[:9000])
     (folder / "DCIM" / "copy.jpg").write_bytes(next(folder.rglob("*1.JPG")).read_bytes())
@@ -56,6 +61,7 @@ def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched, tmp_path
     with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
         painted = ledger.painted(0)
         originals = {frame.name: stitched / frame.original for frame in ledger.frames() if frame.original}
+    assert {one.dead for one in painted} == {DeadBorder(right=2, bottom=2)}
     canvas, writer = Canvas(lambda name: load_image(originals[name])), TileWriter(tmp_path, TileSettings())
     for one in painted:
         writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile)

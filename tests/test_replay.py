@@ -97,6 +97,7 @@ def test_what_it_is_doing_is_said(again):
     said = " ".join((again.parent / "said").read_text().split())
     assert "8 files, which came as told by the files' times" in said
     assert "6 of 8 frames placed" in said
+    assert "held-out matches: " in said
     assert "events: 7 matched, 2 missing, 1 duplicate" in said
 
 

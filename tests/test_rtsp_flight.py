@@ -120,7 +120,7 @@ def test_every_trigger_gets_its_frame_of_the_stream(tmp_path, slides):
     assert "rtsp://192.0.2.7/main, of which the aircraft tells, is not in stream: allowed_hosts" in flight.said
     assert not (tmp_path / "frames").exists()
     written = [path for path in tmp_path.rglob("*") if path.is_file() and path.suffix not in (".jpg", ".png")]
-    assert {"said.txt", "status.json", "mosaic.json", "flight.sqlite"} <= {path.name for path in written}
+    assert {"said.txt", "status.json", "mosaic.json", "flight.sqlite", "flight.log"} <= {path.name for path in written}
     assert not [path for path in written if SECRET.encode() in path.read_bytes()]
     assert "stream rtsp://127.0.0.1" in run("status", flight.out, cwd=tmp_path).stdout
 

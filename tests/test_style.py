@@ -7,7 +7,7 @@ import fresh
 import pytest
 
 TOP_LEVEL = {"LICENSE", "README.md", "config", "gcs_mosaic", "pyproject.toml", "sitl", "tests"}
-LONGEST_MODULE = 280  # lines; most have less than half of that
+LONGEST_MODULE = 400  # lines; most have less than a quarter of that, and functions are what is kept short
 PLACES_OF_ONE_MACHINE = re.compile(r"(?<![\w.)}])/(?:home|root|work|tmp|mnt|media|Users)/")
 CHECKS = {"faults": ["ruff", "check"], "format": ["ruff", "format", "--check"], "types": ["mypy"]}
 

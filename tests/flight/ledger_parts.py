@@ -7,8 +7,12 @@ from pathlib import Path
 from gcs_mosaic.events import CaptureResult, Frame, Position, Source, TriggerEvent
 from gcs_mosaic.flight.originals import content_hash
 from gcs_mosaic.flight.records import Estimate
+from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.painted import Painted
+
+# A frame's pixels to those of one that was taken a little beside it.
+NEARLY_THE_SAME = ((1.0, 0.01, 2.5), (-0.01, 1.0, -0.1), (1e-7, 0.0, 1.0))
 
 
 def an_event(sequence: int = 7, position: Position | None = None, file_hint: str | None = None) -> TriggerEvent:
@@ -71,5 +75,6 @@ def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float
         camera=Camera(4000, 3000, focal, -0.031),
         gain=(1.0, 0.97, 1.03),
         vignetting=(-0.2, 0.03),
+        dead=DeadBorder(0, 12, 1, 13),
         level=16,
     )

@@ -14,6 +14,7 @@ from gcs_mosaic.events import DamagedFile, Notice, Position
 from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import EventState, FlightRecord, FrameState
+from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.canvas import CanvasSettings
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
@@ -104,9 +105,10 @@ def test_damaged_file_that_becomes_whole_is_a_frame(ledger: Ledger) -> None:
     lens=st.lists(finite, min_size=5, max_size=5),
     shifts=st.binary(max_size=9),
     display=st.sampled_from([PLAIN, Display((4, 4, 4), (0, 3, 65_000), (65_535, 99, 65_100))]),
+    dead=st.sampled_from([NO_BORDER, DeadBorder(1, 0, 250, 2)]),
 )
 def test_painted_frame_comes_back_to_the_last_bit(
-    values: list[float], lens: list[float], shifts: bytes, display: Display
+    values: list[float], lens: list[float], shifts: bytes, display: Display, dead: DeadBorder
 ) -> None:
     painted = Painted(
         name="a.jpg",
@@ -117,6 +119,7 @@ def test_painted_frame_comes_back_to_the_last_bit(
         relief=ReliefDisplacement(3, 2, shifts) if shifts else None,
         gain=tuple(values[6:]),
         display=display,
+        dead=dead,
         level=15,
     )
     with Ledger(Path(":memory:")) as ledger:

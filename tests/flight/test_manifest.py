@@ -1,18 +1,20 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ledger_parts import a_frame
+from ledger_parts import NEARLY_THE_SAME, a_frame
 
 from gcs_mosaic.flight.disk import DiskFull
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest, mosaic_document, placements_document
-from gcs_mosaic.flight.records import Accounts, Estimate, FrameAccount, FrameState
+from gcs_mosaic.flight.records import Accounts, CoveredRecord, Estimate, FrameAccount, FrameState
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels
+from gcs_mosaic.stitch.tearing import HeldOut
 
 ISLAND = IslandEntry(id=0, bounds=(-10.5, 0, 4000, 3000.5), minzoom=11, maxzoom=16, frames=2)
 ESTIMATE = Estimate(
@@ -47,9 +49,38 @@ def test_mosaic_document_follows_the_contract() -> None:
             "minzoom": 11,
             "maxzoom": 16,
             "frames": 2,
+            "held_out_px": None,
             "tiles": "tiles/0/{z}/{x}/{y}.jpg",
         }
     ]
+
+
+def test_island_tells_how_good_it_is() -> None:
+    known = replace(ISLAND, held_out=HeldOut(1.234, 9.876, 3120))
+    endless = replace(ISLAND, held_out=HeldOut(1.5, math.inf, 20))
+    document = json.loads(json.dumps(mosaic_document(replace(CONTENTS, islands=[known, endless]), 1), allow_nan=False))
+    assert [island["held_out_px"] for island in document["islands"]] == [
+        {"median": 1.23, "p95": 9.88, "matches": 3120},
+        {"median": 1.5, "p95": None, "matches": 20},
+    ]
+
+
+def test_a_covered_frame_follows_its_keyframe() -> None:
+    covered = CoveredRecord(name="b.jpg", by="a.jpg", by_from_frame=NEARLY_THE_SAME, width=40, height=30)
+    lost = replace(covered, name="c.jpg", by="gone.jpg")
+    moved = replace(ESTIMATE, island=2, pose=Pose(500, -3, 0.2, 1.0))
+    for keyframe in (ESTIMATE, moved):
+        contents = replace(CONTENTS, estimates=[keyframe], covered=[covered, lost], newest="b.jpg")
+        document = json.loads(json.dumps(placements_document(contents, 1), allow_nan=False))
+        assert [frame["name"] for frame in document["frames"]] == ["a.jpg"]
+        entry, alone = document["covered"]
+        assert (entry["name"], entry["covered_by"], entry["island"]) == ("b.jpg", "a.jpg", keyframe.island)
+        assert (entry["width"], entry["height"], document["newest"]) == (40, 30, "b.jpg")
+        middle_in_key = np.array(NEARLY_THE_SAME) @ [20, 15, 1]
+        place = np.array(entry["canvas_from_frame"]) @ [20, 15, 1]
+        expected = canvas_from_pixels(keyframe.pose, keyframe.camera, middle_in_key[None, :2] / middle_in_key[2])
+        assert np.allclose(place[:2] / place[2], expected[0])
+        assert (alone["covered_by"], alone["island"], alone["canvas_from_frame"]) == ("gone.jpg", None, None)
 
 
 def test_merged_island_says_where_it_went() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import pytest
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import LinkReport, Refusals, SourceReport
 from gcs_mosaic.flight.documents import write_json
-from gcs_mosaic.flight.records import Accounts, EventAccount, NoticeRecord
+from gcs_mosaic.flight.records import Accounts, EventAccount, FrameAccount, NoticeRecord
 from gcs_mosaic.flight.status import LastFrame, Status, read_status, status_document, status_lines
+from gcs_mosaic.stitch.tearing import HeldOut
 
 STATUS = Status(
     flight="today",
@@ -52,6 +54,35 @@ def test_status_is_read_for_people(tmp_path: Path) -> None:
     assert "triggers: 1 missing" in text
     assert "MAVLink udp:14550: heard" in text
     assert "killed" not in text
+
+
+def test_how_good_the_map_is_is_told() -> None:
+    document = status_document(replace(STATUS, held_out={0: HeldOut(1.9, 9.12, 3120), 2: HeldOut(3.0, math.inf, 40)}))
+    assert json.loads(json.dumps(document, allow_nan=False))["held_out_px"]["0"] == {
+        "median": 1.9,
+        "p95": 9.12,
+        "matches": 3120,
+    }
+    lines = status_lines(document, 0)
+    assert "held-out matches: 1.9 px median, 9.1 px 95 % (island 0, 3,120 matches)" in lines
+    assert "held-out matches: 3.0 px median, endless 95 % (island 2, 40 matches)" in lines
+
+
+def test_status_of_an_earlier_program_is_still_read() -> None:
+    document = status_document(STATUS)
+    del document["held_out_px"]
+    assert not any("held-out" in line for line in status_lines(document, 0))
+
+
+def test_the_last_frame_may_be_covered() -> None:
+    last = LastFrame(
+        name="b.jpg", outcome="covered", island=None, utc=1714564799.0, seconds_to_tile=None, covered_by="a.jpg"
+    )
+    document = status_document(replace(STATUS, last_frame=last, accounts=Accounts(frames=FrameAccount(covered=3))))
+    assert document["last_frame"]["covered_by"] == "a.jpg"
+    assert document["frames"]["covered"] == 3
+    lines = status_lines(document, 0)
+    assert any(line.startswith("last frame: b.jpg, covered by a.jpg at ") for line in lines)
 
 
 def test_what_a_link_left_out_is_told(tmp_path: Path) -> None:

@@ -50,3 +50,30 @@ def turned(jpeg: bytes) -> bytes:
     tiff = b"II*\0" + struct.pack("<IHHHIHHI", 8, 1, 0x0112, 3, 1, 6, 0, 0)
     exif = b"Exif\0\0" + tiff
     return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", 2 + len(exif)) + exif + jpeg[2:]
+
+
+def photographed(date: bytes, fraction: bytes = b"", order: str = "<", big: bool = False) -> bytes:
+    """A TIFF structure with a time as cameras write it: first directory, Exif directory, DateTimeOriginal and
+    SubSecTimeOriginal; the texts end where they end."""
+    head, place, count, entry = (16, "Q", "Q", "HHQ") if big else (8, "I", "H", "HHI")
+    inline = struct.calcsize(order + place)
+    texts = [(0x9003, date)] + ([(0x9291, fraction)] if fraction else [])
+    size = struct.calcsize(order + entry) + inline
+    inner = head + struct.calcsize(order + count) + size + inline
+    after = inner + struct.calcsize(order + count) + len(texts) * size + inline
+    start = {"<": b"II", ">": b"MM"}[order] + struct.pack(order + "H", 43 if big else 42)
+    start += struct.pack(order + "HHQ", 8, 0, head) if big else struct.pack(order + "I", head)
+    first = struct.pack(order + count + entry, 1, 0x8769, 4, 1)
+    first += struct.pack(order + "I", inner).ljust(inline, b"\0") + bytes(inline)
+    second, late = struct.pack(order + count, len(texts)), b""
+    for tag, text in texts:
+        value = text.ljust(inline, b"\0") if len(text) <= inline else struct.pack(order + place, after + len(late))
+        second += struct.pack(order + entry, tag, 2, len(text)) + value
+        late += text if len(text) > inline else b""
+    return start + first + second + bytes(inline) + late
+
+
+def with_exif(jpeg: bytes, exif: bytes) -> bytes:
+    """The JPEG with a TIFF structure in an APP1 segment behind another one that is none of ours."""
+    segments = [b"http://ns.adobe.com/xap/1.0/\0", b"Exif\0\0" + exif]
+    return jpeg[:2] + b"".join(b"\xff\xe1" + struct.pack(">H", 2 + len(s)) + s for s in segments) + jpeg[2:]

@@ -7,10 +7,10 @@ import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
 from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.islands import Bridge, Bridges, IslandSettings
+from gcs_mosaic.stitch.islands import Bridges, IslandSettings
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
 from gcs_mosaic.stitch.matching.registration import Registration, RegistrationSettings
-from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.network import Bridge, Network
 from gcs_mosaic.stitch.search import Search, SearchSettings
 
 PLACES = [(300, 300), (450, 300), (600, 300), (300, 480), (450, 480), (600, 480)]
@@ -21,11 +21,12 @@ AWAY = 5000.0  # where the second island lies on its own canvas
 @pytest.fixture
 def search(ground):
     network = Network(SMALL_CAMERA.focal, 24)
+    for _ in (FIRST, SECOND):
+        network.found_island()
     search = Search(network, SearchSettings(), RegistrationSettings())
     for frame, (x, y) in enumerate(PLACES):
         features = extract(photograph(ground, Pose(x, y), SMALL_CAMERA), FeatureSettings())
         network.append(str(frame), features)
-        search.take_in(features)
         network.put(frame, Pose(x + AWAY * (frame in SECOND), y), int(frame in SECOND))
     return search
 
@@ -74,3 +75,12 @@ def test_an_overlap_that_does_not_bear_it_out_refutes_any_number_of_bridges(sear
 def test_a_bridge_whose_own_matches_disagree_is_none(search, bridges):
     mess = matching(search.register(3, 0), *np.random.default_rng(1).uniform(0, 350, (2, 40, 2)))
     assert bridges.add(Bridge(3, 0, mess)) == []
+
+
+def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(search, bridges, monkeypatch):
+    agree = Bridges._agree
+    monkeypatch.setattr(Bridges, "_agree", lambda self, a, b: a.frame_a < a.frame_b and agree(self, a, b))
+    for a, b in ((3, 0), (1, 4), (5, 2)):
+        bridges.add(bridge(search, a, b))
+    monkeypatch.undo()
+    assert bridges.add(bridge(search, 3, 0))

@@ -129,3 +129,17 @@ def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, mon
     mosaic.retry_waiting()
     assert mosaic.waiting() == []
     assert len(mosaic.placements()) == 6
+
+
+def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
+    mosaic = Mosaic()
+    fly(mosaic, ground, truth)
+    assert len(mosaic.frame_counts()) == 2
+    while mosaic.connect_some():
+        mosaic.adjust()
+    mosaic.adjust(everything=True)
+    assert mosaic.frame_counts() == {0: len(truth)}
+    assert map_error(mosaic.placements(), truth) < 2
+    assert not mosaic.connect_some()

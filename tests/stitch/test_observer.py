@@ -7,7 +7,7 @@ from stitch_ground import SMALL_CAMERA, photograph
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.observer import island_residuals
+from gcs_mosaic.stitch.observer import Observers, island_residuals
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.placing import PlausibilitySettings
 
@@ -28,7 +28,7 @@ class Notes:
         self.placements.append(placement)
 
     def adjusted(self, island, residuals):
-        self.adjustments.append((island, residuals))
+        self.adjustments.append((island, residuals()))
 
 
 TRUTH = [Pose(400 + 130 * i, 500) for i in range(3)]
@@ -86,3 +86,40 @@ def test_residuals_are_what_two_frames_put_one_point_apart(ground):
     network.put(2, Pose(pose.x + 7, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll), 0)
     moved = {frame.name: frame for frame in island_residuals(network, 0)}
     assert np.median(moved["2"].misses, axis=0) == pytest.approx([-7, 0], abs=0.5)  # the others stayed behind
+
+
+def test_several_are_told_the_same(ground, other_ground):
+    first, second = Notes(), Notes()
+    fly(Mosaic(observer=Observers(first, None, second)), ground, ground, other_ground)
+    assert first.pairs == second.pairs
+    assert first.placements == second.placements
+    assert [island for island, _ in first.adjustments] == [island for island, _ in second.adjustments] == [0]
+    assert len(first.pairs) > 1
+
+
+def test_what_is_left_over_is_worked_out_only_for_whoever_asks(ground, monkeypatch):
+    class Uninterested(Notes):
+        def adjusted(self, island, residuals):
+            self.adjustments.append(island)
+
+    asked = []
+    monkeypatch.setattr("gcs_mosaic.stitch.mosaic.island_residuals", lambda *about: asked.append(about) or [])
+    notes = Uninterested()
+    fly(Mosaic(observer=notes), ground, ground, ground)
+    assert notes.adjustments
+    assert not asked
+
+
+def test_one_that_raises_looks_on_no_more_and_changes_nothing(ground, caplog):
+    class Broken(Notes):
+        def registered(self, a, b, found):
+            raise ValueError("no more paper")
+
+    broken, notes = Broken(), Notes()
+    mosaic = Mosaic(observer=Observers(broken, notes))
+    for i in range(3):
+        outcome = mosaic.add(photograph(ground, Pose(400 + 130 * i, 500), SMALL_CAMERA), str(i))
+        assert isinstance(outcome, Placement)
+    assert len(notes.placements) == 3
+    assert len(broken.placements) == 1
+    assert caplog.messages == ["Broken has failed, and looks on no more"]

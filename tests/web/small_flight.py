@@ -13,7 +13,7 @@ from gcs_mosaic.events import LinkReport, SourceReport
 from gcs_mosaic.flight.disk import write_beside
 from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.flight.records import Accounts, Estimate, EventAccount, FrameAccount, NoticeRecord
+from gcs_mosaic.flight.records import Accounts, CoveredRecord, Estimate, EventAccount, FrameAccount, NoticeRecord
 from gcs_mosaic.flight.status import LastFrame, Status, status_document
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.grid import Tile
@@ -29,6 +29,7 @@ class SmallFlight:
         self.root = root
         self.manifest = Manifest(root)
         self.estimates: list[Estimate] = []
+        self.covered: list[CoveredRecord] = []
         self.islands = [IslandEntry(id=0, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=1)]
 
     def paint(self, tile: Tile, colour: tuple[int, int, int], island: int = 0) -> None:
@@ -51,6 +52,11 @@ class SmallFlight:
         )
         self.estimates.append(estimate)
 
+    def cover(self, name: str, by: str, x: float, y: float) -> None:
+        """A frame that lies so many pixels beside its keyframe."""
+        shifted = ((1.0, 0.0, x), (0.0, 1.0, y), (0.0, 0.0, 1.0))
+        self.covered.append(CoveredRecord(name=name, by=by, by_from_frame=shifted, width=240, height=180))
+
     def write(self) -> int:
         accounts = Accounts(frames=FrameAccount(placed=len(self.estimates)), events=EventAccount(matched=2, missing=1))
         contents = Contents(
@@ -60,6 +66,8 @@ class SmallFlight:
             accounts=accounts,
             estimates=self.estimates,
             unplaced=[],
+            covered=self.covered,
+            newest=[*self.estimates, *self.covered][-1].name if self.estimates else None,
         )
         return self.manifest.write(contents)
 

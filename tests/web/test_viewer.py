@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,10 @@ from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 
 from gcs_mosaic.events import LinkReport, Refusals
 from gcs_mosaic.flight.manifest import IslandEntry
+from gcs_mosaic.flight.records import Accounts, FrameAccount
+from gcs_mosaic.flight.status import LastFrame
 from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.stitch.tearing import HeldOut
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -127,6 +131,24 @@ def test_islands_can_be_chosen(page: Page, url: str, flight: SmallFlight) -> Non
     page.wait_for(at(square(16), "blue", island=1))
 
 
+def test_how_well_the_island_in_view_fits_is_told(page: Page, url: str, flight: SmallFlight) -> None:
+    known = {0: HeldOut(1.93, 9.12, 3120), 1: HeldOut(14.2, math.inf, 88), 2: None}
+    flight.islands = [
+        IslandEntry(id=n, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=5 - n, held_out=found)
+        for n, found in known.items()
+    ]
+    flight.paint(square(16), RED)
+    flight.write()
+    flight.status()
+    page.open(url)
+    page.wait_for(f"{TEXT}.includes('Fits to\\n1.9 px95 %: 9.1')")
+    choose = "(i => { i.value = '%d'; i.onchange({ target: i }); })(document.getElementById('island'))"
+    page.evaluate(choose % 1)
+    page.wait_for(f"{TEXT}.includes('14 px95 %: ∞')")
+    page.evaluate(choose % 2)
+    page.wait_for(f"!{TEXT}.includes('Fits to')")
+
+
 def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=10, maxzoom=16, frames=1)]
     flight.place("a.jpg", 128, 128)
@@ -145,6 +167,26 @@ def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed
         "(document.querySelector('path.leaflet-interactive, .leaflet-overlay-pane path')?.getBoundingClientRect())"
     )
     page.wait_for(f"{COLOURS}.some(tile => tile.endsWith('blue'))")
+
+
+def test_the_outline_follows_a_covered_frame(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
+    flight.place("a.jpg", 128, 128)
+    flight.paint(square(16), RED)
+    feed.publish(flight.write(), None)
+    flight.status()
+    page.open(url)
+    page.wait_for(at(square(16), "red"))
+    outline = "document.querySelector('.leaflet-overlay-pane path')?.getBoundingClientRect().left"
+    page.wait_for(f"{outline} > 0")
+    page.evaluate(f"window.before = {outline}")
+    assert not page.evaluate(f"/covered/i.test({TEXT})")
+    flight.cover("b.jpg", "a.jpg", 100, 0)
+    feed.publish(flight.write(), [])
+    page.wait_for(f"{outline} > window.before + 20")
+    last = LastFrame(name="b.jpg", outcome="covered", island=None, utc=1e9, seconds_to_tile=None, covered_by="a.jpg")
+    flight.status(last_frame=last, accounts=Accounts(frames=FrameAccount(placed=1, covered=1)))
+    page.wait_for(f"/covered\\s*1/i.test({TEXT})")
+    page.wait_for("Boolean(document.querySelector('[title=\"b.jpg: covered by a.jpg\"]'))")
 
 
 def test_empty_page_says_what_is_waited_for(page: Page, url: str, flight: SmallFlight) -> None:

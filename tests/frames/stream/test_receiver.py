@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 
@@ -50,7 +51,7 @@ def test_a_camera_that_is_not_there_is_tried_again_and_that_is_said_once() -> No
     assert text == "rtsp://127.0.0.1:9/x cannot be received (Connection refused); trying again until it can"
 
 
-def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch) -> None:
+def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch, caplog) -> None:
     pytest.importorskip("av")
     from gcs_mosaic.frames.stream import receiver
 
@@ -63,6 +64,11 @@ def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch) -> No
     assert texts == [
         "rtsp://127.0.0.1:9/x cannot be received (a fault of the kind RuntimeError); trying again until it can"
     ]
+    (record,) = caplog.records  # said once, logged once
+    logged = logging.Formatter().format(record)
+    assert "in faulty" in logged
+    assert URL not in logged
+    assert SECRET not in logged
 
 
 def test_without_pyav_it_is_said_what_to_install(monkeypatch) -> None:

@@ -156,7 +156,8 @@ def test_the_gradient_is_that_of_the_cost():
     relief = 0.03 * CAMERA.focal_px
     problem = replace(matches(truth, noise_px=2.0, relief=relief), relief=relief, poses=rough(truth))
     settings, fixed = AdjustmentSettings(), [whitenings(part) for part in parts(problem)]
-    here = adjustment._evaluate(problem, settings, fixed)
+    here = adjustment._first_state(problem, settings)
+    problem = here.problem
     step = RNG.normal(0, 1e-5, len(here.gradient)) / np.sqrt(here.normal.diagonal())
     ahead, behind = (
         adjustment._evaluate(adjustment._stepped(problem, sign * step), settings, fixed).cost for sign in (1, -1)

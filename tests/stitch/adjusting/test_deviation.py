@@ -8,7 +8,7 @@ import pytest
 
 from gcs_mosaic.stitch import geometry, projection
 from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings, adjust
-from gcs_mosaic.stitch.adjusting.deviation import island_deviations, resected_deviation, variance_factor
+from gcs_mosaic.stitch.adjusting.deviation import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.adjusting.problem import Problem
 from gcs_mosaic.stitch.geometry import Camera, Pose, similarity_between
 
@@ -82,7 +82,7 @@ def test_deviations_are_those_that_come_about(noise_px):
         problem = measured(exact, noise_px, rng)
         solution = adjust(problem, settings)
         errors.append(corner_errors(solution, truth))
-        stated.append(island_deviations(problem, solution, [CAMERA], ROOT, settings.loss_px))
+        stated.append(island_certainty(problem, solution, [CAMERA], ROOT, settings.loss_px).deviations_px)
     came_about = np.sqrt((np.array(errors) ** 2).mean(axis=0)).max(axis=1)
     ratio = came_about / np.median(stated, axis=0)
     assert 0.85 < np.median(ratio) < 1.15
@@ -121,7 +121,7 @@ def test_wrong_matches_count_little():
     )
     settings = AdjustmentSettings()
     clean, dirty = (
-        island_deviations(problem, adjust(problem, settings), [CAMERA], ROOT, settings.loss_px)
+        island_certainty(problem, adjust(problem, settings), [CAMERA], ROOT, settings.loss_px).deviations_px
         for problem in (right, spoilt)
     )
     assert ((dirty > 0.9 * clean) & (dirty < 1.5 * clean)).all()
@@ -132,4 +132,6 @@ def test_what_is_not_determined_is_infinite():
     truth = survey()[:2]
     problem = true_matches(truth, per_pair=2)
     solution = adjust(problem, AdjustmentSettings())
-    assert np.isinf(island_deviations(problem, solution, [CAMERA], 0, 1.0)).all()
+    found = island_certainty(problem, solution, [CAMERA], 0, 1.0)
+    assert np.isinf(found.deviations_px).all()
+    assert found.lens_information is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, map_error, photograph
 
+from gcs_mosaic.stitch.adjusting import upkeep
 from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.adjusting.background import Failed
 from gcs_mosaic.stitch.adjusting.solving import adjusted, island_task, take_in
@@ -101,3 +102,68 @@ def test_the_result_for_an_island_that_is_no_more_is_dropped(ground):
     before = [network.pose_of(frame) for frame in range(5)]
     assert not take_in(network, task, elsewhere(adjusted(task)))
     assert [network.pose_of(frame) for frame in range(5)] == before
+
+
+@pytest.mark.parametrize("broken", ["begin", "result"])
+def test_a_worker_that_has_raised_is_never_out_of_step(ground, monkeypatch, broken):
+    """It has begun, or answered, and then something raises: the map is what it would have been."""
+    usual, other = FakeWorker(), FakeWorker()
+    expected = [p.pose for p in flown(ground, Mosaic(SETTINGS, usual, punctual=True)).placements()]
+    work, raised = getattr(FakeWorker, broken), []
+
+    def raising_once(self, *task):
+        found = work(self, *task)
+        if len(raised) < 2:
+            raised.append(found)
+            raise MemoryError
+        return found
+
+    monkeypatch.setattr(FakeWorker, broken, raising_once)
+    mosaic = Mosaic(SETTINGS, other, punctual=True)
+    for i, pose in enumerate(LINE):
+        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+        while True:
+            try:
+                mosaic.adjust()
+                break
+            except MemoryError:
+                continue
+    assert len(raised) == 2
+    assert [p.pose for p in mosaic.placements()] == expected
+
+
+def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground):
+    """All is put back as it was before the worker was given its task, and something else is asked of it."""
+    mosaic = Mosaic(SETTINGS, FakeWorker(), punctual=True)
+    flown(ground, mosaic, LINE[:4])
+    before = mosaic.snapshot()
+    flown(ground, mosaic, LINE[4:8])
+    mosaic.restore(before)
+    again = [mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"again {i}") for i, pose in enumerate(LINE[4:])]
+    assert all(isinstance(outcome, Placement) for outcome in again)
+    mosaic.adjust()
+    assert mosaic.adjust_in_a_pause() in (True, False)
+    mosaic.adjust(everything=True)
+    assert mosaic.problem is None
+
+
+def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(ground, monkeypatch):
+    mosaic = Mosaic(SETTINGS)
+    for i, pose in enumerate([*LINE[:3], *(replace(pose, y=1700) for pose in LINE[:3])]):
+        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+    adjust, tried = upkeep.adjust_island, []
+
+    def failing(network, island, settings):
+        tried.append(island)
+        adjust(network, island, settings)
+        if island == 0:
+            raise ValueError("singular")
+
+    monkeypatch.setattr(upkeep, "adjust_island", failing)
+    before = [p.pose for p in mosaic.placements()]
+    with pytest.raises(ValueError, match="singular"):
+        mosaic.adjust()
+    after = [p.pose for p in mosaic.placements()]
+    assert tried == [0, 1]
+    assert after[:3] == before[:3]
+    assert all(a != b for a, b in zip(after[3:], before[3:], strict=True))

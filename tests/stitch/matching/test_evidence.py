@@ -6,7 +6,15 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.matching.evidence import chance_of_agreement, confirmed_share, log_evidence
+from gcs_mosaic.stitch.matching.evidence import (
+    CORRELATED_CELLS,
+    FALSE_SHARE,
+    Confirmed,
+    chance_of_agreement,
+    confirmed,
+    log_evidence,
+    log_odds,
+)
 from gcs_mosaic.stitch.matching.registration import robust_homography
 
 SIDE = np.array([1000.0, 750.0])
@@ -56,12 +64,33 @@ def test_matches_in_one_corner_do_not_bear_out_an_overlap():
     features = rng.uniform(0, SIDE, (2, 1200, 2))
     everywhere = features[0][::5]
     corner = features[0][(features[0] < SIDE / 3).all(axis=1)]
-    assert confirmed_share(*features, everywhere) > 0.8
-    assert confirmed_share(*features, corner) < 0.2
+    assert confirmed(*features, everywhere).share > 0.8
+    assert confirmed(*features, corner).share < 0.2
 
 
 def test_ground_that_only_one_frame_shows_features_of_is_not_held_against_an_overlap():
     rng = np.random.default_rng(5)
     a, b = rng.uniform(0, SIDE, (1200, 2)), rng.uniform(0, SIDE * [0.5, 1], (600, 2))
-    assert confirmed_share(a, b, b[::5]) > 0.8
-    assert confirmed_share(a[:2], b, a[:0]) == 1
+    assert confirmed(a, b, b[::5]).share > 0.8
+    assert confirmed(a[:2], b, a[:0]) == Confirmed(1.0, 0)
+
+
+def test_the_odds_are_those_of_so_many_cells_that_are_confirmed_or_not():
+    """All of so many independent cells: each is so many times likelier on common ground than on look-alikes."""
+    cells = 4 * CORRELATED_CELLS
+    assert log_odds(Confirmed(1.0, cells), 0.8) == pytest.approx(4 * math.log10(0.8 / FALSE_SHARE))
+    assert log_odds(Confirmed(0.0, cells), 0.8) == pytest.approx(4 * math.log10(0.2 / (1 - FALSE_SHARE)))
+
+
+def test_what_true_overlaps_show_speaks_for_one_and_what_look_alikes_show_against_it():
+    for cells in (3, 12, 48):
+        assert log_odds(Confirmed(0.8, cells), 0.8) > 0
+        assert log_odds(Confirmed(FALSE_SHARE, cells), 0.8) < 0
+    assert log_odds(Confirmed(0.8, 48), 0.8) > log_odds(Confirmed(0.8, 12), 0.8)
+    assert log_odds(Confirmed(1.0, 0), 0.8) == 0
+
+
+def test_where_true_overlaps_confirm_little_as_much_says_more():
+    """In woods half of the cells are no reason for doubt, over fields they are."""
+    half = Confirmed(0.5, 30)
+    assert log_odds(half, 0.5) > log_odds(half, 0.8)

@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.matching.features import FeatureSettings, extract, reduced_grey
+from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.matching.features import FeatureSettings, extract, reduced_grey, without_border
 
 
 def test_points_are_in_full_resolution_pixels():
@@ -37,3 +38,22 @@ def test_descriptors_have_length_255(ground):
 
 def test_a_small_picture_is_never_enlarged(ground):
     assert reduced_grey(ground[:100, :100], 0.75).shape == (100, 100)
+
+
+def test_what_a_descriptor_takes_from_a_dead_border_is_gone(ground):
+    """What is left looks the same whether the border is black or not."""
+    alive = ground[:600, :800].copy()
+    black = alive.copy()
+    dead = DeadBorder(right=2, bottom=20)
+    black[-20:] = black[:, -2:] = 0
+    plain, touched = (extract(image, FeatureSettings(megapixels=0.27, count=10_000)) for image in (alive, black))
+    kept = without_border(touched, dead)
+    assert 0.8 * len(touched) < len(kept) < len(touched)
+    assert kept.points[:, 1].max() < 580
+    assert len(kept.points) == len(kept.descriptors)
+    same = {(*point, *words) for point, words in zip(plain.points.tolist(), plain.descriptors.tolist(), strict=True)}
+    found = [
+        (*point, *words) in same for point, words in zip(kept.points.tolist(), kept.descriptors.tolist(), strict=True)
+    ]
+    assert np.mean(found) > 0.97
+    assert without_border(touched, NO_BORDER) is touched

@@ -6,7 +6,7 @@ from stitch_ground import SMALL_CAMERA, photograph
 
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
-from gcs_mosaic.stitch.matching.witnesses import confirmed_share
+from gcs_mosaic.stitch.matching.witnesses import confirmed_around
 from gcs_mosaic.stitch.network import Network
 
 HERE = Pose(700, 700)
@@ -29,23 +29,23 @@ def everywhere(network) -> np.ndarray:
 
 
 def test_matches_all_over_the_overlap_confirm_a_place(network):
-    assert confirmed_share(network, 0, HERE, [1], [everywhere(network)]) == 1
+    assert confirmed_around(network, 0, HERE, 0, [1], [everywhere(network)]).share == 1
 
 
 def test_matches_on_one_thing_confirm_only_that(network):
     points = everywhere(network)
     thing = points[((points > [250, 120]) & (points < [350, 200])).all(axis=1)]
-    assert 0 < confirmed_share(network, 0, HERE, [1], [thing]) < 0.25
+    assert 0 < confirmed_around(network, 0, HERE, 0, [1], [thing]).share < 0.25
 
 
 def test_what_only_another_frame_should_see_is_not_asked_of_this_one(network):
     points = everywhere(network)
     right = points[points[:, 0] > 120]
-    assert confirmed_share(network, 0, HERE, [1], [right]) == 1
-    assert confirmed_share(network, 0, Pose(820, 700), [1], [right]) < 0.8
+    assert confirmed_around(network, 0, HERE, 0, [1], [right]).share == 1
+    assert confirmed_around(network, 0, Pose(820, 700), 0, [1], [right]).share < 0.8
 
 
 def test_frames_that_see_the_ground_much_coarser_are_no_witnesses(network):
-    assert confirmed_share(network, 0, HERE, [2], []) == 1
-    assert confirmed_share(network, 0, HERE, [3], []) == 1
-    assert confirmed_share(network, 0, HERE, [1, 2, 3], []) == 0
+    assert confirmed_around(network, 0, HERE, 0, [2], []).share == 1
+    assert confirmed_around(network, 0, HERE, 0, [3], []).share == 1
+    assert confirmed_around(network, 0, HERE, 0, [1, 2, 3], []).share == 0

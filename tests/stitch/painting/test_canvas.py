@@ -1,10 +1,12 @@
 import random
 from contextlib import ExitStack
 
+import cv2
 import numpy as np
 import pytest
 from painting_parts import hilly, painted, picture
 
+from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
 from gcs_mosaic.stitch.painting.modes import BLENDS
@@ -36,7 +38,9 @@ def random_frame(rng: random.Random, order: int):
     relief = rng.choice([None, hilly(rng.randrange(9))])
     vignetting = rng.choice([(0.0, 0.0), (-0.3, 0.05)])
     yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
-    return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, gain=gain, vignetting=vignetting, relief=relief)
+    dead = rng.choice([NO_BORDER, DeadBorder(0, 12, 1, 3)])
+    looks = {"gain": gain, "vignetting": vignetting, "relief": relief, "dead": dead}
+    return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, **looks)
 
 
 def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
@@ -239,3 +243,36 @@ def test_a_uniform_scene_stays_uniform_across_frames_tiles_and_levels(canvas) ->
         c.paint(np.full((120, 160, 3), 90, np.uint8), painted(i, 60.0 * i, 25.0 * i, gsd=1 + 0.4 * i, yaw=i))
     for shown in all_tiles(c).values():
         assert set(np.unique(shown.colour[shown.coverage > 0])) == {90}
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+def test_nothing_of_a_dead_border_is_painted_nor_mixed_into_what_is(canvas, interpolation: str, yaw: float) -> None:
+    dead = DeadBorder(2, 11, 1, 5)
+
+    def shown(value: int) -> dict[Tile, TilePicture]:
+        def load(name: str) -> np.ndarray:
+            image = np.full_like(originals(name), value)
+            inner = slice(dead.top, -dead.bottom), slice(dead.left, -dead.right)
+            image[inner] = originals(name)[inner]
+            return image
+
+        c = canvas(load, interpolation=interpolation)
+        frame = painted(0, 100, 100, yaw=yaw, dead=dead)
+        c.paint(load(frame.name), frame)
+        return all_tiles(c)
+
+    black, white = shown(0), shown(255)
+    assert_same(black, white)
+    seen = sum((picture.coverage > 0).sum() for tile, picture in black.items() if tile.z == 16)
+    assert seen == pytest.approx((160 - 3) * (120 - 16), rel=0.03)
+
+
+def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas) -> None:
+    whole, part = canvas(), canvas()
+    paint(whole, painted(0, 100, 100, yaw=0.3))
+    paint(part, painted(0, 100, 100, yaw=0.3, dead=DeadBorder(right=9)))
+    before, after = all_tiles(whole), all_tiles(part)
+    for tile, picture_of_part in after.items():
+        inside = cv2.erode(picture_of_part.coverage, np.ones((9, 9), np.uint8)) == 255
+        np.testing.assert_array_equal(picture_of_part.colour[inside], before[tile].colour[inside])

@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +9,7 @@ from gcs_mosaic.stitch.painting.exposure import (
     OverlapMeans,
     apply_gain,
     gain_beside,
+    is_false_colour,
     overlap_means,
     solve_gains,
 )
@@ -101,3 +103,22 @@ def test_a_gain_multiplies_and_clips() -> None:
     image = np.full((2, 2, 3), 100, np.uint8)
     assert apply_gain(image, (1.0, 1.0, 1.0)) is image
     assert apply_gain(image, (0.5, 1.5, 4.0))[0, 0].tolist() == [50, 150, 255]
+
+
+@pytest.mark.parametrize("palette", ["INFERNO", "JET", "HOT", "PLASMA", "RAINBOW", "MAGMA"])
+def test_palettes_are_told_from_ground(palette: str) -> None:
+    grey = np.random.default_rng(4).integers(0, 256, (60, 96), dtype=np.uint8)
+    assert is_false_colour(cv2.applyColorMap(grey, getattr(cv2, f"COLORMAP_{palette}")))
+
+
+@pytest.mark.parametrize("tint", [(1, 1, 1), (0.3, 0.7, 0.4), (1, 0.8, 0.3), (0.2, 0.4, 1)])
+def test_ground_of_one_hue_is_no_palette(tint: tuple[float, float, float]) -> None:
+    """Grey, meadows, water and red soil, from shade to glare."""
+    brightness = np.random.default_rng(4).integers(20, 180, (60, 96, 1))
+    assert not is_false_colour((brightness * tint).astype(np.uint8))
+    assert not is_false_colour((brightness * np.ones(5)).astype(np.float32))
+
+
+def test_grey_stays_grey() -> None:
+    pairs = [(i, i - 1, seen(1.0 + i % 3, 1.0 + (i - 1) % 3)) for i in range(1, 9)]
+    assert all(len(set(gain)) == 1 for gain in solve_gains(9, pairs))

@@ -84,3 +84,21 @@ def test_when_the_disk_is_full_layers_stay_in_memory_and_it_is_said(new_store) -
     assert all(same(store.get(key(i)), layer(i)) for i in range(5))
     store.put(key(9), layer(9))
     assert store.problem is None
+
+
+def test_what_is_put_back_is_there_though_its_place_in_the_file_was_wanted(new_store) -> None:
+    store = new_store(300_000)
+    for i in range(6):
+        store.put(key(i), layer(i))
+    before = store.snapshot()
+    for i in range(6):
+        store.put(key(i), layer(10 + i) if i % 2 else None)
+    store.put(key(9), layer(9))
+    store.restore(before)
+    assert all(same(store.get(key(i)), layer(i)) for i in range(6))
+    assert store.get(key(9)) is None
+    del before
+    size = store.bytes_on_disk
+    for i in range(40):
+        store.put(key(i % 6), layer(i))
+    assert store.bytes_on_disk <= size + layer(0).nbytes

@@ -33,7 +33,7 @@ def estimate(curve: tuple[float, float], steps: list[tuple[int, int]]) -> Vignet
         one = seen(ground, x, y, rng.uniform(0.7, 1.4), curve)
         other = seen(ground, x + right, y + down, rng.uniform(0.7, 1.4), curve)
         means = overlap_means(one, other, lambda pixels, by=(right, down): pixels - by)
-        found.add(means.radial)
+        found = found.after(means.radial)
     return found
 
 
@@ -60,8 +60,7 @@ def test_things_that_moved_change_nothing() -> None:
     ground = np.full((200, 300, 3), 110.0)
     one, other = seen(ground, 0, 0, 1.0, CURVE), seen(ground, 30, 20, 1.0, CURVE)
     one[20:40, 50:60] = 240
-    found = VignettingEstimate()
-    found.add(overlap_means(one, other, lambda pixels: pixels - [30, 20]).radial)
+    found = VignettingEstimate().after(overlap_means(one, other, lambda pixels: pixels - [30, 20]).radial)
     assert error(found.curve) < 0.05
 
 

@@ -12,16 +12,16 @@ def raster():
     """Half-size frames; a gradient over (-100, -30) to (700, 300)."""
     raster = Raster(reduction=2)
     painted = Window(-100, -30, 700, 300)
-    raster.grow(painted)
     colour, coverage = raster.part(painted)
     colour[:] = np.linspace(0, 200, 800, dtype=np.uint8)[None, :, None]
     coverage[:] = 255
+    raster.put(painted, colour, coverage)
     return raster
 
 
 def test_growing_keeps_what_is_there(raster):
-    before = raster.part(Window(-100, -30, 700, 300))[0].copy()
-    raster.grow(Window(-3000, 100, 900, 2000))
+    before = raster.part(Window(-100, -30, 700, 300))[0]
+    raster.put(beside := Window(-3000, 400, 900, 2000), *raster.part(beside))
     assert raster.window == Window(-3072, -256, 1024, 2048)
     assert (raster.part(Window(-100, -30, 700, 300))[0] == before).all()
     assert raster.part(raster.window)[1].sum() == 255 * 800 * 330
@@ -61,7 +61,7 @@ def test_a_mosaic_that_grows_beyond_a_level_tells_of_the_new_one_as_a_whole(rast
     coarsest = raster.extent().coarsest
     raster.tiles(Window(-100, -30, 700, 300))
     far = Window(5000, 0, 5010, 10)
-    raster.grow(far)
+    raster.put(far, *raster.part(far))
     told = raster.tiles(far)
     assert raster.extent().coarsest < coarsest
     first = {tile for tile in told if tile.z == coarsest - 1}

@@ -6,7 +6,7 @@ import pytest
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.stitch.matching.registration import Registration
-from gcs_mosaic.stitch.network import Network
+from gcs_mosaic.stitch.network import Lens, Network
 from gcs_mosaic.stitch.relief.displacement import ReliefSettings, on_plane
 from gcs_mosaic.stitch.relief.estimation import displacements, fitted_sheet, grid_size, matched, note_relief, sightings
 
@@ -40,8 +40,7 @@ def network():
     for number, (pose, view) in enumerate(zip(POSES, views, strict=True)):
         points = np.nan_to_num(view).astype(np.float32)
         network.append(str(number), Features(points, np.zeros((900, 128), np.uint8), 1000, 750, SCALE))
-        network.cameras[0] = CAMERA
-        network.put(number, pose, 0)
+        network.put_all([number], [pose], 0, {0: Lens(CAMERA)})
     for a in range(4):
         for b in range(a):
             both = np.flatnonzero(np.isfinite(views[a]).all(axis=1) & np.isfinite(views[b]).all(axis=1))
@@ -64,10 +63,9 @@ def ortho_errors(network):
 
 def note_all(network):
     views = [(pose, CAMERA) for pose in POSES]
-    for frame, relief in zip(
-        network.frames, displacements(sightings(matched(network, range(4))), views, ReliefSettings()), strict=True
-    ):
-        frame.relief = relief
+    found = displacements(sightings(matched(network, range(4))), views, ReliefSettings())
+    for frame, relief in enumerate(found):
+        network.note(frame, relief=relief)
 
 
 def test_a_hill_is_taken_out_of_the_frames(network):

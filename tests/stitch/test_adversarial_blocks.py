@@ -1,0 +1,28 @@
+"""Repeated roofs and courts: blocks of one make in rows, with heights; only cars, growth and stains tell them apart."""
+
+import pytest
+from adversarial_flights import ONE_LINE, assert_nothing_is_mixed_up, in_turn, shots, stitched, with_a_gap
+
+TWINS = pytest.mark.xfail(
+    strict=True,
+    reason="all but parked cars and two bushes of a block is its neighbour's: whole pictures agree one block off, and are joined",
+)
+ROUTE = {"height": 80, "relief": 1}
+
+
+@pytest.mark.parametrize("blocks", ["quarter", "barracks"])
+def test_a_flight_along_the_rows_is_placed(blocks):
+    taken = shots(blocks, 1, frames=8, **ROUTE)
+    assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (8,)
+
+
+@pytest.mark.parametrize("blocks", ["quarter", pytest.param("barracks", marks=TWINS)])
+def test_a_gap_along_the_rows_is_never_closed_one_block_off(blocks):
+    taken = with_a_gap(shots(blocks, 1, **ONE_LINE | ROUTE | {"height": 75}))
+    assert assert_nothing_is_mixed_up(stitched(taken), taken).placed == 6
+
+
+@pytest.mark.parametrize("blocks", ["quarter", pytest.param("barracks", marks=TWINS)])
+def test_quarters_of_one_make_stay_apart(blocks):
+    taken = in_turn(*(shots(blocks, seed, frames=5, **ROUTE) for seed in (1, 2)))
+    assert assert_nothing_is_mixed_up(stitched(taken), taken).placed == 10

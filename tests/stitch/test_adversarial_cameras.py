@@ -1,0 +1,39 @@
+"""What moves with the camera or of itself: glitter on water, and the pattern of a thermal camera that all its frames share."""
+
+import pytest
+from adversarial_flights import assert_nothing_is_mixed_up, in_turn, shots, stitched
+
+from sitl.thermal import ThermalCamera
+
+LAKE = {"forward": 0.7, "side": 0.45}
+
+
+def test_glitter_joins_nothing_and_the_shore_does():
+    """From land over the shore out to where only water is seen, whose frames wait for ever or lie where they were taken."""
+    taken = shots("lake", 1, frames=12, **LAKE | {"forward": 0.6})
+    assert assert_nothing_is_mixed_up(stitched(taken), taken).placed >= 8
+
+
+def test_two_lakes_under_one_sun_stay_apart():
+    taken = in_turn(*(shots("lake", seed, frames=6, **LAKE) for seed in (1, 2)))
+    assert assert_nothing_is_mixed_up(stitched(taken), taken).placed >= 10
+
+
+def test_the_pattern_of_a_thermal_camera_joins_no_two_places():
+    camera = ThermalCamera()
+    taken = in_turn(*(shots("country", seed, frames=6, seen=camera.picture) for seed in (1, 2)))
+    assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (6, 6)
+
+
+# Pictures that are nine tenths pattern look like one place seen again, and of one place nothing is learnt: see still.py.
+MOSTLY_PATTERN = pytest.mark.xfail(
+    strict=True,
+    reason="frames that show next to nothing but the pattern count as an aircraft that hovers, and join by it",
+)
+
+
+@pytest.mark.parametrize("writing", [pytest.param(False, marks=MOSTLY_PATTERN), True])
+def test_a_pattern_stronger_than_the_ground_joins_nothing(writing):
+    camera = ThermalCamera(contrast=0.08, writing=writing)
+    taken = in_turn(*(shots("country", seed, frames=4, seen=camera.picture) for seed in (1, 2)))
+    assert_nothing_is_mixed_up(stitched(taken), taken)

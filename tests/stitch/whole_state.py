@@ -1,0 +1,110 @@
+"""All that is kept in memory, as one digest: whoever keeps anything anywhere changes it.
+
+Everything that can be reached from an object is told by its value, byte for byte, whether it belongs to a transaction or not;
+and so is what modules and classes of the package keep.
+"""
+
+import hashlib
+import itertools
+import os
+import sys
+from array import array
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import PurePath
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from gcs_mosaic.stitch.matching.retrieval import PER_FRAME, RetrievalIndex
+from gcs_mosaic.stitch.painting.layers import LayerStore, _Held, _unpacked
+
+PLAIN = (type(None), bool, int, float, str, bytes, np.generic, PurePath, itertools.count)
+CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
+# What goes on outside whatever is undone here: a worker is given its task again, files and threads are no memory, what looks
+# on may be let go.
+OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file"}
+# Spare room, and where a layer is: neither says anything about what is kept.
+NO_STATE = {LayerStore: {"_cached", "_holes", "_end", "_used", "problem"}}
+
+
+def digest(*roots: object) -> str:
+    """Of everything that can be reached from these objects, and of all that modules and classes keep."""
+    teller = _Teller()
+    for root in roots:
+        teller.tell(root)
+    for name in sorted(name for name in sys.modules if name.startswith("gcs_mosaic.")):
+        for about in (sys.modules[name], *_classes_of(sys.modules[name])):
+            for key, value in sorted(vars(about).items()):
+                if not key.startswith("__") and isinstance(value, (dict, list, set, deque, np.ndarray, *PLAIN)):
+                    teller.tell((name, about.__name__, key, value))
+    return teller.hash.hexdigest()
+
+
+def _classes_of(module: ModuleType) -> list[type]:
+    found = [value for value in vars(module).values() if isinstance(value, type)]
+    return sorted((one for one in found if one.__module__ == module.__name__), key=lambda one: one.__qualname__)
+
+
+class _Teller:
+    def __init__(self) -> None:
+        self.hash = hashlib.blake2b()
+        self._met: dict[int, int] = {}  # objects that may hold each other, by id
+
+    def tell(self, value: object) -> None:
+        self._write(type(value).__qualname__)
+        match value:
+            case np.ndarray():
+                self._write(f"{value.dtype}{value.shape}")
+                self.hash.update(np.ascontiguousarray(value).tobytes())
+            case array():
+                self.hash.update(value.tobytes())
+            case Mapping():
+                self._all([part for item in value.items() for part in item])
+            case set() | frozenset():
+                self._all(sorted(value, key=repr))
+            case tuple() | list() | deque():
+                self._all(list(value))
+            case _ if isinstance(value, PLAIN):
+                self._write(repr(value))
+            case _ if isinstance(value, CODE):
+                pass
+            case _ if type(value).__module__.startswith("gcs_mosaic."):
+                self._tell_object(value)
+
+    def _tell_object(self, value: Any) -> None:
+        if id(value) in self._met and not (is_dataclass(value) and type(value).__dataclass_params__.frozen):
+            self._write(f"again {self._met[id(value)]}")
+            return
+        self._met[id(value)] = len(self._met)
+        if isinstance(value, _Held):
+            return  # told by the store
+        known = dict(vars(value)) if hasattr(value, "__dict__") else {}
+        if is_dataclass(value):
+            known |= {field.name: getattr(value, field.name) for field in fields(value)}
+        for name in sorted(known.keys() - OUTSIDE - NO_STATE.get(type(value), set())):
+            self._write(name)
+            if isinstance(value, RetrievalIndex) and name == "_descriptors":
+                self.tell(value._descriptors[: value._count * PER_FRAME])
+            elif isinstance(value, LayerStore) and name == "_held":
+                self.tell({key: _layer(value, held) for key, held in sorted(value._held.items())})
+            else:
+                self.tell(known[name])
+
+    def _all(self, values: list[Any]) -> None:
+        self._write(str(len(values)))
+        for value in values:
+            self.tell(value)
+
+    def _write(self, text: str) -> None:
+        self.hash.update(text.encode() + b"\0")
+
+
+def _layer(store: LayerStore, held: _Held) -> object:
+    """A layer, without the store's noticing that it was asked for."""
+    if held.layer is not None:
+        return held.layer
+    place = held.record.place
+    return _unpacked(os.pread(store._file.fileno(), place.size, place.offset), held.record)

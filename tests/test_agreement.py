@@ -1,0 +1,104 @@
+"""At every revision the ledger, the documents, the tiles and the mosaic tell one story: with islands, a join and two cameras."""
+
+import json
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from stitch_ground import SMALL_CAMERA, photograph, textured_ground
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import Frame
+from gcs_mosaic.flight.tiles import TileSettings, TileWriter
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.pipeline import Pipeline
+from gcs_mosaic.prepare import prepare
+from gcs_mosaic.recorder import estimate_of_placement
+from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.painting.canvas import Canvas
+
+OTHER_CAMERA = Camera(420, 320, 1.3, 0.0)
+# Two lines of either camera, apart from each other until the last frames close the gap.
+FLIGHT = [
+    *((SMALL_CAMERA, 300 + 110 * i) for i in range(3)),
+    *((OTHER_CAMERA, 360 + 110 * i) for i in range(2)),
+    *((SMALL_CAMERA, 1000 + 110 * i) for i in range(3)),
+    *((OTHER_CAMERA, 1060 + 110 * i) for i in range(2)),
+    *((SMALL_CAMERA, 640 + 110 * i) for i in range(3)),
+]
+
+
+@pytest.fixture
+def flight(tmp_path) -> list[Frame]:
+    ground = cv2.cvtColor(textured_ground(1700, 1), cv2.COLOR_GRAY2BGR)
+    frames = []
+    for k, (camera, x) in enumerate(FLIGHT):
+        path = tmp_path / f"{k:02}.png"
+        cv2.imwrite(str(path), photograph(ground, Pose(x, 600, 0.02 * (k % 3), 0.02 * k), camera))
+        data = path.read_bytes()
+        known = {"content_hash": content_hash(data), "size": len(data), "received": 0.0, "modified": 0.0}
+        frames.append(Frame(name=path.name, path=path, **known))
+    return frames
+
+
+def assert_one_story(pipeline: Pipeline) -> None:
+    """Every placement, as the mosaic knows it now, is what the ledger and placements.json say to the last digit."""
+    placements, recorder = pipeline.mosaic.placements(), pipeline.recorder
+    estimates = {estimate.name: estimate for estimate in recorder.ledger.estimates()}
+    assert list(estimates) == [placement.name for placement in placements]
+    for placement in placements:
+        expected, told = estimate_of_placement(placement), estimates[placement.name]
+        assert (told.island, told.pose, told.camera) == (expected.island, expected.pose, expected.camera)
+        assert told.relief == expected.relief
+    document = json.loads((recorder.out / "placements.json").read_text())
+    for entry, placement in zip(document["frames"], placements, strict=True):
+        assert (entry["name"], entry["island"]) == (placement.name, placement.island)
+        assert np.allclose(entry["canvas_from_frame"], placement.canvas_from_frame, rtol=1e-6, atol=1e-6)
+    counts = {
+        island["id"]: island["frames"] for island in json.loads((recorder.out / "mosaic.json").read_text())["islands"]
+    }
+    known = pipeline.mosaic.frame_counts()
+    assert {island: count for island, count in counts.items() if count} == known
+
+
+def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarray], scratch: Path) -> None:
+    """What is painted anew from what the ledger says is byte for byte what lies on the disk."""
+    ledger, out = pipeline.recorder.ledger, pipeline.recorder.out
+    painted = sorted(
+        (one for island in ledger.islands() for one in ledger.painted(island.id)), key=lambda one: one.order
+    )
+    with Canvas(images.get) as canvas, closing(TileWriter(scratch, TileSettings())) as writer:
+        for one in painted:
+            writer.write(canvas.paint(images[one.name], one), canvas.tile)
+    here, there = ({p.relative_to(r): p.read_bytes() for p in (r / "tiles").rglob("*.jpg")} for r in (out, scratch))
+    assert len(there) > 20
+    assert {path: here[path] for path in there} == there
+
+
+def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    pipeline = Pipeline(out, Config(), lambda notice: None, punctual=True, utc=lambda: 0.0)
+    islands, images = set(), {}
+    try:
+        for frame in flight:
+            pipeline.accept(frame)
+            prepared = prepare(frame, pipeline.features_of)
+            images[frame.name] = prepared.image
+            pipeline.work_off(prepared)
+            pipeline.save()
+            assert_one_story(pipeline)
+            islands.add(tuple(sorted(pipeline.mosaic.frame_counts().values())))
+        for _ in pipeline.finish():
+            pipeline.save()
+        pipeline.save()
+        assert_one_story(pipeline)
+        assert_tiles_show_the_ledger(pipeline, images, tmp_path / "anew")
+        assert len(pipeline.mosaic.placements()) == len(flight)
+        assert list(pipeline.mosaic.frame_counts().values()) == [len(flight)]
+        assert any(len(counts) > 1 for counts in islands)  # there were two before they were joined
+        assert {(p.camera.width, p.camera.height) for p in pipeline.mosaic.placements()} == {(480, 360), (420, 320)}
+    finally:
+        pipeline.close()

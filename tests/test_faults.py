@@ -1,0 +1,245 @@
+"""Whatever raises while a frame is worked off costs that frame at most; what is no fault of it does not even cost that."""
+
+import random
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import pytest
+from faults import Fault, chosen, counted, raising
+from stitch_ground import SMALL_CAMERA, photograph, textured_ground
+from whole_state import digest
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import Frame
+from gcs_mosaic.flight.records import FrameState
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.painter import Painter, PaintSettings
+from gcs_mosaic.pipeline import Pipeline
+from gcs_mosaic.prepare import Prepared, prepare
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+
+KINDS = (Fault, MemoryError, cv2.error, KeyboardInterrupt)
+FAULTS_PER_FRAME = 7
+CONFIG = Config(paint=PaintSettings(canvas=CanvasSettings(memory_mb=1)))  # nearly all tiles wait in the scratch file
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory) -> list[Prepared]:
+    """Two frames, three of an island that has to be founded first, and two between that join them."""
+    folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
+    found = []
+    for k, x in enumerate((300, 430, 950, 1050, 1150, 560, 690, 820)):
+        path = folder / f"{k}.png"
+        cv2.imwrite(str(path), photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA))
+        data = path.read_bytes()
+        known = {"content_hash": content_hash(data), "size": len(data), "received": 0.0, "modified": 0.0}
+        frame = Frame(name=path.name, path=path, **known)
+        found.append(prepare(frame, lambda image, reduction: extract(image, FeatureSettings(), reduction)))
+    return found
+
+
+class Flown:
+    """A pipeline, and what it has said."""
+
+    def __init__(self, out: Path):
+        self.said = []
+        self.pipeline = Pipeline(out, CONFIG, self.said.append, punctual=True, utc=lambda: 0.0)
+
+    def work_off(self, prepared):
+        return self.pipeline.work_off(prepared)
+
+    def finish(self):
+        for _ in self.pipeline.finish():
+            self.pipeline.save()
+        self.pipeline.save()
+
+    def map(self):
+        """What became of each frame, where it is painted, and the files of the map."""
+        out, ledger = self.pipeline.recorder.out, self.pipeline.recorder.ledger
+        files = {
+            p.relative_to(out): p.read_bytes() for folder in ("tiles", "masks") for p in out.glob(f"{folder}/**/*.*")
+        }
+        states = [(frame.name, frame.state, frame.reason) for frame in ledger.frames()]
+        painted = [one for island in ledger.islands() for one in ledger.painted(island.id)]
+        return states, painted, ledger.estimates(), files
+
+
+@pytest.fixture
+def flown(tmp_path):
+    (tmp_path / "out").mkdir()
+    flown = Flown(tmp_path / "out")
+    yield flown
+    flown.pipeline.close()
+
+
+@pytest.fixture(scope="module")
+def undisturbed(flight, tmp_path_factory):
+    """The map without any fault, and what was called for each frame."""
+    flown, calls = Flown(tmp_path_factory.mktemp("out")), []
+    with closing(flown.pipeline):
+        for prepared in flight:
+            flown.pipeline.accept(prepared.frame)
+            with counted() as counts:
+                flown.work_off(prepared)
+            calls.append(counts)
+            flown.pipeline.save()
+        flown.finish()
+        return flown.map(), calls
+
+
+def test_the_flight_has_islands_and_frames_that_wait(undisturbed):
+    (states, painted, _, files), calls = undisturbed
+    assert {state for _, state, _ in states} == {FrameState.PLACED}
+    assert len(painted) == 8
+    assert len(files) > 20
+    called = {event[0] for counts in calls for event in counts}
+    assert {"stitch/islands.py:Bridges.join", "painting.py:Painting._paint_other"} <= called
+
+
+def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight, undisturbed, flown):
+    """Each frame comes again and again, and something raises; then it comes once more."""
+    (expected, calls), rng, met = undisturbed, random.Random(3), Counter()
+    for prepared, counts in zip(flight, calls, strict=True):
+        flown.pipeline.accept(prepared.frame)
+        for event, at in chosen(counts, FAULTS_PER_FRAME, rng, but="Pipeline.work_off"):
+            met[meet(flown, prepared, event, at, rng.choice(KINDS))] += 1
+        assert flown.work_off(prepared).state in (FrameState.PLACED, FrameState.WAITING)
+        flown.pipeline.save()
+    flown.finish()
+    assert flown.map() == expected
+    assert met["rejected"] > 20
+    assert met["interrupted"] > 5
+
+
+def meet(flown, prepared, event, at, kind):
+    """Work a frame off while something raises; whatever it led to, all is as it was afterwards."""
+    pipeline, name = flown.pipeline, prepared.frame.name
+    before, snapshot, said = digest(pipeline), pipeline.snapshot(), len(flown.said)
+    result = "let be"
+    try:
+        with raising(event, at, kind):
+            done = flown.work_off(prepared)
+        if "could not be worked off" in (done.reason or ""):
+            result = "rejected"
+            assert len(flown.said) > said
+            assert pipeline.recorder.changes.states.pop(name)[0] is FrameState.REJECTED
+    except KeyboardInterrupt:
+        result = "interrupted"
+    if result == "let be":  # an island was not adjusted, another frame not painted, or nobody looks on any more
+        pipeline.restore(snapshot)
+    assert digest(pipeline) == before, f"{name}: {event}, {at}, {kind.__name__}"
+    return result
+
+
+class Unpaintable:
+    """A painter that cannot paint a frame, so many times."""
+
+    def __init__(self, monkeypatch, name, times):
+        self.left, paint_new = times, Painter.paint_new
+
+        def failing(painter, image, thumbnail, placement, order):
+            changed = paint_new(painter, image, thumbnail, placement, order)
+            if placement.name == name and self.left:
+                self.left -= 1
+                raise cv2.error("no memory")
+            return changed
+
+        monkeypatch.setattr(Painter, "paint_new", failing)
+
+
+def worked_off(flown, flight):
+    done = []
+    for prepared in flight:
+        flown.pipeline.accept(prepared.frame)
+        done.append(flown.work_off(prepared))
+        flown.pipeline.save()
+    flown.finish()
+    return {one.name: one.state for one in done}
+
+
+def test_a_frame_that_cannot_be_painted_is_not_placed_either(flight, flown, monkeypatch):
+    Unpaintable(monkeypatch, "1.png", 1)
+    assert worked_off(flown, flight)["1.png"] is FrameState.REJECTED
+    assert "1.png" not in {placement.name for placement in flown.pipeline.mosaic.placements()}
+    assert "no memory" in flown.said[0].text
+
+
+def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, undisturbed, flown, monkeypatch):
+    """A frame that had waited is painted with the next ones, and the map is what it would have been."""
+    Unpaintable(monkeypatch, "2.png", 2)
+    assert worked_off(flown, flight)["3.png"] is FrameState.PLACED
+    assert [notice.text[-17:] for notice in flown.said] == ["it is tried again"] * 2
+    (states, painted, _, _), _ = undisturbed
+    assert flown.map()[0] == states
+    assert {one.name for one in flown.map()[1]} == {one.name for one in painted}
+
+
+def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypatch):
+    unpaintable = Unpaintable(monkeypatch, "2.png", 99)
+    worked_off(flown, flight)
+    assert unpaintable.left == 96
+    assert flown.said[-1].text.endswith("it is not on the map")
+    assert {one.name for one in flown.map()[1]} == {prepared.frame.name for prepared in flight} - {"2.png"}
+
+
+def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown, monkeypatch):
+    for prepared in flight[:2]:
+        flown.pipeline.accept(prepared.frame)
+        flown.work_off(prepared)
+    painter = flown.pipeline._painter
+    everything = {key for name in ("0.png", "1.png") for key in painter.canvas._frames.tiles_of(name)}
+    painter.canvas._fall_behind(everything)
+    load = painter.canvas._load_image
+
+    def fails(name):
+        if name == "1.png":
+            raise cv2.error("broken")
+        return load(name)
+
+    monkeypatch.setattr(painter.canvas, "_load_image", fails)
+    while flown.pipeline.repaint_some():
+        pass
+    assert not flown.pipeline.has_repaints
+    (notice,) = flown.said
+    assert notice.text.startswith("a part of the map could not be repainted and stays as it is")
+    assert not [key for key in painter.canvas._store._held if key.kind == "fresh"]
+
+
+def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeypatch):
+    repaint, failed = Canvas.repaint_step, []
+
+    def failing(canvas, block):
+        changed = repaint(canvas, block)
+        if not failed:
+            failed.append(block)
+            raise MemoryError
+        return changed
+
+    monkeypatch.setattr(Painter, "_take_final_looks", lambda painter: 1 / 0)
+    monkeypatch.setattr(Canvas, "repaint_step", failing)
+    worked_off(flown, flight)
+    assert flown.pipeline._painter.canvas.behind == 0
+    assert failed
+    assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
+
+
+def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):
+    flown.pipeline.accept(flight[0].frame)
+    flown.work_off(flight[0])
+    recorder = flown.pipeline.recorder
+    broken = (recorder._tiles, "write"), (recorder.ledger, "record_painted"), (recorder._manifest, "write")
+    for owner, name in (*broken, (recorder, "_published")):
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, name, lambda *_: 1 / 0)
+            with pytest.raises(ZeroDivisionError):
+                flown.pipeline.save()
+        assert recorder.changes
+    flown.pipeline.save()
+    assert not flown.pipeline.recorder.changes
+    states, painted, estimates, files = flown.map()
+    assert (states[0][1], len(painted), len(estimates)) == (FrameState.PLACED, 1, 1)
+    assert files
