@@ -223,10 +223,10 @@ class Network(Kept):
         self.cells_expected += cells
         self.cells_confirmed += share * cells
 
-    def matched_before(self, frame: int) -> NDArray[np.bool_]:
-        """Which of a frame's features (n,) its links have matched."""
+    def matched_before(self, frame: int, but: int | None = None) -> NDArray[np.bool_]:
+        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links with it do not count."""
         matched = np.zeros(len(self.frames[frame].features), bool)
-        for other in self.frames[frame].inliers:
+        for other in self.frames[frame].inliers.keys() - {but}:
             first = (frame, other) in self.links
             link = self.links[(frame, other) if first else (other, frame)]
             for features in (link.features, link.held_out):
