@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, map_error, photograph
+from stitch_ground import SMALL_CAMERA, map_error, photograph, textured_ground
 
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
@@ -62,6 +62,17 @@ def test_a_frame_of_another_place_waits_and_is_rejected_at_the_end(ground, other
     fly(mosaic, ground, line(400, 500, 3))
     assert isinstance(mosaic.add(photograph(other_ground, Pose(500, 500), SMALL_CAMERA), "stray"), Waiting)
     assert mosaic.finish() == [Rejection("stray", "matches no other frame")]
+
+
+def test_one_thing_that_looks_alike_founds_no_island(ground, other_ground):
+    """Its own matches must not count as what was to be expected around it."""
+    alike = textured_ground(400, 9)[:200, :200]
+    one = photograph(ground, Pose(400, 400), SMALL_CAMERA).copy()
+    other = photograph(other_ground, Pose(500, 500), SMALL_CAMERA).copy()
+    one[60:260, 100:300] = other[90:290, 160:360] = alike
+    mosaic = Mosaic()
+    mosaic.add(one, "one")
+    assert isinstance(mosaic.add(other, "other"), Waiting)
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
