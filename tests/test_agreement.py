@@ -7,12 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import Frame
 from gcs_mosaic.flight.tiles import TileSettings, TileWriter
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.pipeline import Pipeline
 from gcs_mosaic.prepare import prepare
 from gcs_mosaic.recorder import estimate_of_placement
@@ -35,11 +35,8 @@ def flight(tmp_path) -> list[Frame]:
     ground = cv2.cvtColor(textured_ground(1700, 1), cv2.COLOR_GRAY2BGR)
     frames = []
     for k, (camera, x) in enumerate(FLIGHT):
-        path = tmp_path / f"{k:02}.png"
-        cv2.imwrite(str(path), photograph(ground, Pose(x, 600, 0.02 * (k % 3), 0.02 * k), camera))
-        data = path.read_bytes()
-        known = {"content_hash": content_hash(data), "size": len(data), "received": 0.0, "modified": 0.0}
-        frames.append(Frame(name=path.name, path=path, **known))
+        picture = photograph(ground, Pose(x, 600, 0.02 * (k % 3), 0.02 * k), camera)
+        frames.append(written(tmp_path / f"{k:02}.png", picture))
     return frames
 
 

@@ -8,13 +8,12 @@ from pathlib import Path
 import cv2
 import pytest
 from faults import Fault, chosen, counted, raising
+from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import Frame
 from gcs_mosaic.flight.records import FrameState
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.painter import Painter, PaintSettings
 from gcs_mosaic.pipeline import Pipeline
 from gcs_mosaic.prepare import Prepared, prepare
@@ -33,11 +32,7 @@ def flight(tmp_path_factory) -> list[Prepared]:
     folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
     found = []
     for k, x in enumerate((300, 430, 950, 1050, 1150, 560, 690, 820)):
-        path = folder / f"{k}.png"
-        cv2.imwrite(str(path), photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA))
-        data = path.read_bytes()
-        known = {"content_hash": content_hash(data), "size": len(data), "received": 0.0, "modified": 0.0}
-        frame = Frame(name=path.name, path=path, **known)
+        frame = written(folder / f"{k}.png", photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA))
         found.append(prepare(frame, lambda image, reduction: extract(image, FeatureSettings(), reduction)))
     return found
 
