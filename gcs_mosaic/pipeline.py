@@ -86,7 +86,7 @@ class Pipeline(Kept):
             self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
             self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
         self.taken_in = 0  # files, whatever became of them
-        self._said_problems: dict[str, str | None] = {}
+        self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
         self._reduction = config.reduction
         self._feature_settings = config.stitch.features
         self._say = say
@@ -257,12 +257,18 @@ class Pipeline(Kept):
         return found
 
     def _tried(self, attempt: Callable[[], T], otherwise: str) -> T | None:
+        """What it returns; None if it raises. A fault that comes again at every frame is said and logged once."""
         try:
-            return attempt()
+            found = attempt()
         except Exception as error:
-            logger.exception("%s", otherwise)
-            self._say(Notice(source="adjustment", level="error", text=f"{otherwise} ({error!r})"))
+            text = f"{otherwise} ({error!r})"
+            if text != self._said_problems.get(otherwise):
+                logger.exception("%s", otherwise)
+                self._say(Notice(source="adjustment", level="error", text=text))
+            self._said_problems[otherwise] = text
             return None
+        self._said_problems.pop(otherwise, None)
+        return found
 
     def _say_problem(self, source: str, problem: str | None) -> None:
         if problem and problem != self._said_problems.get(source):

@@ -17,6 +17,7 @@ from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.painter import Painter, PaintSettings
 from gcs_mosaic.pipeline import Pipeline
 from gcs_mosaic.prepare import Prepared, prepare
+from gcs_mosaic.stitch.adjusting import upkeep
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
@@ -238,3 +239,17 @@ def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypat
     states, painted, estimates, files = flown.map()
     assert (states[0][1], len(painted), len(estimates)) == (FrameState.PLACED, 1, 1)
     assert files
+
+
+def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(flight, flown, monkeypatch, caplog):
+    """It comes again with every frame, since the island is still due."""
+    plain = upkeep.adjust_island
+    for prepared, broken in zip(flight[:2] + flight[5:], (False, True, True, False, True), strict=True):
+        monkeypatch.setattr(upkeep, "adjust_island", (lambda *_: 1 / 0) if broken else plain)
+        flown.pipeline.accept(prepared.frame)
+        assert flown.work_off(prepared).state is FrameState.PLACED
+    assert [notice.text for notice in flown.said] == [
+        "the map could not be adjusted (ZeroDivisionError('division by zero'))"
+    ] * 2
+    assert len([record for record in caplog.records if record.exc_info]) == 2
+    assert len([record for record in caplog.records if "an island was not adjusted" in record.message]) == 3
