@@ -69,10 +69,10 @@ def test_covered_frames_are_listed_where_they_lie(stitched):
 def test_documents_tell_of_several_at_a_time_and_of_all_in_the_end(stitched, frames, tmp_path, monkeypatch):
     """As in a long film, where writing all of them for each would cost more than placing it."""
     monkeypatch.setattr("gcs_mosaic.recorder.FRAMES_PER_COVERED", 2)
-    last_three_hover = [
+    hovers_at_its_end = [
         frames / name for name in ("00.png", "10.png", "20.png", "30.png", "31.png", "32.png", "33.png")
     ]
-    out = stitch(last_three_hover, tmp_path / "film", Config(), QUIET)
+    out = stitch(hovers_at_its_end, tmp_path / "film", Config(), QUIET)
     document = json.loads((out / "placements.json").read_bytes())
     assert [entry["name"] for entry in document["covered"]] == ["31.png", "32.png", "33.png"]
     assert document["newest"] == "33.png"
@@ -81,7 +81,7 @@ def test_documents_tell_of_several_at_a_time_and_of_all_in_the_end(stitched, fra
         assert len(ledger.covered()) == 3
     (tmp_path / "each").mkdir()
     monkeypatch.setattr("gcs_mosaic.recorder.FRAMES_PER_COVERED", 200)
-    each = stitch(last_three_hover, tmp_path / "each", Config(), QUIET)
+    each = stitch(hovers_at_its_end, tmp_path / "each", Config(), QUIET)
     assert document["revision"] < json.loads((each / "placements.json").read_bytes())["revision"]
 
 

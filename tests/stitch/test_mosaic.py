@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, map_error, photograph, textured_ground
+from stitch_ground import SMALL_CAMERA, fly, map_error, photograph, textured_ground
 
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
@@ -13,14 +13,6 @@ from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 
 def line(x, y, count, step=130, **more):
     return [Pose(x + step * i, y, **more) for i in range(count)]
-
-
-def fly(mosaic, ground, poses, first=0):
-    outcomes = []
-    for i, pose in enumerate(poses, start=first):
-        outcomes.append(mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}"))
-        mosaic.adjust()
-    return outcomes
 
 
 def test_two_flight_lines_become_one_map(ground):

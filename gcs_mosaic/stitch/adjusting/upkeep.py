@@ -103,7 +103,8 @@ class Upkeep(Kept):
                 with transaction(self._network, self):
                     step()
             except Exception as error:
-                logger.warning("an island was not adjusted", exc_info=True)
+                # The first one is raised: whoever catches it knows best whether its traceback is news.
+                logger.warning("an island was not adjusted (%r)", error, exc_info=bool(errors))
                 errors.append(error)
         if errors:
             raise errors[0]
