@@ -205,9 +205,16 @@ class Pipeline(Kept):
 
     def _connected_some(self) -> bool:
         """Compare some frames that look alike and are not connected; whether there are more."""
-        more = self._tried(self.mosaic.connect_some, "islands could not be compared")
+        try:
+            more = self.mosaic.connect_some()
+        except Exception as error:
+            logger.exception("frames could not be compared")
+            self._say_problem(
+                "islands", f"some frames could not be compared with those that look like them ({error!r})"
+            )
+            more = True  # maybe; what has raised is not compared again, so this comes to an end
         self._adjusted(self.mosaic.adjust)
-        return bool(more)
+        return more
 
     def finish(self, connect_s: float = math.inf) -> Iterator[None]:
         """The flight is over: connect what can be, adjust everything, reject the rest, paint all, step by step.
@@ -216,7 +223,7 @@ class Pipeline(Kept):
         that is painted comes before one that is in fewer parts.
         """
         self.recorder.in_a_pause = True
-        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         until = time.monotonic() + connect_s
         while self._connected_some():
             with transaction(self):
@@ -228,7 +235,7 @@ class Pipeline(Kept):
                 )
                 self._say(Notice(source="adjustment", level="info", text=text))
                 break
-        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
         with transaction(self):
             self._paint_moved(None)

@@ -106,11 +106,10 @@ class Network(Kept):
         self.roots: dict[int, int] = {}
         self.merged_into: list[int | None] = []
         self.bridges: list[Bridge] = []
-        self.compared: set[tuple[int, int]] = (
-            set()
-        )  # pairs of frames that were compared in a pause, smaller number first
+        # pairs of frames that were compared in a pause, smaller number first
+        self.compared: set[tuple[int, int]] = set()
         self.frames_to_ask: list[int] = []  # those that are to be compared next,
-        self.asked_when: tuple[int, int] | None = None  # chosen when so much was known
+        self.asked_when: tuple[int, int, int] | None = None  # chosen when so much was known
         self.cells_expected = EXPECTED_CELLS  # around frames that were believed: how many should have been confirmed,
         self.cells_confirmed = EXPECTED_CELLS * EXPECTED_SHARE  # and how many were; from a flight that there was before
         self.waiting = WaitingFrames()

@@ -15,7 +15,7 @@ import logging
 from array import array
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import PurePath
 from types import BuiltinFunctionType, FunctionType, MethodType
@@ -125,3 +125,26 @@ def transaction(*parts: Kept) -> Iterator[None]:
     with attempt(*parts) as trial:
         yield
         trial.keep()
+
+
+@contextmanager
+def each_whole(*parts: Kept, otherwise: str) -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Several things that change these parts, each as a whole or not at all, each within a call of what is yielded.
+
+    One that raises is undone and logged as `otherwise`, and keeps no other from being tried; the first error is raised at
+    the end.
+    """
+    errors: list[Exception] = []
+
+    @contextmanager
+    def whole() -> Iterator[None]:
+        try:
+            with transaction(*parts):
+                yield
+        except Exception as error:
+            logger.warning("%s", otherwise, exc_info=True)
+            errors.append(error)
+
+    yield whole
+    if errors:
+        raise errors[0]

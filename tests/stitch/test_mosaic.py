@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, map_error, photograph
 
+from gcs_mosaic.stitch.adjusting.assembly import Assembly
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
+from gcs_mosaic.stitch.search import Search
 
 
 def line(x, y, count, step=130, **more):
@@ -143,3 +145,62 @@ def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypa
     assert mosaic.frame_counts() == {0: len(truth)}
     assert map_error(mosaic.placements(), truth) < 2
     assert not mosaic.connect_some()
+
+
+def test_two_frames_that_raise_keep_no_others_from_being_compared(ground, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    mosaic, compare, asked = Mosaic(), Assembly._compare, []
+
+    def failing(assembly, frame, other):
+        asked.append({frame, other})
+        compare(assembly, frame, other)
+        if {frame, other} == asked[0]:
+            raise MemoryError
+
+    monkeypatch.setattr(Assembly, "_compare", failing)
+    truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
+    fly(mosaic, ground, truth)
+    with pytest.raises(MemoryError):
+        mosaic.connect_some()
+    for _ in range(len(truth)):
+        if not mosaic.connect_some():
+            break
+    assert not mosaic.connect_some()
+    assert asked.count(asked[0]) == 1
+    assert mosaic.frame_counts() == {0: len(truth)}
+
+
+def test_a_waiting_frame_that_raises_keeps_no_other_from_its_place(ground, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)
+    mosaic = Mosaic()
+    fly(mosaic, ground, [Pose(300, 600), Pose(1260, 600), Pose(780, 830), *line(430, 600, 6)])
+    assert [w.name for w in mosaic.waiting()] == ["001", "002"]
+    placed_waiting, tried = Assembly._placed_waiting, []
+
+    def failing(assembly, frame, among):
+        yield from placed_waiting(assembly, frame, among)
+        if frame == 2:
+            tried.append(frame)
+            raise MemoryError
+
+    monkeypatch.setattr(Assembly, "_placed_waiting", failing)
+    with pytest.raises(MemoryError):
+        mosaic.retry_waiting()
+    assert [w.name for w in mosaic.waiting()] == ["002"]
+    assert len(tried) <= 2
+    monkeypatch.undo()
+    mosaic.retry_waiting()
+    assert len(mosaic.placements()) == 9
+
+
+def test_a_frame_that_comes_to_wait_is_compared_in_the_next_pause(ground, monkeypatch):
+    mosaic = Mosaic()
+    fly(mosaic, ground, line(400, 500, 3))
+    while mosaic.connect_some():
+        pass
+    with monkeypatch.context() as patch:
+        patch.setattr(Search, "first_links", lambda *_: iter(()))
+        assert isinstance(mosaic.add(photograph(ground, Pose(790, 500), SMALL_CAMERA), "late"), Waiting)
+    while mosaic.connect_some():
+        pass
+    assert mosaic.waiting() == []

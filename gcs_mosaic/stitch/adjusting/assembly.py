@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -17,10 +19,12 @@ from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.placement import placement_of
 from gcs_mosaic.stitch.placing import Placing
 from gcs_mosaic.stitch.search import Search
-from gcs_mosaic.stitch.transaction import attempt
+from gcs_mosaic.stitch.transaction import attempt, each_whole
 
 WAITING_TRIES = 2  # waiting frames, or founders that nothing has joined, that a newly placed one is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
+
+Whole = Callable[[], AbstractContextManager[None]]  # see `each_whole`
 
 
 class Assembly:
@@ -54,32 +58,46 @@ class Assembly:
         return bool(placed)
 
     def retry_waiting(self) -> None:
-        """Try every frame that waits once more, and again as long as any finds its place."""
+        """Try every frame that waits once more, and again as long as any finds its place.
+
+        One that raises counts as tried, and keeps no other from it; the first error is raised at the end.
+        """
         self._network.waiting.forget_comparisons()
-        while any(self._retry(frame) for frame in self._network.waiting):
-            pass
+        with each_whole(self._network, self._upkeep, otherwise="a frame that waits was not tried again") as whole:
+            while any(self._retry(frame, whole) for frame in self._network.waiting):
+                pass
 
     def connect_some(self, frames: int) -> bool:
         """In a pause: compare so many frames with those that look most like them and are not connected with them.
 
-        False if there is nothing left to compare: every frame has been, since something new was known last.
+        False if there is nothing left to compare: every frame has been, since something new was known last. Two frames that
+        raise count as compared, and keep no others from it; the first error is raised at the end.
         """
         network = self._network
         if not network.frames_to_ask and network.asked_when != self._what_is_known():
-            network.frames_to_ask, network.asked_when = self._apart_from_most(), self._what_is_known()
+            network.asked_when = self._what_is_known()
+            network.frames_to_ask = self._apart_from_most()
         asked, network.frames_to_ask = network.frames_to_ask[:frames], network.frames_to_ask[frames:]
-        for frame in asked:
-            for other in self._search.likeliest(frame, self._apart_from(frame), self._bridges.tries_in_a_pause):
-                pair = min(frame, other), max(frame, other)
-                if pair not in network.compared and other in self._apart_from(frame):
-                    network.compared.add(pair)
-                    self._compare(frame, other)
+        with each_whole(network, self._upkeep, otherwise="frames that may be connected were not compared") as whole:
+            for frame in asked:
+                self._compare_with_likeliest(frame, whole)
         return bool(network.frames_to_ask) or network.asked_when != self._what_is_known()
 
-    def _what_is_known(self) -> tuple[int, int]:
-        """Changes whenever a frame is placed or islands are joined."""
-        placed = int(np.count_nonzero(self._network.islands != NOWHERE))
-        return placed, sum(into is not None for into in self._network.merged_into)
+    def _compare_with_likeliest(self, frame: int, whole: Whole) -> None:
+        others: list[int] = []
+        with whole():
+            others = self._search.likeliest(frame, self._apart_from(frame), self._bridges.tries_in_a_pause)
+        for other in others:
+            pair = min(frame, other), max(frame, other)
+            if pair not in self._network.compared and other in self._apart_from(frame):
+                self._network.compared.add(pair)
+                self._place_and_use(partial(self._compare, frame, other), whole)
+
+    def _what_is_known(self) -> tuple[int, int, int]:
+        """Changes whenever a frame comes or is placed, or islands are joined."""
+        network = self._network
+        placed = int(np.count_nonzero(network.islands != NOWHERE))
+        return len(network.frames), placed, sum(into is not None for into in network.merged_into)
 
     def _apart_from_most(self) -> list[int]:
         """Frames that wait, and those of all islands but the largest, the smallest first."""
@@ -95,17 +113,31 @@ class Assembly:
         placed = network.placed() if network.islands[frame] == NOWHERE else network.elsewhere(network.island_of(frame))
         return [*placed.tolist(), *(other for other in network.waiting if other != frame)]
 
-    def _compare(self, frame: int, other: int) -> None:
-        """Two frames that may show one ground: join their islands, place the one that waits, or found an island with both."""
+    def _compare(self, frame: int, other: int) -> list[int]:
+        """Two frames that may show one ground: join their islands, place the one that waits, or found an island with both.
+
+        Returns those that waited and are placed now.
+        """
         network = self._network
         islands = network.islands[[frame, other]]
         if (islands == NOWHERE).all():
-            self._use_what_is_new(self._founded_together(frame, other))
-        elif (islands == NOWHERE).any():
+            return self._founded_together(frame, other)
+        if (islands == NOWHERE).any():
             waiting, placed = (frame, other) if islands[0] == NOWHERE else (other, frame)
-            self._use_what_is_new(list(self._placed_waiting(waiting, [placed])))
-        elif islands[0] != islands[1] and not self._came_home(frame, other):
+            return list(self._placed_waiting(waiting, [placed]))
+        if islands[0] != islands[1] and not self._came_home(frame, other):
             self._joined_by(frame, other)
+        return []
+
+    def _place_and_use(self, place: Callable[[], list[int]], whole: Whole) -> bool:
+        """Whether this places any frames. What then raises with those that they give their place leaves them where they are."""
+        placed: list[int] = []
+        with whole():
+            placed = place()
+        if placed:
+            with whole():
+                self._use_what_is_new(placed)
+        return bool(placed)
 
     # A frame finds its place
 
@@ -186,13 +218,11 @@ class Assembly:
                 other, self._search.likeliest(other, self._still_placed(new), WAITING_TRIES)
             )
 
-    def _retry(self, frame: int) -> bool:
+    def _retry(self, frame: int, whole: Whole) -> bool:
         if frame not in self._network.waiting:  # it has found its place by another's
             return False
         new = self._still_placed(self._network.waiting.take_new(frame))
-        placed = list(self._placed_waiting(frame, self._search.likeliest(frame, new)))
-        self._use_what_is_new(placed)
-        return bool(placed)
+        return self._place_and_use(lambda: list(self._placed_waiting(frame, self._search.likeliest(frame, new))), whole)
 
     def _placed_waiting(self, frame: int, among: Iterable[int]) -> Iterator[int]:
         """A frame that waits, if it can be placed beside one of these placed ones."""
