@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.adjusting.lens import believable
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.matching.evidence import SAMPLE, log_odds
 from gcs_mosaic.stitch.matching.witnesses import confirmed_around
@@ -100,11 +101,14 @@ class Bridges:
         return stays, goes
 
     def _reconciled_lenses(self, stays: int, goes: int) -> dict[CameraNumber, Lens]:
-        """What two islands know of the cameras that both have, each weighing as much as it knows: where the adjustment of
-        the joined island begins."""
+        """What two islands know of the cameras of the one that goes, each weighing as much as it knows: where the adjustment
+        of the joined island begins."""
         lenses = self._network.lenses
-        of_both = [number for island, number in lenses if island == goes and (stays, number) in lenses]
-        return {number: _reconciled(lenses[stays, number], lenses[goes, number]) for number in of_both}
+        return {
+            number: _reconciled(lenses[stays, number], lens) if (stays, number) in lenses else lens
+            for (island, number), lens in lenses.items()
+            if island == goes
+        }
 
     def _between(self, stays: int, goes: int) -> list[Bridge]:
         """All bridges between two islands, the first island's side as a."""
@@ -210,9 +214,22 @@ class Bridges:
 
 
 def _reconciled(one: Lens, other: Lens) -> Lens:
-    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none."""
+    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none. If no camera
+    can have that lens, the one that is known better."""
     if one.information is None or other.information is None:
         return other if one.information is None and other.information is not None else one
     information = one.information + other.information
     weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
-    return Lens(with_lens(one.camera, np.linalg.lstsq(information, weighted, rcond=None)[0]), information)
+    mean: Array = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
+    if not np.allclose(believable(mean[None])[0], mean, rtol=0.0, atol=SAME_LENS):
+        return one if _known(one.information) >= _known(other.information) else other
+    return Lens(with_lens(one.camera, mean), information)
+
+
+SAME_LENS = 1e-9  # of its terms; rounding may carry the mean of two lenses at a bound across it
+
+
+def _known(information: Array) -> float:
+    """How much is known of all terms of a lens together: log of how much smaller a volume they are in than if each were only
+    known to about 1."""
+    return float(np.linalg.slogdet(information + np.eye(len(information)))[1])
