@@ -122,6 +122,21 @@ def test_a_founder_that_nothing_joined_comes_home(ground):
     assert map_error(mosaic.placements(), truth) < 2
 
 
+def test_a_founder_is_compared_once_with_each_new_frame(ground, other_ground, monkeypatch):
+    register, asked = Search.register, []
+
+    def noting(search, frame, other):
+        asked.append({frame, other})
+        return register(search, frame, other)
+
+    mosaic = Mosaic()
+    fly(mosaic, other_ground, [Pose(500, 500)])
+    monkeypatch.setattr(Search, "register", noting)
+    fly(mosaic, ground, line(400, 500, 4), first=1)
+    assert mosaic.frame_counts() == {0: 1, 1: 4}
+    assert asked.count({0, 4}) == 1
+
+
 def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, monkeypatch):
     """Frames that wait compete for the two tries beside a new frame; whoever loses always is asked at the end."""
     monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)

@@ -114,19 +114,27 @@ class Assembly:
         return [*placed.tolist(), *(other for other in network.waiting if other != frame)]
 
     def _compare(self, frame: int, other: int) -> list[int]:
-        """Two frames that may show one ground: join their islands, place the one that waits, or found an island with both.
+        """Two frames that may show one ground. Returns those that waited and are placed now."""
+        first, second = sorted((frame, other), key=self._company)
+        registration = self._search.register(first, second)
+        return [] if registration is None else self._connect(first, second, registration)
 
-        Returns those that waited and are placed now.
+    def _company(self, frame: int) -> int:
+        """0 for a frame that waits, 1 for one alone on its island, 2 for all others."""
+        island = self._network.islands[frame]
+        return 0 if island == NOWHERE else min(self._network.count_members(island), 2)
+
+    def _connect(self, first: int, second: int, registration: Registration) -> list[int]:
+        """Join the islands of two frames that were registered, place the one that waits, or found an island with both.
+
+        The first is in no larger company than the second. Returns those that waited and are placed now.
         """
-        network = self._network
-        islands = network.islands[[frame, other]]
-        if (islands == NOWHERE).all():
-            return self._founded_together(frame, other)
-        if (islands == NOWHERE).any():
-            waiting, placed = (frame, other) if islands[0] == NOWHERE else (other, frame)
-            return list(self._placed_waiting(waiting, [placed]))
-        if islands[0] != islands[1] and not self._came_home(frame, other):
-            self._joined_by(frame, other)
+        if self._company(second) == 0:
+            return self._founded_together(first, second, registration)
+        if self._company(first) == 0:
+            return [first] if self._place_waiting(first, second, registration) else []
+        if self._company(first) > 1 or not self._came_home(first, second, registration):
+            self._joined_by(first, second, registration)
         return []
 
     def _place_and_use(self, place: Callable[[], list[int]], whole: Whole) -> bool:
@@ -178,15 +186,13 @@ class Assembly:
     def _found_with_waiting(self, frame: int) -> list[int]:
         """Two frames that match nothing but each other found an island."""
         for other in self._search.likeliest(frame, list(self._network.waiting)):
-            if founded := self._founded_together(frame, other):
+            registration = self._search.register(frame, other)
+            if registration is not None and (founded := self._founded_together(frame, other, registration)):
                 return founded
         return []
 
-    def _founded_together(self, frame: int, other: int) -> list[int]:
+    def _founded_together(self, frame: int, other: int, registration: Registration) -> list[int]:
         """Both frames, if they can be placed beside each other on an island of their own; none of them lies anywhere yet."""
-        registration = self._search.register(frame, other)
-        if registration is None:
-            return []
         with attempt(self._network, self._upkeep) as trial:
             self._found_island(other)
             if self._place_beside(frame, other, registration):
@@ -228,10 +234,16 @@ class Assembly:
         """A frame that waits, if it can be placed beside one of these placed ones."""
         for other in among:
             registration = self._search.register(frame, other)
-            if registration is not None and self._place_beside(frame, other, registration):
-                self._network.waiting.remove(frame)
+            if registration is not None and self._place_waiting(frame, other, registration):
                 yield frame
                 return
+
+    def _place_waiting(self, frame: int, other: int, registration: Registration) -> bool:
+        """Place a frame that waits beside a placed one, unless the result is not to be believed."""
+        placed = self._place_beside(frame, other, registration)
+        if placed:
+            self._network.waiting.remove(frame)
+        return placed
 
     def _still_placed(self, frames: list[int]) -> list[int]:
         return [frame for frame in frames if self._network.frames[frame].pose is not None]
@@ -241,16 +253,15 @@ class Assembly:
     def _connect_islands(self, frame: int) -> None:
         """Look for this frame's ground on other islands; join two when the evidence suffices."""
         here = self._network.island_of(frame)
-        if self._network.count_members(here) > 1:
-            self._bring_home_lone_founders(frame, here)
+        compared = self._bring_home_lone_founders(frame, here) if self._network.count_members(here) > 1 else {}
         for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
-            if self._joined_by(frame, other):
+            registration = compared[other] if other in compared else self._search.register(frame, other)
+            if registration is not None and self._joined_by(frame, other, registration):
                 return
 
-    def _joined_by(self, frame: int, other: int) -> bool:
+    def _joined_by(self, frame: int, other: int, registration: Registration) -> bool:
         """Whether two frames of different islands show that these are one; then they are from now on."""
-        registration = self._search.register(frame, other)
-        proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
+        proof = self._bridges.add(Bridge(frame, other, registration))
         if not proof:
             return False
         stays, goes = self._bridges.join(proof)
@@ -259,24 +270,25 @@ class Assembly:
         self._network.waiting.forget_comparisons()
         return True
 
-    def _bring_home_lone_founders(self, frame: int, here: int) -> None:
-        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame."""
-        network = self._network
+    def _bring_home_lone_founders(self, frame: int, here: int) -> dict[int, Registration | None]:
+        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame.
+
+        Returns what came of comparing the frame with each of those tried.
+        """
+        network, compared = self._network, dict[int, Registration | None]()
         alone = [island for island, count in network.frame_counts().items() if count == 1 and island != here]
         founders = [f for island in alone for f in network.members(island).tolist()]
         for founder in self._search.likeliest(frame, founders, WAITING_TRIES):
-            self._came_home(founder, frame)
+            registration = self._search.register(founder, frame)
+            compared[founder] = registration and registration.turned()
+            if registration is not None:
+                self._came_home(founder, frame, registration)
+        return compared
 
-    def _came_home(self, one: int, other: int) -> bool:
-        """Whether one of two frames was alone on its island, and is placed beside the other one now."""
+    def _came_home(self, founder: int, frame: int, registration: Registration) -> bool:
+        """Whether a frame that is alone on its island can be placed beside one of another; then it is."""
         network = self._network
-        founder, frame = sorted((one, other), key=lambda f: network.count_members(network.island_of(f)))
         lone, here = network.island_of(founder), network.island_of(frame)
-        if network.count_members(lone) > 1:
-            return False
-        registration = self._search.register(founder, frame)
-        if registration is None:
-            return False
         with attempt(network, self._upkeep) as trial:
             network.take_back(founder)
             if self._place_beside(founder, frame, registration):

@@ -65,9 +65,9 @@ class Upkeep(Kept):
         """An island has gained frames."""
         self._grown[island] = self._grown.get(island, 0) + frames
 
-    def forget(self, island: int) -> int:
-        """An island is no more; returns the frames that it had gained."""
-        return self._grown.pop(island, 0)
+    def forget(self, island: int) -> None:
+        """An island is no more."""
+        self._grown.pop(island, None)
 
     def after_frame(self) -> None:
         """A frame has been placed, or not: take in what is due, adjust what has grown enough.
