@@ -76,6 +76,7 @@ class Bridges:
         sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
         stays, goes = sorted(sides, key=lambda island: (-self._network.count_members(island), island))
         newest = self._from_side(newest, stays)
+        self._forget(newest)
         if not self._agree(newest, newest):
             return []  # its own matches fit no similarity: the frames lie awry on their islands
         known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
@@ -109,6 +110,11 @@ class Bridges:
             for (island, number), lens in lenses.items()
             if island == goes
         }
+
+    def _forget(self, newest: Bridge) -> None:
+        """A bridge between the same two frames was found before: it would count twice."""
+        ends = {newest.frame_a, newest.frame_b}
+        self._network.bridges = [b for b in self._network.bridges if {b.frame_a, b.frame_b} != ends]
 
     def _between(self, stays: int, goes: int) -> list[Bridge]:
         """All bridges between two islands, the first island's side as a."""

@@ -108,8 +108,9 @@ class Network(Kept):
         self.roots: dict[int, int] = {}
         self.merged_into: list[int | None] = []
         self.bridges: list[Bridge] = []
-        # pairs of frames that were compared in a pause, smaller number first
-        self.compared: set[tuple[int, int]] = set()
+        # Pairs of frames that were compared in a pause, smaller number first, and the poses at which they could not be
+        # connected though they have much in common; None where they have not.
+        self.compared: dict[tuple[int, int], tuple[Pose | None, Pose | None] | None] = {}
         self.frames_to_ask: list[int] = []  # those that are to be compared next,
         self.asked_when: tuple[int, int, int] | None = None  # chosen when so much was known
         self.cells_expected = EXPECTED_CELLS  # around frames that were believed: how many should have been confirmed,

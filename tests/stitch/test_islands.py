@@ -84,3 +84,10 @@ def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(sear
         bridges.add(bridge(search, a, b))
     monkeypatch.undo()
     assert bridges.add(bridge(search, 3, 0))
+
+
+def test_two_frames_make_one_bridge_however_often_they_are_compared(search, bridges, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.islands.PAIRS_PER_WITNESS", 0)
+    for a, b in ((3, 0), (0, 3), (3, 0)):
+        assert not bridges.add(bridge(search, a, b))
+    assert len(search._network.bridges) == 1

@@ -1,6 +1,7 @@
 """Small flights over a known ground: every frame ends where it was taken, or says why not."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from stitch_ground import SMALL_CAMERA, map_error, photograph
 
 from gcs_mosaic.stitch.adjusting.assembly import Assembly
 from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.islands import Bridges
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
 from gcs_mosaic.stitch.search import Search
@@ -160,6 +162,38 @@ def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypa
     assert mosaic.frame_counts() == {0: len(truth)}
     assert map_error(mosaic.placements(), truth) < 2
     assert not mosaic.connect_some()
+
+
+def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(ground, monkeypatch):
+    """Frames that lie awry agree with nothing; when their island has been adjusted they may."""
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    mosaic, asked, register = Mosaic(), [], Search.register
+    truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
+    fly(mosaic, ground, truth)
+
+    def noting(search, frame, other):
+        asked.append({frame, other})
+        return register(search, frame, other)
+
+    monkeypatch.setattr(Search, "register", noting)
+    with monkeypatch.context() as patch:
+        patch.setattr(Bridges, "_agree", lambda *_: False)
+        while mosaic.connect_some():
+            pass
+    first, network = len(asked), mosaic._network
+    mosaic.add(photograph(ground, Pose(1800, 1800), SMALL_CAMERA), "far")
+    asked.clear()
+    while mosaic.connect_some():
+        pass
+    assert len(asked) < first
+    assert len(mosaic.frame_counts()) == 2
+    for frame in network.placed().tolist():
+        pose = network.pose_of(frame)
+        network.put(frame, replace(pose, x=pose.x + 1), network.island_of(frame))
+    mosaic.add(photograph(ground, Pose(600, 2100), SMALL_CAMERA), "farther")
+    while mosaic.connect_some():
+        mosaic.adjust()
+    assert mosaic.frame_counts() == {0: len(truth)}
 
 
 def test_two_frames_that_raise_keep_no_others_from_being_compared(ground, monkeypatch):

@@ -24,6 +24,7 @@ from gcs_mosaic.stitch.transaction import attempt, each_whole
 WAITING_TRIES = 2  # waiting frames, or founders that nothing has joined, that a newly placed one is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
 
+Pair = tuple[int, int]
 Whole = Callable[[], AbstractContextManager[None]]  # see `each_whole`
 
 
@@ -88,10 +89,17 @@ class Assembly:
         with whole():
             others = self._search.likeliest(frame, self._apart_from(frame), self._bridges.tries_in_a_pause)
         for other in others:
-            pair = min(frame, other), max(frame, other)
-            if pair not in self._network.compared and other in self._apart_from(frame):
-                self._network.compared.add(pair)
+            if self._is_worth_comparing(frame, other) and other in self._apart_from(frame):
+                self._network.compared[_pair(frame, other)] = None
                 self._place_and_use(partial(self._compare, frame, other), whole)
+
+    def _is_worth_comparing(self, frame: int, other: int) -> bool:
+        """Whether they were never compared, or have much in common and lie elsewhere than when that led to nothing."""
+        pair, compared = _pair(frame, other), self._network.compared
+        return pair not in compared or compared[pair] not in (None, self._poses(pair))
+
+    def _poses(self, pair: Pair) -> tuple[Pose | None, Pose | None]:
+        return self._network.frames[pair[0]].pose, self._network.frames[pair[1]].pose
 
     def _what_is_known(self) -> tuple[int, int, int]:
         """Changes whenever a frame comes or is placed, or islands are joined."""
@@ -117,7 +125,11 @@ class Assembly:
         """Two frames that may show one ground. Returns those that waited and are placed now."""
         first, second = sorted((frame, other), key=self._company)
         registration = self._search.register(first, second)
-        return [] if registration is None else self._connect(first, second, registration)
+        if registration is None:
+            return []
+        placed, pair = self._connect(first, second, registration), _pair(frame, other)
+        self._network.compared[pair] = self._poses(pair)
+        return placed
 
     def _company(self, frame: int) -> int:
         """0 for a frame that waits, 1 for one alone on its island, 2 for all others."""
@@ -296,3 +308,8 @@ class Assembly:
                 self._upkeep.forget(lone)
                 trial.keep()
         return trial.kept
+
+
+def _pair(frame: int, other: int) -> Pair:
+    """Two frames, whichever is named first."""
+    return min(frame, other), max(frame, other)
