@@ -38,6 +38,7 @@ APART = 0.25
 MUCH = 0.5  # of a frame of the smaller island that lies on the larger one: then it can tell whether that is right
 WITNESSES = 3  # frames of the smaller island for which the overlap is looked into
 PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched with
+TELLING_CELLS = 6  # of a witness that matches could confirm; of fewer, one by chance would decide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +84,7 @@ class Bridges:
         looked_for, odds = self._look_into_overlap(stays, goes, known)
         agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
         self._network.bridges.append(newest)
-        proven = odds > 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
+        proven = odds >= 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
         return agreeing if proven else []
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
@@ -130,7 +131,8 @@ class Bridges:
     def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
         """Match frames that should overlap if the known bridges are right.
 
-        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness.
+        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness. One
+        that sees too little to tell counts as 0: it refutes nothing, and then it is for the bridges alone to prove the join.
         """
         network, stays_from_goes = self._network, self._similarity(known)
         found: list[Bridge] = []
@@ -142,7 +144,7 @@ class Bridges:
             matched = {other: link for other, link in links.items() if link is not None}
             pixels = [link.agreeing_a for link in matched.values()]
             around = confirmed_around(network, witness, pose, stays, list(links), pixels)
-            odds.append(log_odds(around, network.true_share))
+            odds.append(log_odds(around, network.true_share) if around.cells >= TELLING_CELLS else 0.0)
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
             found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]
         return found, min(odds)
