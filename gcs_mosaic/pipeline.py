@@ -204,9 +204,16 @@ class Pipeline(Kept):
 
     def _connected_some(self) -> bool:
         """Compare some frames that look alike and are not connected; whether there are more."""
-        more = self._tried(self.mosaic.connect_some, "islands could not be compared")
+        try:
+            more = self.mosaic.connect_some()
+        except Exception as error:
+            logger.exception("frames could not be compared")
+            self._say_problem(
+                "islands", f"some frames could not be compared with those that look like them ({error!r})"
+            )
+            more = True  # maybe; what has raised is not compared again, so this comes to an end
         self._adjusted(self.mosaic.adjust)
-        return bool(more)
+        return more
 
     def finish(self) -> Iterator[None]:
         """The flight is over: settle it, then paint all, step by step. `save` may be called after each step."""
@@ -220,7 +227,7 @@ class Pipeline(Kept):
         more frames may be compared that are not connected: a map that is painted comes before one that is in fewer parts.
         """
         self.recorder.in_a_pause = True
-        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         while self._connected_some():
             if not may_connect():
                 text = "there was no time to connect more parts of the map: stitch goes on with it"
@@ -229,7 +236,7 @@ class Pipeline(Kept):
             with transaction(self):
                 self._paint_moved(None)
             yield
-        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
         with transaction(self):
             self._paint_moved(None)

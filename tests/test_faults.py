@@ -20,6 +20,7 @@ from gcs_mosaic.prepare import Prepared, prepare
 from gcs_mosaic.stitch.adjusting import upkeep
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 
 KINDS = (Fault, MemoryError, cv2.error, KeyboardInterrupt)
@@ -232,6 +233,22 @@ def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeyp
     assert flown.pipeline._painter.canvas.behind == 0
     assert failed
     assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
+
+
+def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, flown, monkeypatch):
+    answers = [MemoryError(), MemoryError(), True, False]
+
+    def connect_some(mosaic):
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(Mosaic, "connect_some", connect_some)
+    worked_off(flown, flight[:2])
+    assert answers == []
+    (notice,) = flown.said
+    assert notice.text == "some frames could not be compared with those that look like them (MemoryError())"
 
 
 def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):

@@ -149,6 +149,24 @@ def test_several_parts_are_put_back_together():
     assert (told(one), told(other)) == before
 
 
+class Stubborn(Kept):
+    """Cannot be put back."""
+
+    def restore(self, before):
+        raise MemoryError("stubborn")
+
+
+def test_what_cannot_be_put_back_keeps_nothing_else_from_it():
+    first, last = Branch(), Branch()
+    before = told(last)
+    first.leaf = Stubborn()  # the first of its attributes
+    first.leaf.count, first.leaf.names = 0, []
+    with pytest.raises(MemoryError, match="stubborn") as raised:
+        changed_and_failed(KeyError(), first, last)
+    assert isinstance(raised.value.__context__, KeyError)
+    assert (first.label, first.by_key, told(last)) == (None, {"one": 1}, before)
+
+
 class Mutable:
     pass
 
@@ -201,6 +219,31 @@ def test_an_index_forgets_what_was_added_even_where_its_vocabulary_was_learnt_me
     asked = some_features(known)
     assert index.likeliest(asked, among, 3) == undisturbed.likeliest(asked, among, 3)
     assert index.likeliest(asked, among, 1) == [known]
+
+
+def test_an_index_goes_back_while_something_looks_into_it():
+    """As the traceback of whatever made it go back may do."""
+    index, undisturbed = RetrievalIndex(), RetrievalIndex()
+    for one in (index, undisturbed):
+        one.add(some_features(0))
+    with attempt(index):
+        index.add(some_features(1))
+        looking = np.frombuffer(index._rows[0], np.int64)
+    assert len(looking) == 2 * PER_FRAME
+    assert digest(index) == digest(undisturbed)
+
+
+def test_an_index_grows_after_a_query_that_raised_and_is_remembered():
+    index = RetrievalIndex()
+    index.add(some_features(0))
+    index.add(some_features(1))
+    index._count = 1  # so that the words name a frame that there is not
+    with pytest.raises(IndexError) as remembered:
+        index.likeliest(some_features(0), np.arange(1), 1)
+    index._count = 2
+    index.add(some_features(2))
+    assert index.likeliest(some_features(2), np.arange(3), 1) == [2]
+    assert remembered.value.__traceback__ is not None
 
 
 def test_an_index_goes_back_step_by_step():
