@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 CameraNumber = int  # frames of one size were taken by one camera
 
 NOWHERE = -1  # the island of a frame that is not placed
-EXPECTED_SHARE = 0.8  # of the cells of a true overlap that matches confirm: 0.9 over fields, 0.5 to 0.9 in woods
-EXPECTED_CELLS = 60  # that this is worth before a flight has shown its own share: two or three frames
+# Of the cells around a frame that is where it is believed to be, those that matches confirm (0.9 over fields, 0.5 to 0.9 in
+# woods), and cells that this is worth, two or three frames: as long as a flight has not shown its own share.
+FIRST_SHARE, FIRST_CELLS = 0.8, 60
 LEAST_SHARE, MOST_SHARE = 0.5, 0.85  # between which that is believed: where islands meet, poses are rough
 LENS_KNOWN = 5  # frames after which an island knows a lens well enough to judge residuals, and to tell others
 NO_INLIERS: Mapping[int, int] = MappingProxyType({})
@@ -113,8 +114,8 @@ class Network(Kept):
         self.compared: dict[tuple[int, int], tuple[Pose | None, Pose | None] | None] = {}
         self.frames_to_ask: list[int] = []  # those that are to be compared next,
         self.asked_when: tuple[int, int, int] | None = None  # chosen when so much was known
-        self.cells_expected = EXPECTED_CELLS  # around frames that were believed: how many should have been confirmed,
-        self.cells_confirmed = EXPECTED_CELLS * EXPECTED_SHARE  # and how many were; from a flight that there was before
+        # Around frames that were believed: how many cells should have been confirmed, and how many were.
+        self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex()
         self.last_placed = 0

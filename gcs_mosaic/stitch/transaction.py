@@ -15,15 +15,17 @@ import logging
 from array import array
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import partial
 from pathlib import PurePath
-from types import BuiltinFunctionType, FunctionType, MethodType
-from typing import Any, ClassVar
+from types import BuiltinFunctionType, FunctionType, MethodType, TracebackType
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 CONTAINERS = (dict, list, set, OrderedDict, Counter, deque, np.ndarray, array)
 VALUES = (
@@ -127,25 +129,32 @@ def transaction(*parts: Kept) -> Iterator[None]:
         trial.keep()
 
 
-@contextmanager
-def each_whole(*parts: Kept, otherwise: str) -> Iterator[Callable[[], AbstractContextManager[None]]]:
-    """Several things that change these parts, each as a whole or not at all, each within a call of what is yielded.
+class EachWhole:
+    """A context for several steps that change these parts, each as a whole or not at all.
 
     One that raises is undone and logged as `otherwise`, and keeps no other from being tried; the first error is raised at
     the end.
     """
-    errors: list[Exception] = []
 
-    @contextmanager
-    def whole() -> Iterator[None]:
+    def __init__(self, *parts: Kept, otherwise: str) -> None:
+        self._parts = parts
+        self._otherwise = otherwise
+        self._first: Exception | None = None
+
+    def __enter__(self) -> EachWhole:
+        return self
+
+    def tried(self, step: Callable[[], T]) -> T | None:
+        """What the step returns, None if it has raised."""
         try:
-            with transaction(*parts):
-                yield
+            with transaction(*self._parts):
+                return step()
         except Exception as error:
             # The first one is raised: whoever catches it knows best whether its traceback is news.
-            logger.warning("%s (%r)", otherwise, error, exc_info=bool(errors))
-            errors.append(error)
+            logger.warning("%s (%r)", self._otherwise, error, exc_info=self._first is not None)
+            self._first = self._first or error
+            return None
 
-    yield whole
-    if errors:
-        raise errors[0]
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if error is None and self._first is not None:
+            raise self._first

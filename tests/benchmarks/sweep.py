@@ -29,13 +29,13 @@ PACKAGE = "gcs_mosaic.stitch"
 # iteration, batches, where the dense solver takes over) is none of these.
 CONSTANTS = {
     "matching.registration": ("HYPOTHESES", "ENOUGH_CELLS", "EXPECTED_SHARE"),
-    "matching.evidence": ("PER_CELL", "COMPARABLE", "FALSE_SHARE", "CORRELATED_CELLS"),
+    "matching.evidence": ("PER_CELL", "LEAST_IN_CELL", "FALSE_SHARE", "CORRELATED_CELLS"),
     "matching.witnesses": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER", "ENOUGH_CELLS"),
     "matching.parallax": ("LARGEST", "EPIPOLAR_PX", "HYPOTHESES", "LEAST_CHANCE"),
     "matching.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
     "neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
     "search": ("PER_NEIGHBOUR",),
-    "network": ("EXPECTED_SHARE", "EXPECTED_CELLS", "LEAST_SHARE", "MOST_SHARE", "LENS_KNOWN"),
+    "network": ("FIRST_SHARE", "FIRST_CELLS", "LEAST_SHARE", "MOST_SHARE", "LENS_KNOWN"),
     "placing": ("UNKNOWN_LENS",),
     "waiting": ("TURN_AFTER",),
     "islands": (

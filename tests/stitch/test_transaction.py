@@ -3,6 +3,7 @@
 import threading
 from array import array
 from collections import Counter, OrderedDict, deque
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from whole_state import digest
 
 from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.stitch.matching.retrieval import LEARN_AT, PER_FRAME, RetrievalIndex
-from gcs_mosaic.stitch.transaction import Kept, attempt, transaction
+from gcs_mosaic.stitch.transaction import EachWhole, Kept, attempt, transaction
 
 
 class Leaf(Kept):
@@ -165,6 +166,41 @@ def test_what_cannot_be_put_back_keeps_nothing_else_from_it():
         changed_and_failed(KeyError(), first, last)
     assert isinstance(raised.value.__context__, KeyError)
     assert (first.label, first.by_key, told(last)) == (None, {"one": 1}, before)
+
+
+def each_tried(branch, returned, *steps):
+    with EachWhole(branch, otherwise="it failed") as each:
+        for step in steps:
+            returned.append(each.tried(partial(step, branch)))
+
+
+def failing(error, branch):
+    change(branch)
+    raise error
+
+
+def test_of_several_steps_each_is_done_or_undone_and_the_first_error_is_raised():
+    branch, returned = Branch(), []
+    with pytest.raises(KeyError):
+        each_tried(branch, returned, partial(failing, KeyError()), partial(failing, ValueError()), change, told)
+    assert returned == [None, None, None, told(branch)]
+    assert (branch.leaf.names, branch.label) == (["a", "b"], "changed")
+
+
+def test_a_step_that_cannot_even_begin_keeps_no_other_from_it(monkeypatch):
+    snapshot, refused = Branch.snapshot, []
+
+    def refusing_once(branch):
+        if not refused:
+            refused.append(branch)
+            raise MemoryError
+        return snapshot(branch)
+
+    monkeypatch.setattr(Branch, "snapshot", refusing_once)
+    branch, returned = Branch(), []
+    with pytest.raises(MemoryError):
+        each_tried(branch, returned, told, told)
+    assert returned == [None, told(branch)]
 
 
 class Mutable:

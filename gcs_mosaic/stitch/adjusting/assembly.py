@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager
 from functools import partial
 from types import MappingProxyType
 
@@ -19,13 +18,12 @@ from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.placement import placement_of
 from gcs_mosaic.stitch.placing import Placing
 from gcs_mosaic.stitch.search import Search
-from gcs_mosaic.stitch.transaction import attempt, each_whole
+from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
 WAITING_TRIES = 2  # waiting frames, or founders that nothing has joined, that a newly placed one is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
 
 Pair = tuple[int, int]
-Whole = Callable[[], AbstractContextManager[None]]  # see `each_whole`
 
 
 class Assembly:
@@ -64,8 +62,8 @@ class Assembly:
         One that raises counts as tried, and keeps no other from it; the first error is raised at the end.
         """
         self._network.waiting.forget_comparisons()
-        with each_whole(self._network, self._upkeep, otherwise="a frame that waits was not tried again") as whole:
-            while any(self._retry(frame, whole) for frame in self._network.waiting):
+        with EachWhole(self._network, self._upkeep, otherwise="a frame that waits was not tried again") as each:
+            while any(self._retry(frame, each) for frame in self._network.waiting):
                 pass
 
     def connect_some(self, frames: int) -> bool:
@@ -79,19 +77,17 @@ class Assembly:
             network.asked_when = self._what_is_known()
             network.frames_to_ask = self._apart_from_most()
         asked, network.frames_to_ask = network.frames_to_ask[:frames], network.frames_to_ask[frames:]
-        with each_whole(network, self._upkeep, otherwise="frames that may be connected were not compared") as whole:
+        with EachWhole(network, self._upkeep, otherwise="frames that may be connected were not compared") as each:
             for frame in asked:
-                self._compare_with_likeliest(frame, whole)
+                self._compare_with_likeliest(frame, each)
         return bool(network.frames_to_ask) or network.asked_when != self._what_is_known()
 
-    def _compare_with_likeliest(self, frame: int, whole: Whole) -> None:
-        others: list[int] = []
-        with whole():
-            others = self._search.likeliest(frame, self._apart_from(frame), self._bridges.tries_in_a_pause)
-        for other in others:
+    def _compare_with_likeliest(self, frame: int, each: EachWhole) -> None:
+        count = self._bridges.tries_in_a_pause
+        for other in each.tried(lambda: self._search.likeliest(frame, self._apart_from(frame), count)) or []:
             if self._is_worth_comparing(frame, other) and other in self._apart_from(frame):
                 self._network.compared[_pair(frame, other)] = None
-                self._place_and_use(partial(self._compare, frame, other), whole)
+                self._place_and_use(partial(self._compare, frame, other), each)
 
     def _is_worth_comparing(self, frame: int, other: int) -> bool:
         """Whether they were never compared, or have much in common and lie elsewhere than when that led to nothing."""
@@ -149,14 +145,11 @@ class Assembly:
             self._joined_by(first, second, registration)
         return []
 
-    def _place_and_use(self, place: Callable[[], list[int]], whole: Whole) -> bool:
+    def _place_and_use(self, place: Callable[[], list[int]], each: EachWhole) -> bool:
         """Whether this places any frames. What then raises with those that they give their place leaves them where they are."""
-        placed: list[int] = []
-        with whole():
-            placed = place()
+        placed = each.tried(place)
         if placed:
-            with whole():
-                self._use_what_is_new(placed)
+            each.tried(partial(self._use_what_is_new, placed))
         return bool(placed)
 
     # A frame finds its place
@@ -236,11 +229,11 @@ class Assembly:
                 other, self._search.likeliest(other, self._still_placed(new), WAITING_TRIES)
             )
 
-    def _retry(self, frame: int, whole: Whole) -> bool:
+    def _retry(self, frame: int, each: EachWhole) -> bool:
         if frame not in self._network.waiting:  # it has found its place by another's
             return False
         new = self._still_placed(self._network.waiting.take_new(frame))
-        return self._place_and_use(lambda: list(self._placed_waiting(frame, self._search.likeliest(frame, new))), whole)
+        return self._place_and_use(lambda: list(self._placed_waiting(frame, self._search.likeliest(frame, new))), each)
 
     def _placed_waiting(self, frame: int, among: Iterable[int]) -> Iterator[int]:
         """A frame that waits, if it can be placed beside one of these placed ones."""

@@ -17,7 +17,7 @@ from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.adjusting.background import Failed, Worker
 from gcs_mosaic.stitch.adjusting.solving import IslandTask, adjust_island, island_task, take_in
 from gcs_mosaic.stitch.network import Network
-from gcs_mosaic.stitch.transaction import Kept, each_whole
+from gcs_mosaic.stitch.transaction import EachWhole, Kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +94,9 @@ class Upkeep(Kept):
 
     def _each(self, steps: Iterable[Callable[[], None]]) -> None:
         """Each step as a whole or not at all. One that raises keeps no other from being tried; the first error is raised."""
-        with each_whole(self._network, self, otherwise="an island was not adjusted") as whole:
+        with EachWhole(self._network, self, otherwise="an island was not adjusted") as each:
             for step in steps:
-                with whole():
-                    step()
+                each.tried(step)
 
     def _due(self) -> list[int]:
         sizes = {island: self._network.count_members(island) for island in self._grown}
