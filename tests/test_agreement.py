@@ -5,6 +5,7 @@ from contextlib import closing
 from pathlib import Path
 
 import cv2
+import documents
 import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
@@ -44,7 +45,7 @@ def flight(tmp_path) -> list[Frame]:
 
 
 def assert_one_story(pipeline: Pipeline) -> None:
-    """Every placement, as the mosaic knows it now, is what the ledger and placements.json say to the last digit."""
+    """Every placement, as the mosaic knows it now, is what the ledger and the documents say to the last digit."""
     placements, recorder = pipeline.mosaic.placements(), pipeline.recorder
     estimates = {estimate.name: estimate for estimate in recorder.ledger.estimates()}
     assert list(estimates) == [placement.name for placement in placements]
@@ -52,7 +53,8 @@ def assert_one_story(pipeline: Pipeline) -> None:
         expected, told = estimate_of_placement(placement), estimates[placement.name]
         assert (told.island, told.pose, told.camera) == (expected.island, expected.pose, expected.camera)
         assert told.relief == expected.relief
-    document = json.loads((recorder.out / "placements.json").read_text())
+    document = documents.placements(recorder.out)
+    assert document["revision"] == recorder.revision
     for entry, placement in zip(document["frames"], placements, strict=True):
         assert (entry["name"], entry["island"]) == (placement.name, placement.island)
         assert np.allclose(entry["canvas_from_frame"], placement.canvas_from_frame, rtol=1e-6, atol=1e-6)
@@ -81,7 +83,7 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_p
     out = tmp_path / "out"
     out.mkdir()
     pipeline = Pipeline(out, Config(), lambda notice: None, punctual=True, utc=lambda: 0.0)
-    islands, images = set(), {}
+    islands, images, listed_late = set(), {}, 0
     try:
         for frame in flight:
             pipeline.accept(frame)
@@ -90,11 +92,14 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_p
             pipeline.work_off(prepared)
             pipeline.save()
             assert_one_story(pipeline)
+            listed_late += json.loads((out / "placements.json").read_bytes())["revision"] < pipeline.recorder.revision
             islands.add(tuple(sorted(pipeline.mosaic.frame_counts().values())))
         for _ in pipeline.finish():
             pipeline.save()
         pipeline.save()
         assert_one_story(pipeline)
+        assert json.loads((out / "placements.json").read_bytes())["revision"] == pipeline.recorder.revision
+        assert listed_late, "some revisions are told by the journal alone"
         assert_tiles_show_the_ledger(pipeline, images, tmp_path / "anew")
         assert len(pipeline.mosaic.placements()) == len(flight)
         assert list(pipeline.mosaic.frame_counts().values()) == [len(flight)]
