@@ -21,8 +21,9 @@ from gcs_mosaic.events import LinkReport
 from gcs_mosaic.flight.folder import LEDGER_NAME, open_flight_folder
 from gcs_mosaic.flight.log import LogSettings
 from gcs_mosaic.flightlog import flight_log
+from gcs_mosaic.listening import Source
 from gcs_mosaic.painter import Painter
-from gcs_mosaic.sources import Inbox, Source
+from gcs_mosaic.sources import Inbox
 from gcs_mosaic.stitch.mosaic import Mosaic
 
 QUIET = Console(quiet=True)

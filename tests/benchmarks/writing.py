@@ -43,7 +43,11 @@ RELIEF = ReliefDisplacement(17, 13, bytes(17 * 13 * 2 * 4))
 
 
 def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else FRAMES
+    report(int(sys.argv[1]) if len(sys.argv) > 1 else FRAMES)
+
+
+def report(count: int) -> None:
+    """Print what frames of a flight of so many cost."""
     costs = np.array(list(costs_of_flight(count)))
     windows = [EARLY, *((end - WINDOW, end) for end in STRETCHES if end <= count)]
     print(f"CPU ms a frame\n{'frames':>15}{'median':>9}{'mean':>9}{'longest':>9}{'ratio':>8}  bytes written, mean")
