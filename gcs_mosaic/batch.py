@@ -43,7 +43,7 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
     folder = open_flight_folder(out)
     with closing(folder), flight_log(folder, config):
         say(console, Notice(source="out", level="info", text=folder.said))
-        say(console, Notice(source="frames", level="info", text=given.order))
+        _introduce(given, console)
         # Nobody writes into a finished folder any more, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
         pipeline = Pipeline(folder.path, linking, lambda notice: say(console, notice), punctual=True, observer=pictures)
@@ -51,8 +51,16 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
             _stitch_into(pipeline, given, config, console)
             if pictures:
                 pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
-                console.print(f"debug pictures: {debug}")
+                tell(console, f"debug pictures: {debug}")
     return folder.path
+
+
+def _introduce(given: Given, console: Console) -> None:
+    say(console, Notice(source="frames", level="info", text=given.order))
+    for text in given.passed_over:
+        say(console, Notice(source="frames", level="warning", text=text))
+    for text in given.notes:
+        logger.info("%s", text)
 
 
 def _seen(pipeline: Pipeline, name: str) -> NDArray[np.uint8] | None:
@@ -114,40 +122,48 @@ def _next(
 
 def progress_on(console: Console) -> Progress:
     """Bars that vanish when they are done."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, transient=True)
 
 
 def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
     """One screen: what became of the frames, and where the time went."""
-    account = pipeline.accounts().frames
-    console.print(
-        f"{account.placed} of {sum(_counts(account).values())} frames placed in {seconds:.1f} s, {pipeline.recorder.out}"
-    )
-    for state, count in _counts(account).items():
-        if count and state != "placed":
-            console.print(f"  {count} {state}")
+    for line in _summary(pipeline, seconds):
+        tell(console, line)
+    table = Table("stage", "median s", "longest s", "total s", title="time per frame")
+    for stage, median, longest, total in _times(done):
+        logger.info("%s: median %s s, longest %s s, total %s s", stage, median, longest, total, extra={"said": True})
+        table.add_row(stage, median, longest, total)
+    console.print(table)
+
+
+def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
+    counts = _counts(pipeline.accounts().frames)
+    yield f"{counts['placed']} of {sum(counts.values())} frames placed in {seconds:.1f} s, {pipeline.recorder.out}"
+    yield from (f"  {count} {state}" for state, count in counts.items() if count and state != "placed")
     reasons = Counter(frame.reason for frame in pipeline.recorder.ledger.frames() if frame.reason)
-    for reason, count in reasons.most_common(8):
-        console.print(f"    {count} x {reason}")
+    yield from (f"    {count} x {reason}" for reason, count in reasons.most_common(8))
     islands = sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1])
-    console.print("islands: " + ", ".join(f"{number} ({count} frames)" for number, count in islands[:12]))
-    for line in held_out_lines(largest(pipeline.mosaic.held_out(), 12)):
-        console.print(line)
-    console.print(_times(done))
+    yield "islands: " + ", ".join(f"{number} ({count} frames)" for number, count in islands[:12])
+    yield from held_out_lines(largest(pipeline.mosaic.held_out(), 12))
 
 
 def _counts(account: object) -> dict[str, int]:
     return {state: getattr(account, state) for state in account.__slots__}  # type: ignore[attr-defined]
 
 
-def _times(done: list[Done]) -> Table:
-    table = Table("stage", "median s", "longest s", "total s", title="time per frame")
+def _times(done: list[Done]) -> Iterator[tuple[str, ...]]:
+    """Each stage with its seconds a frame: the median, the longest, and those of all frames."""
     for stage in STAGES:
         seconds = sorted(d.seconds[stage] for d in done if stage in d.seconds)
         if seconds:
-            table.add_row(stage, f"{seconds[len(seconds) // 2]:.3f}", f"{seconds[-1]:.3f}", f"{sum(seconds):.1f}")
-    return table
+            yield stage, f"{seconds[len(seconds) // 2]:.3f}", f"{seconds[-1]:.3f}", f"{sum(seconds):.1f}"
+
+
+def tell(console: Console, text: str) -> None:
+    """A line for the operator, which is written down too; it may quote names of files and words of errors."""
+    logger.info("%s", text, extra={"said": True})
+    console.print(text, markup=False)
 
 
 def say(console: Console, notice: Notice) -> None:

@@ -42,10 +42,13 @@ class Brightness(Kept):
         return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curve)
 
     def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
-        """What overlaps of these frames told included their dead borders, or left out too much."""
+        """What overlaps of these frames told included their dead borders, or left out too much.
+
+        Two frames may be painted on different islands for a while, when these have been joined: what they told stays.
+        """
         kept: list[Overlap] = []
         for i, j, means in self._overlaps:
-            changed = i in names or j in names
+            changed = (i in names or j in names) and painted[i].island == painted[j].island
             again = self._overlap(painted[i], painted[j]) if changed else means
             kept += [] if again is None else [(i, j, again)]
         self._overlaps = kept

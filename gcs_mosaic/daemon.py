@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -36,7 +37,7 @@ logger = logging.getLogger(__name__)
 WAIT_S = 0.2  # longest wait for anything before looking whether to stop
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
 TAKE_IN_S = 0.5  # then frames that have come are worked off before more are taken in
-CONNECT_SHARE = 4  # one part in so many of the time at the end may go into connecting the parts of the map
+CONNECT_SHARE = 4  # one part in so many of the time that is left at the end may go into connecting the parts of the map
 RETRY_S = 2.0  # between attempts to write on a full disk
 
 
@@ -249,14 +250,27 @@ class _Daemon:
 
     def _paint_final(self) -> None:
         try:
-            for _ in self._pipeline.finish(self._config.finish_s / CONNECT_SHARE):
+            for _ in self._pipeline.settle(self._time_to_connect()):
                 self._report()
-                if not self._may_go_on():
-                    break
+            if self._may_go_on():
+                self._repaint_all()
         except Exception as error:  # the accounts close all the same
             logger.exception("the final painting has failed")
             text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
             self.say(Notice(source="daemon", level="error", text=text))
+
+    def _repaint_all(self) -> None:
+        for _ in self._pipeline.repaint_all():
+            self._report()
+            if not self._may_go_on():
+                break
+
+    def _time_to_connect(self) -> Callable[[], bool]:
+        """Whether there is still time to connect the parts of the map: a share of what is left now, none in a hurry."""
+        self._may_go_on()  # so that the end is known
+        now = time.monotonic()
+        until = now + (self._until - now) / CONNECT_SHARE
+        return lambda: self._may_go_on() and time.monotonic() < until
 
     def _may_go_on(self) -> bool:
         """Whether there is time: all there is until told to stop, then as much as the settings give."""

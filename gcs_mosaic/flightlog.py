@@ -103,7 +103,10 @@ def _thread_died(died: threading.ExceptHookArgs) -> None:
 
 def _thrown_away(thrown: Any) -> None:
     logger.error(
-        "%s %r", thrown.err_msg or "an exception nobody could be given, in", thrown.object, exc_info=thrown.exc_value
+        "%s %r",
+        thrown.err_msg or "an exception that could be raised to nobody, in",
+        thrown.object,
+        exc_info=thrown.exc_value,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -87,7 +86,7 @@ class Pipeline(Kept):
             self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
             self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
         self.taken_in = 0  # files, whatever became of them
-        self._said_problems: dict[str, str | None] = {}
+        self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
         self._reduction = config.reduction
         self._feature_settings = config.stitch.features
         self._say = say
@@ -205,36 +204,48 @@ class Pipeline(Kept):
 
     def _connected_some(self) -> bool:
         """Compare some frames that look alike and are not connected; whether there are more."""
-        more = self._tried(self.mosaic.connect_some, "islands could not be compared")
+        try:
+            more = self.mosaic.connect_some()
+        except Exception as error:
+            logger.exception("frames could not be compared")
+            self._say_problem(
+                "islands", f"some frames could not be compared with those that look like them ({error!r})"
+            )
+            more = True  # maybe; what has raised is not compared again, so this comes to an end
         self._adjusted(self.mosaic.adjust)
-        return bool(more)
+        return more
 
-    def finish(self, connect_s: float = math.inf) -> Iterator[None]:
-        """The flight is over: connect what can be, adjust everything, reject the rest, paint all, step by step.
+    def finish(self) -> Iterator[None]:
+        """The flight is over: settle it, then paint all, step by step. `save` may be called after each step."""
+        yield from self.settle()
+        yield from self.repaint_all()
 
-        `save` may be called after each step. `connect_s`: how long frames may be compared that are not connected; a map
-        that is painted comes before one that is in fewer parts.
+    def settle(self, may_connect: Callable[[], bool] = lambda: True) -> Iterator[None]:
+        """The flight is over: connect what can be, adjust everything, reject the rest, step by step.
+
+        To be gone through to its end, or frames stay waiting; when time is short, `may_connect` says so. It tells whether
+        more frames may be compared that are not connected: a map that is painted comes before one that is in fewer parts.
         """
         self.recorder.in_a_pause = True
-        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
-        until = time.monotonic() + connect_s
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         while self._connected_some():
+            if not may_connect():
+                text = "there was no time to connect more parts of the map: stitch goes on with it"
+                self._say(Notice(source="adjustment", level="info", text=text))
+                break
             with transaction(self):
                 self._paint_moved(None)
             yield
-            if time.monotonic() > until:
-                text = (
-                    f"no more than {connect_s:g} s were taken to connect the parts of the map; stitch goes on with it"
-                )
-                self._say(Notice(source="adjustment", level="info", text=text))
-                break
-        self._tried(self.mosaic.retry_waiting, "what waits could not be tried again")
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
         with transaction(self):
             self._paint_moved(None)
             for rejection in self.mosaic.finish():
                 self._settle(rejection.name, FrameState.REJECTED, rejection.reason)
         yield
+
+    def repaint_all(self) -> Iterator[None]:
+        """Bring everything to its final place and brightness, step by step; to be left off whenever time is over."""
         yield from self._painting.repaint_all(self.mosaic.placements())
 
     def _paint_moved(self, prepared: Prepared | None) -> None:
@@ -253,12 +264,18 @@ class Pipeline(Kept):
         return found
 
     def _tried(self, attempt: Callable[[], T], otherwise: str) -> T | None:
+        """What it returns; None if it raises. A fault that comes again at every frame is said and logged once."""
         try:
-            return attempt()
+            found = attempt()
         except Exception as error:
-            logger.exception("%s", otherwise)
-            self._say(Notice(source="adjustment", level="error", text=f"{otherwise} ({error!r})"))
+            text = f"{otherwise} ({error!r})"
+            if text != self._said_problems.get(otherwise):
+                logger.exception("%s", otherwise)
+                self._say(Notice(source="adjustment", level="error", text=text))
+            self._said_problems[otherwise] = text
             return None
+        self._said_problems.pop(otherwise, None)
+        return found
 
     def _say_problem(self, source: str, problem: str | None) -> None:
         if problem and problem != self._said_problems.get(source):

@@ -50,7 +50,7 @@ class Unprepared:
 def prepare(frame: Frame, find: FindFeatures, reduction: int = 1, least_pixels: float = 0.0) -> Prepared | Unprepared:
     """Decode a frame, at full size or reduced by a whole factor, and find its features; never raises.
 
-    least_pixels: how many features are sought in. A frame that has fewer once it is reduced is looked at less reduced, so
+    least_pixels: in how many pixels features are sought. A frame that has fewer once it is reduced is looked at less reduced, so
     that it lies where it would at full size, however coarsely it is painted.
     """
     try:

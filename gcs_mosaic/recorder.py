@@ -38,7 +38,7 @@ class Changes(Kept):
     placements: dict[str, Placement] = field(default_factory=dict)
     covered: dict[str, Covered] = field(default_factory=dict)
     painted: dict[str, Painted] = field(default_factory=dict)
-    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # one set for each frame that was painted
+    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # what looks different, a set for each step of work
 
     def cover(self, covered: Covered) -> str:
         """A placed frame covers a new one, which pages are to learn of though no tile changes; returns its name."""
@@ -76,7 +76,7 @@ class Changes(Kept):
 class Recorder(Kept):
     """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk.
 
-    `utc` tells the time that is written into documents, in seconds since 1970. What is in the folder can not be put back as
+    `utc` tells the time that is written into documents, in seconds since 1970. What is in the folder cannot be put back as
     it was, so nothing is written while a frame is worked off.
     """
 

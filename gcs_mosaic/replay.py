@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from gcs_mosaic.arrivals import Arrivals, arrivals
-from gcs_mosaic.batch import progress_on, say, summarise
+from gcs_mosaic.batch import progress_on, say, summarise, tell
 from gcs_mosaic.config import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import DamagedFile, Frame, Notice, TriggerEvent
@@ -45,7 +45,7 @@ def replay(recording: Path, frames: Path, out: Path, config: Config, console: Co
     """
     if not 0 <= speed < math.inf:
         raise UsageError(f"--speed {speed:g} is not understood: give 1 for as it was flown, 2 for twice as fast, or 0.")
-    looks = looks_in(frames)
+    looks, passed_over = looks_in(frames)
     with progress_on(console) as progress:
         link = _read(recording, config, progress)
         came = arrivals(looks, link, config.shots, _FOUND_AFTER * config.frames.poll_s)
@@ -53,6 +53,8 @@ def replay(recording: Path, frames: Path, out: Path, config: Config, console: Co
         with closing(folder), flight_log(folder, config):
             for text in (folder.said, _described(link, looks, came)):
                 say(console, Notice(source="replay", level="info", text=text))
+            for text in passed_over:
+                say(console, Notice(source="frames", level="warning", text=text))
             with closing(_Replay(folder.path, config, console, link)) as flight:
                 start = time.monotonic()
                 done = flight.fly(_happenings(link, looks, came), speed, progress)
@@ -107,7 +109,7 @@ class _Replay:
     def summarise(self, done: list[Done], seconds: float) -> None:
         """What became of the frames and of the events."""
         summarise(self._pipeline, done, seconds, self._console)
-        self._console.print(f"events: {_told(self._pipeline.accounts().events)}")
+        tell(self._console, f"events: {_told(self._pipeline.accounts().events)}")
 
     def close(self) -> None:
         self._pipeline.close()

@@ -66,6 +66,7 @@ class Reporter:
     def judge(self, held_out: Figures) -> None:
         """Say how good the map has become."""
         for line in held_out_lines(largest(held_out, ISLANDS_SHOWN)):
+            logger.info("%s", line, extra={"said": True})
             self.line(line)
 
     def link(self, report: LinkReport) -> None:

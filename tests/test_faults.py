@@ -8,18 +8,19 @@ from pathlib import Path
 import cv2
 import pytest
 from faults import Fault, chosen, counted, raising
+from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import Frame
 from gcs_mosaic.flight.records import FrameState
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.painter import Painter, PaintSettings
 from gcs_mosaic.pipeline import Pipeline
 from gcs_mosaic.prepare import Prepared, prepare
+from gcs_mosaic.stitch.adjusting import upkeep
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 
 KINDS = (Fault, MemoryError, cv2.error, KeyboardInterrupt)
@@ -33,11 +34,7 @@ def flight(tmp_path_factory) -> list[Prepared]:
     folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
     found = []
     for k, x in enumerate((300, 430, 950, 1050, 1150, 560, 690, 820)):
-        path = folder / f"{k}.png"
-        cv2.imwrite(str(path), photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA))
-        data = path.read_bytes()
-        known = {"content_hash": content_hash(data), "size": len(data), "received": 0.0, "modified": 0.0}
-        frame = Frame(name=path.name, path=path, **known)
+        frame = written(folder / f"{k}.png", photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA))
         found.append(prepare(frame, lambda image, reduction: extract(image, FeatureSettings(), reduction)))
     return found
 
@@ -113,13 +110,13 @@ def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight,
     assert flown.map() == expected
     assert met["rejected"] > 20
     assert met["interrupted"] > 5
+    assert met["unsaid"] < 0.2 * met.total(), met
 
 
 def meet(flown, prepared, event, at, kind):
     """Work a frame off while something raises; whatever it led to, all is as it was afterwards."""
     pipeline, name = flown.pipeline, prepared.frame.name
     before, snapshot, said = digest(pipeline), pipeline.snapshot(), len(flown.said)
-    result = "let be"
     try:
         with raising(event, at, kind):
             done = flown.work_off(prepared)
@@ -127,12 +124,23 @@ def meet(flown, prepared, event, at, kind):
             result = "rejected"
             assert len(flown.said) > said
             assert pipeline.recorder.changes.states.pop(name)[0] is FrameState.REJECTED
+        else:  # an island was not adjusted, another frame not painted; or, unsaid, nobody looks on any more
+            result = "said" if len(flown.said) > said else "unsaid"
+            assert_taken_in(pipeline, name, done.state)
+            pipeline.restore(snapshot)
     except KeyboardInterrupt:
         result = "interrupted"
-    if result == "let be":  # an island was not adjusted, another frame not painted, or nobody looks on any more
-        pipeline.restore(snapshot)
     assert digest(pipeline) == before, f"{name}: {event}, {at}, {kind.__name__}"
     return result
+
+
+def assert_taken_in(pipeline, name, state):
+    """The frame did not pay for what was raised, and the mosaic and what is to be written agree about it."""
+    placed = {placement.name for placement in pipeline.mosaic.placements()}
+    waiting = {waiting.name for waiting in pipeline.mosaic.waiting()}
+    assert state in (FrameState.PLACED, FrameState.WAITING)
+    assert name in (placed if state is FrameState.PLACED else waiting)
+    assert pipeline.recorder.changes.states[name] == (state, None)
 
 
 class Unpaintable:
@@ -227,6 +235,22 @@ def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeyp
     assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
 
 
+def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, flown, monkeypatch):
+    answers = [MemoryError(), MemoryError(), True, False]
+
+    def connect_some(mosaic):
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(Mosaic, "connect_some", connect_some)
+    worked_off(flown, flight[:2])
+    assert answers == []
+    (notice,) = flown.said
+    assert notice.text == "some frames could not be compared with those that look like them (MemoryError())"
+
+
 def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):
     flown.pipeline.accept(flight[0].frame)
     flown.work_off(flight[0])
@@ -243,3 +267,17 @@ def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypat
     states, painted, estimates, files = flown.map()
     assert (states[0][1], len(painted), len(estimates)) == (FrameState.PLACED, 1, 1)
     assert files
+
+
+def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(flight, flown, monkeypatch, caplog):
+    """It comes again with every frame, since the island is still due."""
+    plain = upkeep.adjust_island
+    for prepared, broken in zip(flight[:2] + flight[5:], (False, True, True, False, True), strict=True):
+        monkeypatch.setattr(upkeep, "adjust_island", (lambda *_: 1 / 0) if broken else plain)
+        flown.pipeline.accept(prepared.frame)
+        assert flown.work_off(prepared).state is FrameState.PLACED
+    assert [notice.text for notice in flown.said] == [
+        "the map could not be adjusted (ZeroDivisionError('division by zero'))"
+    ] * 2
+    assert len([record for record in caplog.records if record.exc_info]) == 2
+    assert len([record for record in caplog.records if "an island was not adjusted" in record.message]) == 3

@@ -1,7 +1,9 @@
 """What is caught during a flight is in flight.log; the operator reads one sentence."""
 
 import gc
+import io
 import logging
+import os
 import re
 import sys
 import threading
@@ -11,20 +13,23 @@ from dataclasses import replace
 
 import pytest
 from rich.console import Console
-from running import run, six_pictures
+from running import six_pictures
 
 from gcs_mosaic import cli
-from gcs_mosaic.batch import stitch
+from gcs_mosaic.batch import progress_on, stitch
 from gcs_mosaic.config import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.events import LinkReport
 from gcs_mosaic.flight.folder import LEDGER_NAME, open_flight_folder
 from gcs_mosaic.flight.log import LogSettings
+from gcs_mosaic.flight.records import FlightRecord
 from gcs_mosaic.flightlog import flight_log
 from gcs_mosaic.listening import Source
 from gcs_mosaic.painter import Painter
+from gcs_mosaic.reporting import Reporter
 from gcs_mosaic.sources import Inbox
 from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.tearing import HeldOut
 
 QUIET = Console(quiet=True)
 
@@ -77,7 +82,9 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path):
     assert re.search(r"1\.jpg and 0\.jpg are not connected: evidence \d+\.\d, 1000000\.0 needed; \d+ inliers\n", log)
     assert "gcs_mosaic.pipeline: 5.jpg: rejected, matches no other frame" in log
     assert "settings that are not the defaults: stitch.registration.least_evidence=1000000.0" in log
-    assert log.count("\n") == log.count("Z INFO MainThread gcs_mosaic.")
+    records = re.findall(r"^\d{4}-\d\d-\d\dT\S+Z INFO MainThread gcs_mosaic\.", log, flags=re.MULTILINE)
+    assert len(records) == len(log.splitlines())
+    assert len(records) >= 30  # of six frames: each pair that was refused, what became of each, the summary
     assert log.endswith("the flight has ended\n")
 
 
@@ -88,13 +95,82 @@ def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_pat
     )
 
 
-def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path):
-    quiet = run("stitch", frames, "--out", "a", "--scale", "0.25", cwd=tmp_path)
-    loud = run("stitch", frames, "--out", "b", "--scale", "0.25", "--verbose", cwd=tmp_path)
-    assert quiet.stderr == ""
-    assert "gcs_mosaic.pipeline: 5.jpg: placed\n" in loud.stderr
-    assert "b was created" not in loud.stderr  # it stands in the ordinary output
-    assert "b was created" in log_of(tmp_path / "b")
+def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monkeypatch, capfd):
+    place = Mosaic.place
+    monkeypatch.setattr(Mosaic, "place", lambda self, f, name: surprise() if name == "3.jpg" else place(self, f, name))
+    said = {}
+    for out, more in (("a", []), ("b", ["--verbose"])):
+        assert cli.main(["stitch", str(frames), "--out", str(tmp_path / out), "--scale", "0.25", *more]) == 0
+        said[out] = capfd.readouterr()
+    assert said["a"].err == ""
+    assert "gcs_mosaic.pipeline: 5.jpg: placed\n" in said["b"].err
+    assert "gcs_mosaic.pipeline: 3.jpg could not be worked off\n" in said["b"].err
+    assert "Traceback" not in said["b"].out + said["b"].err
+    assert "Traceback" in log_of(tmp_path / "b")
+    assert f"{tmp_path / 'b'} was created" in log_of(tmp_path / "b")
+    for twice in ("was created", "frames placed in", "islands: ", "decode: median"):  # in the ordinary output
+        assert twice not in said["b"].err
+
+
+def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path, capfd):
+    assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 0
+    log = log_of(tmp_path / "out")
+    assert re.search(r"gcs_mosaic\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
+    assert "gcs_mosaic.batch: islands: 0 (6 frames)\n" in log
+    assert re.search(r"gcs_mosaic\.batch: paint: median \d\.\d{3} s, longest \d\.\d{3} s, total \d\.\d s\n", log)
+
+
+def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(folder, tmp_path, capfd):
+    console = Console(file=io.StringIO(), width=200)
+    reporter = Reporter(tmp_path, FlightRecord(name="flight", started_utc=0.0), None, console)
+    with flight_log(folder, replace(Config(), log=LogSettings(verbose=True))):
+        reporter.judge({0: HeldOut(matches=50, median_px=1.25, p95_px=6.5)})
+    (line,) = (line for line in console.file.getvalue().splitlines() if "6.5" in line)
+    assert line.partition(" ")[2] in log_of(folder.path)
+    assert "6.5" not in capfd.readouterr().err
+
+
+def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatch, capfd):
+    odd = tmp_path / "frames"
+    (odd / "[").mkdir(parents=True)  # so that frames are called [/b]0.jpg
+    for number in range(3):
+        (odd / "[" / f"b]{number}.jpg").write_bytes((frames / f"{number}.jpg").read_bytes())
+    place = Mosaic.place
+
+    def fails(self, features, name):
+        if name == "[/b]2.jpg":
+            raise RuntimeError("[/bold] is no tag")
+        return place(self, features, name)
+
+    monkeypatch.setattr(Mosaic, "place", fails)
+    words = ["stitch", str(odd), "--out", str(tmp_path / "[/o]"), "--scale", "0.25", "--debug", str(tmp_path / "[/d]")]
+    assert cli.main(words) == 0
+    said = capfd.readouterr().out.replace("\n", "")
+    assert "1 x it could not be worked off (RuntimeError('[/bold] is no tag'))" in said
+    assert "[/o]" in said
+    assert "[/d]" in said
+    with progress_on(Console(file=io.StringIO(), force_terminal=True)) as progress:
+        progress.add_task("stitching [/b]2.jpg", total=1)
+        assert "stitching [/b]2.jpg" in str(progress.columns[0](progress.tasks[0]))
+
+
+def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(frames, tmp_path, monkeypatch):
+    folder, said = tmp_path / "frames", Console(file=io.StringIO(), width=300)
+    (folder / "closed").mkdir(parents=True)
+    data = (frames / "0.jpg").read_bytes()
+    (folder / "a.jpg").write_bytes(data[:2] + b"\xff\xe1\x00\x10Exif\0\0MM\0*\0\0\0\x60" + data[2:])
+    listing = os.scandir
+
+    def refusing(path):
+        if str(path).endswith("closed"):
+            raise PermissionError(13, "Permission denied")
+        return listing(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    log = log_of(stitch([folder], tmp_path / "out", replace(Config(), scale=0.25), said))
+    assert "closed cannot be looked at (Permission denied): it is passed over" in said.file.getvalue()
+    assert "WARNING MainThread gcs_mosaic.batch: frames: " in log
+    assert "gcs_mosaic.batch: a.jpg: when it was taken cannot be read: damaged: EXIF points beyond its end\n" in log
 
 
 def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(frames, tmp_path, monkeypatch, capfd):

@@ -23,9 +23,9 @@ from gcs_mosaic.flight.documents import iso_utc
 BAR = "  | "  # before each line of a traceback
 LEVELS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
-# User, password and host of a stream's address, then all that follows; paths carry passwords too.
-_STREAM = re.compile(r"(?i)\b(rtsps?)://(?:[^\s'\"]*@)?([^/\s'\"?#]*)([^\s'\"]*)")
-_HARMLESS_PATH = re.compile(r"[/\w.-]{0,80}[,;:)]*", re.ASCII)
+# User, password and host of a stream's address, then all that follows; paths carry passwords too, and passwords quotes.
+_STREAM = re.compile(r"(?i)\b(rtsps?)://(?:\S*@)?([^/\s'\"?#]*)(\S*)")
+_HARMLESS_PATH = re.compile(r"[/\w.-]{0,80}['\"]?[])},;:]*", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,8 +150,20 @@ def tell(text: str) -> None:
 def _message(record: logging.LogRecord) -> str:
     try:
         return record.getMessage()
-    except (TypeError, ValueError, KeyError):  # the words do not fit their numbers: both are better than neither
-        return f"{record.msg!r} with {record.args!r}"
+    except (
+        Exception
+    ):  # the words do not fit their numbers, or one of them cannot be told: what can be is better than nothing
+        return f"{_described(record.msg)} with {_described(record.args)}"
+
+
+def _described(value: object) -> str:
+    """As Python writes it, or of what type it is."""
+    try:
+        return repr(value)
+    except Exception:
+        if isinstance(value, tuple):
+            return f"({', '.join(map(_described, value))})"
+        return f"<{type(value).__name__}>"
 
 
 def _without_password(found: re.Match[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Iterator
@@ -14,6 +15,8 @@ from gcs_mosaic.frames.candidate import Candidate
 from gcs_mosaic.frames.given import frames_in as frames_in
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+
+logger = logging.getLogger(__name__)
 
 FIRST_LOOK = "first look"
 """`Notice.source` of the notice that says that every file that was there at the start has been looked at."""
@@ -111,6 +114,9 @@ class FolderWatch:
                 del self._candidates[path]
 
     def _remarks(self, found: Scan) -> Iterator[Notice]:
+        for text in sorted(found.unreadable - self._said):
+            self._said.add(text)
+            logger.warning("%s", text)
         for suffix in sorted(found.strangers):
             kind = f"files ending in {suffix}" if suffix else "files without an ending"
             yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")

@@ -1,13 +1,14 @@
 """When a frame was taken, by its camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
 
-A frame's time may tell when it is its turn, and nothing else. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B.
+A frame's time may tell when it is its turn, and nothing else. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B,
+and the BigTIFF of libtiff.
 """
 
 from __future__ import annotations
 
-import logging
 import re
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from io import SEEK_END
@@ -16,10 +17,9 @@ from typing import BinaryIO
 
 from gcs_mosaic.frames.structure import StructureError, unpack
 
-logger = logging.getLogger(__name__)
-
 _EXIF_DIRECTORY, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 0x8769, 0x9003, 0x9291
-_TEXT, _LONG, _DIRECTORY = 2, 4, 13  # field types
+_TEXT = 2  # field type
+_POINTERS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # LONG, IFD, and BigTIFF's LONG8 and IFD8: how they are written
 _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)", re.ASCII)
 _APP1, _START_OF_SCAN, _END = 0xE1, 0xDA, 0xD9
 
@@ -28,8 +28,11 @@ MOST_ENTRIES = 512  # of a directory; cameras write some dozens
 LONGEST_TEXT = 64  # bytes; a date has 20
 
 
-def capture_time(path: Path) -> datetime | None:
-    """The time by the camera's clock, whose zone is not known; None if the file has none that can be read."""
+def capture_time(path: Path, note: Callable[[str], None] = lambda text: None) -> datetime | None:
+    """The time by the camera's clock, whose zone is not known; None if the file has none that can be read.
+
+    `note` is given a sentence where that is the file's fault.
+    """
     try:
         with path.open("rb") as file:
             magic = file.read(4)
@@ -37,7 +40,7 @@ def capture_time(path: Path) -> datetime | None:
                 return _of_jpeg(file)
             return _of_tiff(_Block(file, 0, file.seek(0, SEEK_END))) if magic.startswith((b"II", b"MM")) else None
     except (OSError, StructureError) as error:
-        logger.info("%s: when it was taken cannot be read: %s", path.name, error)
+        note(f"{path.name}: when it was taken cannot be read: {error}")
         return None
 
 
@@ -66,6 +69,9 @@ def _of_jpeg(file: BinaryIO) -> datetime | None:
     for _ in range(MOST_SEGMENTS):
         file.seek(at)
         head = file.read(10)
+        if (fill := len(head) - len(head.lstrip(b"\xff")) - 1) > 0:  # a marker may have any number of these before it
+            at += fill
+            continue
         mark, marker, length = unpack(">BBH", head, 0)
         if mark != 0xFF or marker in (_START_OF_SCAN, _END) or length < 2:
             return None
@@ -87,9 +93,9 @@ def _of_tiff(block: _Block) -> datetime | None:
     if _EXIF_DIRECTORY not in outer:
         return None
     kind_of, _, value = outer[_EXIF_DIRECTORY]
-    if kind_of not in (_LONG, _DIRECTORY):
+    if kind_of not in _POINTERS:
         return None
-    inner = _directory(block, order, *unpack(order + "I", value, 0), big=kind == 43)
+    inner = _directory(block, order, *unpack(order + _POINTERS[kind_of], value, 0), big=kind == 43)
     date, fraction = (_text(block, order, inner.get(tag)) for tag in (_DATE_TIME_ORIGINAL, _SUB_SECONDS))
     return _moment(date, fraction)
 

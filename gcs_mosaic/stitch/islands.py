@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.adjusting.lens import believable
 from gcs_mosaic.stitch.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.matching.evidence import SAMPLE, log_odds
 from gcs_mosaic.stitch.matching.witnesses import confirmed_around
@@ -37,6 +38,7 @@ APART = 0.25
 MUCH = 0.5  # of a frame of the smaller island that lies on the larger one: then it can tell whether that is right
 WITNESSES = 3  # frames of the smaller island for which the overlap is looked into
 PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched with
+TELLING_CELLS = 6  # of a witness that matches could confirm; of fewer, one by chance would decide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,13 +77,14 @@ class Bridges:
         sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
         stays, goes = sorted(sides, key=lambda island: (-self._network.count_members(island), island))
         newest = self._from_side(newest, stays)
+        self._forget(newest)
         if not self._agree(newest, newest):
             return []  # its own matches fit no similarity: the frames lie awry on their islands
         known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
         looked_for, odds = self._look_into_overlap(stays, goes, known)
         agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
         self._network.bridges.append(newest)
-        proven = odds > 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
+        proven = odds >= 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
         return agreeing if proven else []
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
@@ -100,11 +103,19 @@ class Bridges:
         return stays, goes
 
     def _reconciled_lenses(self, stays: int, goes: int) -> dict[CameraNumber, Lens]:
-        """What two islands know of the cameras that both have, each weighing as much as it knows: where the adjustment of
-        the joined island begins."""
+        """What two islands know of the cameras of the one that goes, each weighing as much as it knows: where the adjustment
+        of the joined island begins."""
         lenses = self._network.lenses
-        of_both = [number for island, number in lenses if island == goes and (stays, number) in lenses]
-        return {number: _reconciled(lenses[stays, number], lenses[goes, number]) for number in of_both}
+        return {
+            number: _reconciled(lenses[stays, number], lens) if (stays, number) in lenses else lens
+            for (island, number), lens in lenses.items()
+            if island == goes
+        }
+
+    def _forget(self, newest: Bridge) -> None:
+        """A bridge between the same two frames was found before: it would count twice."""
+        ends = {newest.frame_a, newest.frame_b}
+        self._network.bridges = [b for b in self._network.bridges if {b.frame_a, b.frame_b} != ends]
 
     def _between(self, stays: int, goes: int) -> list[Bridge]:
         """All bridges between two islands, the first island's side as a."""
@@ -120,7 +131,8 @@ class Bridges:
     def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
         """Match frames that should overlap if the known bridges are right.
 
-        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness.
+        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness. One
+        that sees too little to tell counts as 0: it refutes nothing, and then it is for the bridges alone to prove the join.
         """
         network, stays_from_goes = self._network, self._similarity(known)
         found: list[Bridge] = []
@@ -132,7 +144,7 @@ class Bridges:
             matched = {other: link for other, link in links.items() if link is not None}
             pixels = [link.agreeing_a for link in matched.values()]
             around = confirmed_around(network, witness, pose, stays, list(links), pixels)
-            odds.append(log_odds(around, network.true_share))
+            odds.append(log_odds(around, network.true_share) if around.cells >= TELLING_CELLS else 0.0)
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
             found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]
         return found, min(odds)
@@ -210,9 +222,22 @@ class Bridges:
 
 
 def _reconciled(one: Lens, other: Lens) -> Lens:
-    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none."""
+    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none. If no camera
+    can have that lens, the one that is known better."""
     if one.information is None or other.information is None:
         return other if one.information is None and other.information is not None else one
     information = one.information + other.information
     weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
-    return Lens(with_lens(one.camera, np.linalg.lstsq(information, weighted, rcond=None)[0]), information)
+    mean: Array = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
+    if not np.allclose(believable(mean[None])[0], mean, rtol=0.0, atol=SAME_LENS):
+        return one if _known(one.information) >= _known(other.information) else other
+    return Lens(with_lens(one.camera, mean), information)
+
+
+SAME_LENS = 1e-9  # of its terms; rounding may carry the mean of two lenses at a bound across it
+
+
+def _known(information: Array) -> float:
+    """How much is known of all terms of a lens together: log of how much smaller a volume they are in than if each were only
+    known to about 1."""
+    return float(np.linalg.slogdet(information + np.eye(len(information)))[1])

@@ -53,7 +53,7 @@ class Mosaic(Kept):
 
     Large islands are adjusted by `worker` while frames go on being placed, without one in `adjust`. `punctual`: the same
     frames always give the same map, however fast the worker is. `observer` is told what decides where frames lie.
-    A call that raises has changed nothing; of several islands to adjust, those that could be are adjusted.
+    A frame that raises has changed nothing; of several islands to adjust, or frames to compare, each one is or is as it was.
     """
 
     FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
@@ -105,15 +105,20 @@ class Mosaic(Kept):
             return placement_of(self._network, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
 
     def retry_waiting(self) -> None:
-        """Try all that wait with whatever has become known since: for the end of a flight."""
-        with transaction(self):
-            self._assembly.retry_waiting()
+        """Try all that wait with whatever has become known since: for the end of a flight.
+
+        A frame that raises is as it was, the others are tried; the first error is raised at the end.
+        """
+        self._assembly.retry_waiting()
 
     def connect_some(self, frames: int = 2) -> bool:
         """While no frame comes, and at the end of a flight: compare some frames with those that look most like them and are
-        not connected with them. To be called again while it returns True; `adjust` is to follow."""
-        with transaction(self):
-            return self._assembly.connect_some(frames)
+        not connected with them. To be called again while it returns True; `adjust` is to follow.
+
+        Two frames that raise are as they were and are not compared again; the first error is raised at the end. So it may be
+        called again after one, too, and comes to an end.
+        """
+        return self._assembly.connect_some(frames)
 
     def adjust(self, *, everything: bool = False) -> None:
         """After each frame: adjust the islands that have grown enough since the last time.

@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 CameraNumber = int  # frames of one size were taken by one camera
 
 NOWHERE = -1  # the island of a frame that is not placed
-EXPECTED_SHARE = 0.8  # of the cells of a true overlap that matches confirm: 0.9 over fields, 0.5 to 0.9 in woods
-EXPECTED_CELLS = 60  # that this is worth before a flight has shown its own share: two or three frames
+# Of the cells around a frame that is where it is believed to be, those that matches confirm (0.9 over fields, 0.5 to 0.9 in
+# woods), and cells that this is worth, two or three frames: as long as a flight has not shown its own share.
+FIRST_SHARE, FIRST_CELLS = 0.8, 60
 LEAST_SHARE, MOST_SHARE = 0.5, 0.85  # between which that is believed: where islands meet, poses are rough
 LENS_KNOWN = 5  # frames after which an island knows a lens well enough to judge residuals, and to tell others
 NO_INLIERS: Mapping[int, int] = MappingProxyType({})
@@ -89,8 +90,9 @@ class Lens:
 class Network(Kept):
     """Frames, lenses, links and islands.
 
-    `islands` (n,): each frame's island, NOWHERE for those that are not placed. `boxes` (n, 4): bounding box of each placed
-    frame's footprint, NaN for the others. Both are arrays so that a question about all frames costs next to nothing.
+    `islands` (n,): each frame's island, NOWHERE for those that are not placed. `cameras` (n,): each frame's camera. `boxes`
+    (n, 4): bounding box of each placed frame's footprint, NaN for the others. All are arrays so that a question about all
+    frames costs next to nothing.
     `roots`: the frame that founded each island, by the island's number. `merged_into`: by number, the island that each one
     has become part of, or None. `lenses`: by island and camera, because an island knows the lens by its own frames only.
     """
@@ -102,17 +104,18 @@ class Network(Kept):
         self.lenses: dict[tuple[int, CameraNumber], Lens] = {}
         self.links: dict[tuple[int, int], Link] = {}
         self.islands: NDArray[np.intp] = np.empty(0, np.intp)
+        self.cameras: NDArray[np.intp] = np.empty(0, np.intp)
         self.boxes: Array = np.empty((0, 4))
         self.roots: dict[int, int] = {}
         self.merged_into: list[int | None] = []
         self.bridges: list[Bridge] = []
-        self.compared: set[tuple[int, int]] = (
-            set()
-        )  # pairs of frames that were compared in a pause, smaller number first
+        # Pairs of frames that were compared in a pause, smaller number first, and the poses at which they could not be
+        # connected though they have much in common; None where they have not.
+        self.compared: dict[tuple[int, int], tuple[Pose | None, Pose | None] | None] = {}
         self.frames_to_ask: list[int] = []  # those that are to be compared next,
-        self.asked_when: tuple[int, int] | None = None  # chosen when so much was known
-        self.cells_expected = EXPECTED_CELLS  # around frames that were believed: how many should have been confirmed,
-        self.cells_confirmed = EXPECTED_CELLS * EXPECTED_SHARE  # and how many were; from a flight that there was before
+        self.asked_when: tuple[int, int, int] | None = None  # chosen when so much was known
+        # Around frames that were believed: how many cells should have been confirmed, and how many were.
+        self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex()
         self.last_placed = 0
@@ -130,6 +133,7 @@ class Network(Kept):
         self.frames.append(FrameState(name, features, sizes.index(size)))
         self.numbers[name] = number
         self.islands = np.append(self.islands, NOWHERE)
+        self.cameras = np.append(self.cameras, sizes.index(size))
         self.boxes = np.concatenate([self.boxes, np.full((1, 4), np.nan)])
         self.retrieval.add(features)
         return number
@@ -223,10 +227,10 @@ class Network(Kept):
         self.cells_expected += cells
         self.cells_confirmed += share * cells
 
-    def matched_before(self, frame: int) -> NDArray[np.bool_]:
-        """Which of a frame's features (n,) its links have matched."""
+    def matched_before(self, frame: int, but: int | None = None) -> NDArray[np.bool_]:
+        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links with it do not count."""
         matched = np.zeros(len(self.frames[frame].features), bool)
-        for other in self.frames[frame].inliers:
+        for other in self.frames[frame].inliers.keys() - {but}:
             first = (frame, other) in self.links
             link = self.links[(frame, other) if first else (other, frame)]
             for features in (link.features, link.held_out):
@@ -234,22 +238,25 @@ class Network(Kept):
         return matched
 
     def camera_on(self, island: int, number: CameraNumber) -> Camera:
-        """A camera as an island knows it; on one that has seen none of its frames, as the largest other island does."""
+        """A camera as an island knows it; on one that has seen none of its frames, as the one with most of them does."""
         if (island, number) in self.lenses:
             return self.lenses[island, number].camera
-        known = [other for other, camera in self.lenses if camera == number]
-        best = max(known, key=lambda other: (self.count_members(other), -other), default=None)
+        best = self._with_most([other for other, camera in self.lenses if camera == number], number)
         return self.sizes[number] if best is None else self.lenses[best, number].camera
 
     def best_known_lens(self, number: CameraNumber) -> int | None:
-        """The largest island that has estimated a camera's lens from enough frames of its own; None if none has."""
+        """The island that has estimated a camera's lens from most frames of it, and from enough; None if none has."""
         known = [
             island
             for (island, camera), lens in self.lenses.items()
             if camera == number and lens.information is not None
         ]
-        best = max(known, key=lambda island: (self.count_members(island), -island), default=None)
-        return best if best is not None and self.count_members(best) >= LENS_KNOWN else None
+        best = self._with_most(known, number)
+        return best if best is not None and self.count_with_camera(best, number) >= LENS_KNOWN else None
+
+    def _with_most(self, islands: list[int], number: CameraNumber) -> int | None:
+        """Which of these islands has most frames of a camera, the oldest of several; None of none."""
+        return max(islands, key=lambda island: (self.count_with_camera(island, number), -island), default=None)
 
     def camera_of(self, frame: int) -> Camera:
         """The camera of a placed frame."""
@@ -279,14 +286,10 @@ class Network(Kept):
         """Placed frames of the other islands."""
         return np.flatnonzero((self.islands != NOWHERE) & (self.islands != island))
 
-    def count_with_camera(self, island: int, number: CameraNumber, most: int) -> int:
-        """How many of an island's frames a camera has taken; counting ends at `most`."""
-        count = 0
-        for frame in self.members(island).tolist():
-            count += self.frames[frame].camera == number
-            if count >= most:
-                break
-        return count
+    def count_with_camera(self, island: int, number: CameraNumber, most: int | None = None) -> int:
+        """How many of an island's frames a camera has taken, of which no more than `most` are wanted."""
+        count = int(np.count_nonzero((self.islands == island) & (self.cameras == number)))
+        return count if most is None else min(count, most)
 
     def frame_counts(self) -> dict[int, int]:
         """Placed frames by island."""

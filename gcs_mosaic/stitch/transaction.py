@@ -11,15 +11,21 @@ from __future__ import annotations
 import copy
 import dataclasses
 import enum
+import logging
 from array import array
 from collections import Counter, OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import PurePath
-from types import BuiltinFunctionType, FunctionType, MethodType
-from typing import Any, ClassVar
+from types import BuiltinFunctionType, FunctionType, MethodType, TracebackType
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 CONTAINERS = (dict, list, set, OrderedDict, Counter, deque, np.ndarray, array)
 VALUES = (
@@ -43,15 +49,10 @@ class Kept:
         return {name: _copied(name, value) for name, value in vars(self).items() if name not in self.FIXED}
 
     def restore(self, before: Snapshot) -> None:
-        """Be as at the time of the snapshot."""
+        """Be as at the time of the snapshot. What raises keeps nothing else from being put back."""
         for name in vars(self).keys() - before.keys() - self.FIXED:
             delattr(self, name)
-        for name, value in before.items():
-            if isinstance(value, _Part):
-                value.owner.restore(value.before)
-                setattr(self, name, value.owner)
-            else:
-                setattr(self, name, value)
+        _restore_all(partial(_put_back, self, name, value) for name, value in before.items())
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -60,6 +61,27 @@ class _Part:
 
     owner: Kept
     before: Snapshot
+
+
+def _put_back(owner: Kept, name: str, value: object) -> None:
+    if isinstance(value, _Part):
+        setattr(owner, name, value.owner)
+        value.owner.restore(value.before)
+    else:
+        setattr(owner, name, value)
+
+
+def _restore_all(steps: Iterable[Callable[[], None]]) -> None:
+    """Every step, whatever the others raise; the first error is raised afterwards. Half put back is worse than either."""
+    first: BaseException | None = None
+    for step in steps:
+        try:
+            step()
+        except BaseException as error:
+            logger.exception("a part could not be put back as it was")
+            first = first or error
+    if first is not None:
+        raise first
 
 
 def _copied(name: str, value: object) -> object:
@@ -96,8 +118,7 @@ def attempt(*parts: Kept) -> Iterator[Attempt]:
         raised = False
     finally:
         if raised or not trial.kept:
-            for part, snapshot in zip(parts, before, strict=True):
-                part.restore(snapshot)
+            _restore_all(partial(part.restore, snapshot) for part, snapshot in zip(parts, before, strict=True))
 
 
 @contextmanager
@@ -106,3 +127,34 @@ def transaction(*parts: Kept) -> Iterator[None]:
     with attempt(*parts) as trial:
         yield
         trial.keep()
+
+
+class EachWhole:
+    """A context for several steps that change these parts, each as a whole or not at all.
+
+    One that raises is undone and logged as `otherwise`, and keeps no other from being tried; the first error is raised at
+    the end.
+    """
+
+    def __init__(self, *parts: Kept, otherwise: str) -> None:
+        self._parts = parts
+        self._otherwise = otherwise
+        self._first: Exception | None = None
+
+    def __enter__(self) -> EachWhole:
+        return self
+
+    def tried(self, step: Callable[[], T]) -> T | None:
+        """What the step returns, None if it has raised."""
+        try:
+            with transaction(*self._parts):
+                return step()
+        except Exception as error:
+            # The first one is raised: whoever catches it knows best whether its traceback is news.
+            logger.warning("%s (%r)", self._otherwise, error, exc_info=self._first is not None)
+            self._first = self._first or error
+            return None
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if error is None and self._first is not None:
+            raise self._first

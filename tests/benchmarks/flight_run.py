@@ -55,17 +55,19 @@ class Task:
 class Run:
     """What became of a flight; None where it cannot be told.
 
-    islands: frames of each island of two or more, the largest first; alone: frames that are an island by themselves.
+    islands: frames of each island of two or more, the largest first; alone: frames that are an island by themselves;
+    covered: frames that placed ones show, which are not painted.
     held_out_*: how far the map tears matches apart that it was not fitted to, pixels. gps_rms_m: over the frames of all
     islands that can be laid over their GPS positions; gps_worst_m: of the island that fits worst, gps_mirrored: islands.
-    ortho, tracks: see known_flights.Result. refused: pairs and poses by reason; unplaced: frames by reason. *_s: by stage.
-    error: why there is no map.
+    ortho, tracks: see known_flights.Result. refused: pairs and poses by reason; unplaced: frames by reason;
+    troubles: what adjusting raised, how often. *_s: by stage. error: why there is no map.
     """
 
     name: str
     frames: int = 0
     islands: tuple[int, ...] = ()
     alone: int = 0
+    covered: int | None = None
     held_out_median_px: float | None = None
     held_out_p95_px: float | None = None
     gps_rms_m: float | None = None
@@ -76,6 +78,7 @@ class Run:
     tracks_p95_px: float | None = None
     refused: dict[str, int] = field(default_factory=dict)
     unplaced: dict[str, int] = field(default_factory=dict)
+    troubles: dict[str, int] = field(default_factory=dict)
     cpu_s: dict[str, float] = field(default_factory=dict)
     wall_s: dict[str, float] = field(default_factory=dict)
     memory_mb: int | None = None
@@ -121,18 +124,20 @@ def _run_core(task: Task) -> Run:
             else:
                 flown.place(frame.name, features)
         map_, memory_mb = document(flown.finish()), _memory_mb()
-        held_out = held_out_px(flown.mosaic)
+        held_out, covered = held_out_px(flown.mosaic), len(flown.mosaic.covered())
     costs = flown.stages
     costs.cpu_s["adjust"] += _cpu_of_children()
     is_fresh = finder.found == len(frames)  # what comes out of the cache does not tell what finding it costs
     if is_fresh:
         costs.include(reading)
-    lost += [*flown.unplaced.values(), *(f"adjusting raised {trouble}" for trouble in flown.troubles)]
+    lost += flown.unplaced.values()
     found = Run(
         name=task.name,
         frames=len(items),
+        covered=covered,
         refused=dict(refusals.counts.most_common()),
         unplaced=_counted(lost),
+        troubles=_counted(flown.troubles),
         cpu_s=dict(costs.cpu_s),
         wall_s=dict(costs.wall_s),
         memory_mb=memory_mb if is_fresh else None,
@@ -155,6 +160,7 @@ def _run_full(task: Task) -> Run:
     found = Run(
         name=task.name,
         frames=sum(accounts["frames"].values()),
+        covered=accounts["frames"]["covered"],
         unplaced=_counted(lost),
         cpu_s=dict(whole.cpu_s),
         wall_s=dict(whole.wall_s) | _told_seconds(said.file.getvalue()),

@@ -110,8 +110,9 @@ def mark(now: Run, before: Run | None) -> str:
 
 
 HEADER = (
-    f"{'':7}{'flight':{TITLE}}{'placed':>9}{'alone':>6}{'held out':>10}{'95 %':>6}{'GPS m':>7}{'worst':>7}{'ortho':>7}"
-    f"{'tracks':>7}{'95 %':>7}{'CPU s:':>8}{'feat.':>7}{'place':>7}{'adjust':>7}{'all':>7}{'wall s':>7}{'MB':>6}  islands"
+    f"{'':7}{'flight':{TITLE}}{'placed':>9}{'alone':>6}{'covered':>8}{'held out':>10}{'95 %':>6}{'GPS m':>7}{'worst':>7}"
+    f"{'ortho':>7}{'tracks':>7}{'95 %':>7}{'CPU s:':>8}{'feat.':>7}{'place':>7}{'adjust':>7}{'all':>7}{'wall s':>7}{'MB':>6}"
+    "  islands"
 )
 
 
@@ -123,7 +124,7 @@ def row(title: str, run: Run, before: Run | None) -> list[str]:
     costs = [*(run.cpu_s.get(stage) for stage in STAGES[:3]), _all(run.cpu_s), _all(run.wall_s)]
     lines = [
         f"{mark(run, before):7}{title:{TITLE}}{f'{run.placed}/{run.frames}':>9}{run.alone:6}"
-        f"{number(run.held_out_median_px):>10}{number(run.held_out_p95_px):>6}"
+        f"{number(run.covered):>8}{number(run.held_out_median_px):>10}{number(run.held_out_p95_px):>6}"
         + "".join(f"{number(figure):>7}" for figure in figures)
         + f"{'':8}"
         + "".join(f"{number(seconds):>7}" for seconds in costs)
@@ -132,6 +133,7 @@ def row(title: str, run: Run, before: Run | None) -> list[str]:
     if run.gps_mirrored:
         lines.append(f"{'':9}{run.gps_mirrored} islands MIRRORED by their GPS positions")
     lines += _reasons("not on the map", run.unplaced, before.unplaced if before else None)
+    lines += _reasons("adjusting raised", run.troubles, before.troubles if before else None)
     lines += _reasons("refused", run.refused, before.refused if before else None)
     return lines + (_told(changes(run, before)) if before and not before.error else [])
 
@@ -144,10 +146,10 @@ def _all(seconds: Mapping[str, float]) -> float:
 def _reasons(title: str, now: Mapping[str, int], before: Mapping[str, int] | None) -> list[str]:
     shown = sorted(now.items(), key=lambda item: -item[1])
     lines = [
-        f"{'':9}{title:15}{count:6}{_was(count, before, reason):10}x {reason}" for reason, count in shown[:MOST_REASONS]
+        f"{'':9}{title:17}{count:6}{_was(count, before, reason):10}x {reason}" for reason, count in shown[:MOST_REASONS]
     ]
     left = sum(count for _, count in shown[MOST_REASONS:])
-    return [*lines, f"{'':9}{title:15}{left:6}{'':10}x other reasons"] if left else lines
+    return [*lines, f"{'':9}{title:17}{left:6}{'':10}x other reasons"] if left else lines
 
 
 def _was(count: int, before: Mapping[str, int] | None, reason: str) -> str:

@@ -8,9 +8,10 @@ program. Frames smaller than some 10 MP show less at 0.25 than at 1: `--scale 0.
 features between runs, so that a change to the placing is judged in seconds. `--keep` makes what was found the state to
 compare with (flights.json). `--pairs` only tells which consecutive frames match, and why not.
 
-Rows: frames on islands of two or more, of all; frames alone; pixels by which held-out matches are torn apart; metres that
-remain of GPS positions after a similarity per island, over all and of the worst island; pixels to the true place of matched
-points, and between two frames' places of one (known_flights.Result); CPU seconds by stage; peak memory; sizes of islands.
+Rows: frames on islands of two or more, of all; frames alone; frames that placed ones cover; pixels by which held-out matches
+are torn apart; metres that remain of GPS positions after a similarity per island, over all and of the worst island; pixels to
+the true place of matched points, and between two frames' places of one (known_flights.Result); CPU seconds by stage; peak
+memory; sizes of islands.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import signal
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 from gcs_mosaic.config import Config
@@ -65,12 +67,18 @@ def scales(text: str) -> tuple[float, ...]:
 
 
 def folders(given: Iterable[str]) -> list[Path]:
-    """Folders by name or path, or all of data/ that hold frames; ends the program if one is not there."""
+    """Folders by name or path, or all of data/ that hold frames; ends the program if one is not there, or if two have one name,
+    under which their runs are kept."""
     data = SHARED / "data"
     chosen = [path if (path := Path(name)).is_dir() else data / name for name in given]
     for path in chosen:
         if not holds_frames(path):
             sys.exit(f"{path} holds no frames: give a folder of them, or the name of one in {data}")
+    for one, other in combinations(chosen, 2):
+        if one.resolve().name == other.resolve().name:
+            sys.exit(
+                f"{one} and {other} have one name, under which runs are kept: give them one at a time, or rename one"
+            )
     return chosen or [path for path in sorted(data.iterdir()) if holds_frames(path)]
 
 

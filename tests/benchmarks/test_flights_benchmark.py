@@ -1,5 +1,6 @@
 """The benchmark of all flights says what is true: of reasons, changes and flights that fail."""
 
+import multiprocessing
 import os
 import signal
 import threading
@@ -86,6 +87,14 @@ def test_a_row_tells_figures_reasons_and_changes() -> None:
         assert part in said
 
 
+def test_faults_of_adjusting_are_no_frames_that_are_lost() -> None:
+    said = flight_table.row("meadow at 1", replace(GOOD, covered=3, troubles={"MemoryError()": 2}), GOOD)
+    columns = dict(zip(flight_table.HEADER.split()[:4], said[0].split()[2:], strict=False))
+    assert (columns["flight"], columns["placed"], columns["alone"], columns["covered"]) == ("1", "18/20", "0", "3")
+    assert any(line.split() == ["adjusting", "raised", "2", "(was", "0)", "x", "MemoryError()"] for line in said)
+    assert not any("not on the map" in line for line in said)
+
+
 def test_runs_are_kept_as_they_were_and_beside_others(tmp_path: Path) -> None:
     kept = tmp_path / "kept.json"
     assert flight_table.read(kept) == {}
@@ -95,7 +104,10 @@ def test_runs_are_kept_as_they_were_and_beside_others(tmp_path: Path) -> None:
 
 
 def test_the_runs_in_the_repository_can_be_read() -> None:
-    assert all(run.placed for run in flight_table.read(flight_table.KEPT).values())
+    kept = flight_table.read(flight_table.KEPT)
+    assert len(kept) >= 12
+    assert all(run.placed for run in kept.values())
+    assert all(key == flight_table.key(run.name, float(key.split()[-1]), full=False) for key, run in kept.items())
 
 
 # Features
@@ -139,7 +151,7 @@ def test_a_flight_is_run_and_judged(tmp_path: Path) -> None:
     (tmp_path / "flight" / "again.png").write_bytes((tmp_path / "flight" / "0.png").read_bytes())
     found = flight_run.run(task)
     assert (found.frames, found.islands, found.alone) == (5, (4,), 0)
-    assert found.unplaced == {"the same picture as an earlier one": 1}
+    assert (found.unplaced, found.covered) == ({"the same picture as an earlier one": 1}, 0)
     assert set(found.cpu_s) == {"features", "place", "adjust"}
     assert found.gps_rms_m is None
     assert found.ortho_px is None
@@ -150,6 +162,7 @@ def test_the_whole_program_makes_the_same_of_it(tmp_path: Path) -> None:
     task = Task(made_flight(tmp_path / "flight", 4), scale=1)
     core, full = flight_run.run(task), flight_run.run(replace(task, full=True))
     assert (full.frames, full.islands, full.unplaced) == (core.frames, core.islands, core.unplaced)
+    assert full.covered == core.covered == 0
     assert {"decode", "features", "place", "paint", "write", "all"} <= set(full.wall_s)
 
 
@@ -177,12 +190,16 @@ def test_nothing_goes_on_after_ctrl_c() -> None:
     with pytest.raises(KeyboardInterrupt):
         list(each(time.sleep, [60.0, 60.0], jobs=2))
     assert time.monotonic() - start < 30
+    assert not multiprocessing.active_children()
 
 
 def test_flights_are_found_by_name_and_path(tmp_path: Path) -> None:
     assert flights.folders([str(made_flight(tmp_path / "flight", 1))]) == [tmp_path / "flight"]
     with pytest.raises(SystemExit):
         flights.folders(["no such flight"])
+    (tmp_path / "other").mkdir()
+    with pytest.raises(SystemExit, match="have one name"):
+        flights.folders([str(tmp_path / "flight"), str(made_flight(tmp_path / "other" / "flight", 1))])
     assert flights.scales("0.25,1") == (0.25, 1.0)
     with pytest.raises(ValueError, match="expected 1"):
         flights.scales("0.3")

@@ -106,6 +106,10 @@ def test_file_names_that_are_no_text_are_written(log: Log) -> None:
         ("'rtsp://user:se/cr@et@camera/main'", "'rtsp://camera/main'"),
         ("RTSPS://h/user=admin_password=secret_channel=1", "RTSPS://h/…"),
         ("rtsp://h:1/main?password=secret", "rtsp://h:1/…"),
+        ('"rtsp://user:pa\'ss@host/live"', '"rtsp://host/live"'),
+        ("'rtsp://user:pa\\'s\"s@host/live' is gone", "'rtsp://host/live' is gone"),
+        ("rtsp://h:1/main?password=sec'ret", "rtsp://h:1/…"),
+        ("['rtsp://a/1', 'rtsp://b/2']", "['rtsp://a/1', 'rtsp://b/2']"),
         ("rtsp://192.0.2.7/main, of which", "rtsp://192.0.2.7/main, of which"),
         ("the map is at http://127.0.0.1:8470/", "the map is at http://127.0.0.1:8470/"),
     ],
@@ -201,3 +205,15 @@ def test_a_terminal_that_has_gone_does_not_matter(monkeypatch: pytest.MonkeyPatc
     logger = logging.Logger("test", logging.DEBUG)
     logger.addHandler(TerminalHandler(LogSettings()))
     logger.error("nobody hears this")
+
+
+def test_what_cannot_be_told_is_told_by_its_type(log: Log) -> None:
+    class Shy:
+        def __repr__(self) -> str:
+            raise RuntimeError("I will not be seen")
+
+    log.logger.info("%s and %r", 3, Shy())
+    log.logger.info(Shy())
+    assert log.troubles == []
+    assert log.lines[0].endswith("'%s and %r' with (3, <Shy>)")
+    assert log.lines[1].endswith("<Shy> with ()")

@@ -36,6 +36,22 @@ def test_of_a_jpeg_and_of_a_tiff_in_both_byte_orders(tmp_path: Path, order: str,
     assert read(tmp_path, with_exif(JPEG, structure)) == quarter
 
 
+@pytest.mark.parametrize("kind", [16, 18])
+def test_of_a_bigtiff_with_long_pointers(tmp_path: Path, kind: int) -> None:
+    structure = photographed(DATE, big=True)
+    pointer, long = (struct.pack("<HHQ", 0x8769, one, 1) for one in (4, kind))
+    assert pointer in structure
+    assert read(tmp_path, structure.replace(pointer, long)) == MOMENT
+
+
+@pytest.mark.parametrize("fill", [1, 6, 7, 20])
+def test_of_a_jpeg_with_fill_bytes_before_its_markers(tmp_path: Path, fill: int) -> None:
+    jpeg = with_exif(JPEG, photographed(DATE))
+    assert jpeg.count(b"\xff\xe1") == 2
+    assert read(tmp_path, jpeg.replace(b"\xff\xe1", b"\xff" * (1 + fill) + b"\xe1")) == MOMENT
+    assert read(tmp_path, jpeg[:2] + b"\xff" * 100_000) is None
+
+
 def test_of_a_tiff_whose_directory_comes_after_its_pixels(tmp_path: Path) -> None:
     file = io.BytesIO()
     tifffile.imwrite(file, counts(1)[..., 0], metadata=None)
@@ -73,8 +89,12 @@ def test_pictures_without_a_time(tmp_path: Path, data: bytes) -> None:
 
 
 def test_a_file_that_is_gone_has_none(tmp_path: Path) -> None:
-    assert capture_time(tmp_path / "gone.jpg") is None
+    notes: list[str] = []
+    assert capture_time(tmp_path / "gone.jpg", notes.append) is None
     assert capture_time(tmp_path) is None
+    assert notes == [
+        f"gone.jpg: when it was taken cannot be read: [Errno 2] No such file or directory: '{tmp_path / 'gone.jpg'}'"
+    ]
 
 
 def test_exif_may_not_point_beyond_its_segment(tmp_path: Path) -> None:
@@ -90,9 +110,10 @@ def test_directories_that_lead_to_themselves_end(tmp_path: Path) -> None:
     assert read(tmp_path, looped) is None
 
 
+@pytest.mark.parametrize("lie", ["text", "directory"])
 @pytest.mark.parametrize("big", [False, True])
-def test_no_more_is_read_than_a_head(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, big: bool) -> None:
-    """Whatever a file of a gigabyte says of the length of its texts and directories."""
+def test_no_more_is_read_than_a_head(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, big: bool, lie: str) -> None:
+    """Whatever a file of gigabytes says of the length of its texts and directories."""
     taken = []
 
     def counting(block: exif._Block, offset: int, count: int) -> bytes:
@@ -102,15 +123,18 @@ def test_no_more_is_read_than_a_head(tmp_path: Path, monkeypatch: pytest.MonkeyP
     plain = exif._Block.read
     monkeypatch.setattr(exif._Block, "read", counting)
     data = bytearray(photographed(DATE, big=big))
-    at = data.index(struct.pack("<HH", 0x9003, 2)) + 4
-    struct.pack_into("<Q" if big else "<I", data, at, 2**32 - 1)
+    if lie == "text":
+        at = data.index(struct.pack("<HH", 0x9003, 2)) + 4
+        struct.pack_into("<Q" if big else "<I", data, at, 2**32 - 1)
+    else:  # as many entries as can be written, or as the file has room for
+        struct.pack_into("<Q" if big else "<H", data, 16 if big else 8, 10**8 if big else 2**16 - 1)
     path = tmp_path / "sparse.tif"
     with path.open("wb") as file:
         file.write(data)
         file.truncate(1 << 33)
     assert capture_time(path) is None
     assert taken
-    assert max(taken) <= exif.MOST_ENTRIES * 20
+    assert max(taken) <= exif.LONGEST_TEXT
 
 
 def test_cut_off_anywhere_it_is_read_or_not_but_never_fails(tmp_path: Path) -> None:

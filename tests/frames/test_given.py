@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -64,7 +65,7 @@ def test_where_one_frame_has_no_capture_time_names_decide(tmp_path: Path) -> Non
     fill(tmp_path / "b", "3.jpg")
     given = frames_in([tmp_path / "b", tmp_path / "a"])
     assert [frame.name for frame in given.frames] == ["3.jpg", "1.jpg", "2.jpg"]
-    assert given.order == "3 frames in the order of their names"
+    assert given.order == "3 frames in the order of their names (3.jpg tells no capture time)"
     given = frames_in([tmp_path / "a", tmp_path / "b"])
     assert [frame.name for frame in given.frames] == ["1.jpg", "2.jpg", "3.jpg"]
     assert given.order == "3 frames in the order of their names (3.jpg tells no capture time)"
@@ -77,6 +78,23 @@ def test_two_frames_in_one_second_leave_it_to_the_names(tmp_path: Path) -> None:
     given = frames_in(tmp_path)
     assert [frame.name for frame in given.frames] == ["1.jpg", "9.jpg", "10.jpg"]
     assert given.order == "3 frames in the order of their names (9.jpg and 10.jpg have the same capture time)"
+
+
+def test_what_could_not_be_read_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fill(tmp_path, "a.jpg", "closed/b.jpg")
+    (tmp_path / "c.tif").write_bytes(photographed(b"2021:06:05 14:03:01\0")[:-1])
+    listing = os.scandir
+
+    def refusing(folder: str | Path) -> object:
+        if str(folder).endswith("closed"):
+            raise PermissionError(13, "Permission denied")
+        return listing(folder)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    given = frames_in(tmp_path)
+    assert given.count == 2
+    assert given.passed_over == (f"{tmp_path / 'closed'} cannot be looked at (Permission denied): it is passed over",)
+    assert given.notes == ("c.tif: when it was taken cannot be read: damaged: EXIF points beyond its end",)
 
 
 def test_files_come_in_the_order_given(tmp_path: Path) -> None:

@@ -1,11 +1,14 @@
 """A small textured ground and frames cut from it at known poses."""
 
 import math
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.placement import Outcome
 
 SMALL_CAMERA = Camera(480, 360, 1.5, 0.0)
 
@@ -25,6 +28,15 @@ def photograph(ground: np.ndarray, pose: Pose, camera: Camera) -> np.ndarray:
     places = canvas_from_pixels(pose, camera, pixel_grid(camera, camera.width, camera.height)).astype(np.float32)
     maps = np.nan_to_num(places, nan=-1e6).reshape(camera.height, camera.width, 2)
     return cv2.remap(ground, maps, None, cv2.INTER_LINEAR, borderValue=128)
+
+
+def fly(mosaic: Mosaic, ground: np.ndarray, poses: Iterable[Pose], first: int = 0) -> list[Outcome]:
+    """Take pictures of the ground at these poses, called by their numbers from `first` on, and add them to the mosaic."""
+    outcomes = []
+    for i, pose in enumerate(poses, start=first):
+        outcomes.append(mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}"))
+        mosaic.adjust()
+    return outcomes
 
 
 def map_error(placements, truth) -> float:

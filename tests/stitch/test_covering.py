@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, fly, photograph
 
 from gcs_mosaic.stitch.covering import CoverSettings
 from gcs_mosaic.stitch.geometry import Pose, canvas_from_pixels, pixel_grid
@@ -16,14 +16,6 @@ from gcs_mosaic.stitch.placement import Covered, Placement
 PLACED_ALL = StitchSettings(cover=CoverSettings(enabled=False))
 WIDTH = SMALL_CAMERA.width
 GRID = pixel_grid(SMALL_CAMERA, 5, 4)
-
-
-def fly(mosaic, ground, poses, first=0):
-    outcomes = []
-    for i, pose in enumerate(poses, start=first):
-        outcomes.append(mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}"))
-        mosaic.adjust()
-    return outcomes
 
 
 def hover(count, x=900.0, y=900.0, seed=4):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
+from gcs_mosaic.stitch import islands
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.islands import Bridges, IslandSettings
+from gcs_mosaic.stitch.matching.evidence import Confirmed
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
 from gcs_mosaic.stitch.matching.registration import Registration, RegistrationSettings
 from gcs_mosaic.stitch.network import Bridge, Network
@@ -84,3 +86,37 @@ def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(sear
         bridges.add(bridge(search, a, b))
     monkeypatch.undo()
     assert bridges.add(bridge(search, 3, 0))
+
+
+def seeing(monkeypatch, *around):
+    """What is found around one witness after the other."""
+    left = list(around)
+    monkeypatch.setattr(islands, "confirmed_around", lambda *_: left.pop(0))
+
+
+MUCH_SEEN, LITTLE_SEEN, NOTHING_SEEN = Confirmed(0.9, 30), Confirmed(0.0, 1), Confirmed(1.0, 0)
+
+
+@pytest.mark.parametrize("other", [LITTLE_SEEN, NOTHING_SEEN], ids=["one cell", "nothing"])
+def test_a_witness_that_has_seen_too_little_to_tell_refutes_nothing(search, bridges, monkeypatch, other):
+    seeing(monkeypatch, MUCH_SEEN, other, MUCH_SEEN)
+    assert bridges.add(bridge(search, 4, 1))
+
+
+def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(search, bridges, monkeypatch):
+    monkeypatch.setattr(islands, "PAIRS_PER_WITNESS", 0)
+    seeing(monkeypatch, *[MUCH_SEEN, NOTHING_SEEN, MUCH_SEEN] * 2)
+    assert not bridges.add(bridge(search, 3, 0))
+    assert bridges.add(bridge(search, 5, 2))
+
+
+def test_a_witness_that_has_seen_enough_and_found_nothing_refutes_any_bridge(search, bridges, monkeypatch):
+    seeing(monkeypatch, MUCH_SEEN, MUCH_SEEN, Confirmed(0.0, 8))
+    assert not bridges.add(bridge(search, 4, 1))
+
+
+def test_two_frames_make_one_bridge_however_often_they_are_compared(search, bridges, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.islands.PAIRS_PER_WITNESS", 0)
+    for a, b in ((3, 0), (0, 3), (3, 0)):
+        assert not bridges.add(bridge(search, a, b))
+    assert len(search._network.bridges) == 1

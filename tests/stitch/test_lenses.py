@@ -8,14 +8,18 @@ import pytest
 
 from gcs_mosaic.stitch import geometry
 from gcs_mosaic.stitch.adjusting import lens
+from gcs_mosaic.stitch.adjusting.adjustment import any_lens
+from gcs_mosaic.stitch.adjusting.solving import _lens_prior
 from gcs_mosaic.stitch.covering import CoverSettings
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.islands import Bridges, _reconciled
 from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.matching.registration import Registration
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.network import Bridge, Lens, Network
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.projection import lens_row
+from gcs_mosaic.stitch.search import Search
 from gcs_mosaic.stitch.transaction import attempt
 from tests.benchmarks.flight_of_points import features_of_flight
 
@@ -206,15 +210,61 @@ def test_a_lens_that_was_never_estimated_weighs_nothing() -> None:
     assert _reconciled(guessed, Lens(Camera(640, 480, 1.1))) is guessed
 
 
-def test_a_lens_that_changes_moves_its_camera_on_its_island_and_no_other() -> None:
+def test_a_mean_that_no_camera_can_have_gives_way_to_the_lens_that_is_known_better() -> None:
+    """Each is known well but for what trades off against focal length, and in that they contradict each other."""
+    near, far = known(1.0, -0.2, 1.0), known(1.2, 0.05, 1.0)
+    along = np.array([[1.0, -2.0, 0.0, 0.0, 0.0], [1.0, -1.9, 0.0, 0.0, 0.0]])
+    near = replace(near, information=near.information + 1e6 * np.outer(along[0], along[0]))
+    far = replace(far, information=far.information + 4e6 * np.outer(along[1], along[1]))
+    for found in (_reconciled(near, far), _reconciled(far, near)):
+        row = np.array([lens_row(found.camera)])
+        assert np.array_equal(lens.believable(row), row)
+        assert found is far
+
+
+def network_of(*frames: tuple[tuple[int, int], int]) -> Network:
+    """Frames of these sizes on these islands."""
     network = Network(1.5, 24)
     nothing = np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8)
-    for i, (width, height) in enumerate([(640, 480), (640, 480), (320, 240), (640, 480)]):
-        network.append(str(i), Features(*nothing, width, height, 1.0))
-    for frame, island in ((0, 0), (1, 0), (2, 0), (3, 1)):
+    for i, ((width, height), island) in enumerate(frames):
         while len(network.merged_into) <= island:
             network.found_island()
-        network.put(frame, Pose(320, 240), island)
+        network.append(str(i), Features(*nothing, width, height, 1.0))
+        network.put(i, Pose(320, 240), island)
+    return network
+
+
+LARGE, SMALL = (640, 480), (320, 240)
+
+
+def test_of_a_camera_those_know_most_who_have_most_of_its_frames() -> None:
+    """A large island with one frame of a camera is no teacher of an island with six."""
+    network = network_of(*[(LARGE, 0)] * 9, (SMALL, 0), *[(SMALL, 1)] * 6, (SMALL, 2))
+    one_frame, six_frames = known(1.2, 0.0, 1.0), known(1.8, -0.1, 9.0)
+    network.lenses |= {(0, 1): one_frame, (1, 1): six_frames}
+    assert network.best_known_lens(1) == 1
+    settings = EVERY_FRAME.adjustment
+    of_any = np.stack(any_lens(settings))
+    assert np.array_equal(_lens_prior(network, 1, 1, settings), of_any)
+    assert not np.array_equal(_lens_prior(network, 0, 1, settings), of_any)
+    del network.lenses[2, 1]
+    assert network.camera_on(2, 1) == six_frames.camera
+
+
+def test_a_camera_that_only_the_island_that_goes_has_keeps_its_lens() -> None:
+    network = network_of(*[(LARGE, 0)] * 3, (LARGE, 1), (SMALL, 1))
+    lens_of_small = Lens(Camera(*SMALL, 1.3, -0.1), np.eye(5))
+    network.lenses[1, 1] = lens_of_small
+    bridges = Bridges(network, Search(network, EVERY_FRAME.search, EVERY_FRAME.registration), EVERY_FRAME.islands)
+    places = np.array([[100.0, 100.0], [500.0, 100.0], [500.0, 400.0], [100.0, 400.0]])
+    registration = Registration(places, places, np.zeros((4, 2), int), np.eye(3), independent_inliers=4, evidence=9.0)
+    assert bridges.join([Bridge(0, 3, registration)]) == (0, 1)
+    assert network.lenses[0, 1] is lens_of_small
+    assert set(network.lenses) == {(0, 0), (0, 1)}
+
+
+def test_a_lens_that_changes_moves_its_camera_on_its_island_and_no_other() -> None:
+    network = network_of((LARGE, 0), (LARGE, 0), (SMALL, 0), (LARGE, 1))
     network.moved.clear()
     boxes = network.boxes.copy()
     network.put_all([0], [network.pose_of(0)], 0, {0: Lens(Camera(640, 480, 1.3, -0.1))})
@@ -230,7 +280,7 @@ def test_a_lens_that_changes_moves_its_camera_on_its_island_and_no_other() -> No
 
 @pytest.mark.parametrize(
     ("focal", "k1", "k2"),
-    [(1.21, -0.01, 0.0), (0.75, -0.26, 0.07), (2.19, -0.151, 0.112), (1.5, 0.0, 0.0), (6.0, 0.0, 0.0)],
+    [(1.21, -0.01, 0.0), (0.75, -0.26, 0.07), (2.19, -0.151, 0.112), (1.5, 0.0, 0.0), (6.24, 0.0, 0.0)],
     ids=["survey drone", "action camera", "long lens", "any", "135 mm"],
 )
 def test_ordinary_lenses_are_left_alone(focal: float, k1: float, k2: float) -> None:

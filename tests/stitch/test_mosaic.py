@@ -1,26 +1,22 @@
 """Small flights over a known ground: every frame ends where it was taken, or says why not."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, map_error, photograph
+from stitch_ground import SMALL_CAMERA, fly, map_error, photograph, textured_ground
 
+from gcs_mosaic.stitch.adjusting.assembly import Assembly
 from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.islands import Bridges
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
+from gcs_mosaic.stitch.search import Search
 
 
 def line(x, y, count, step=130, **more):
     return [Pose(x + step * i, y, **more) for i in range(count)]
-
-
-def fly(mosaic, ground, poses, first=0):
-    outcomes = []
-    for i, pose in enumerate(poses, start=first):
-        outcomes.append(mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}"))
-        mosaic.adjust()
-    return outcomes
 
 
 def test_two_flight_lines_become_one_map(ground):
@@ -62,6 +58,17 @@ def test_a_frame_of_another_place_waits_and_is_rejected_at_the_end(ground, other
     fly(mosaic, ground, line(400, 500, 3))
     assert isinstance(mosaic.add(photograph(other_ground, Pose(500, 500), SMALL_CAMERA), "stray"), Waiting)
     assert mosaic.finish() == [Rejection("stray", "matches no other frame")]
+
+
+def test_one_thing_that_looks_alike_founds_no_island(ground, other_ground):
+    """Its own matches must not count as what was to be expected around it."""
+    alike = textured_ground(400, 9)[:200, :200]
+    one = photograph(ground, Pose(400, 400), SMALL_CAMERA).copy()
+    other = photograph(other_ground, Pose(500, 500), SMALL_CAMERA).copy()
+    one[60:260, 100:300] = other[90:290, 160:360] = alike
+    mosaic = Mosaic()
+    mosaic.add(one, "one")
+    assert isinstance(mosaic.add(other, "other"), Waiting)
 
 
 @pytest.mark.parametrize("grey", [0, 128, 255])
@@ -120,6 +127,21 @@ def test_a_founder_that_nothing_joined_comes_home(ground):
     assert map_error(mosaic.placements(), truth) < 2
 
 
+def test_a_founder_is_compared_once_with_each_new_frame(ground, other_ground, monkeypatch):
+    register, asked = Search.register, []
+
+    def noting(search, frame, other):
+        asked.append({frame, other})
+        return register(search, frame, other)
+
+    mosaic = Mosaic()
+    fly(mosaic, other_ground, [Pose(500, 500)])
+    monkeypatch.setattr(Search, "register", noting)
+    fly(mosaic, ground, line(400, 500, 4), first=1)
+    assert mosaic.frame_counts() == {0: 1, 1: 4}
+    assert asked.count({0, 4}) == 1
+
+
 def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, monkeypatch):
     """Frames that wait compete for the two tries beside a new frame; whoever loses always is asked at the end."""
     monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)
@@ -143,3 +165,94 @@ def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypa
     assert mosaic.frame_counts() == {0: len(truth)}
     assert map_error(mosaic.placements(), truth) < 2
     assert not mosaic.connect_some()
+
+
+def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(ground, monkeypatch):
+    """Frames that lie awry agree with nothing; when their island has been adjusted they may."""
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    mosaic, asked, register = Mosaic(), [], Search.register
+    truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
+    fly(mosaic, ground, truth)
+
+    def noting(search, frame, other):
+        asked.append({frame, other})
+        return register(search, frame, other)
+
+    monkeypatch.setattr(Search, "register", noting)
+    with monkeypatch.context() as patch:
+        patch.setattr(Bridges, "_agree", lambda *_: False)
+        while mosaic.connect_some():
+            pass
+    first, network = len(asked), mosaic._network
+    mosaic.add(photograph(ground, Pose(1800, 1800), SMALL_CAMERA), "far")
+    asked.clear()
+    while mosaic.connect_some():
+        pass
+    assert len(asked) < first
+    assert len(mosaic.frame_counts()) == 2
+    for frame in network.placed().tolist():
+        pose = network.pose_of(frame)
+        network.put(frame, replace(pose, x=pose.x + 1), network.island_of(frame))
+    mosaic.add(photograph(ground, Pose(600, 2100), SMALL_CAMERA), "farther")
+    while mosaic.connect_some():
+        mosaic.adjust()
+    assert mosaic.frame_counts() == {0: len(truth)}
+
+
+def test_two_frames_that_raise_keep_no_others_from_being_compared(ground, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    mosaic, compare, asked = Mosaic(), Assembly._compare, []
+
+    def failing(assembly, frame, other):
+        asked.append({frame, other})
+        compare(assembly, frame, other)
+        if {frame, other} == asked[0]:
+            raise MemoryError
+
+    monkeypatch.setattr(Assembly, "_compare", failing)
+    truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
+    fly(mosaic, ground, truth)
+    with pytest.raises(MemoryError):
+        mosaic.connect_some()
+    for _ in range(len(truth)):
+        if not mosaic.connect_some():
+            break
+    assert not mosaic.connect_some()
+    assert asked.count(asked[0]) == 1
+    assert mosaic.frame_counts() == {0: len(truth)}
+
+
+def test_a_waiting_frame_that_raises_keeps_no_other_from_its_place(ground, monkeypatch):
+    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)
+    mosaic = Mosaic()
+    fly(mosaic, ground, [Pose(300, 600), Pose(1260, 600), Pose(780, 830), *line(430, 600, 6)])
+    assert [w.name for w in mosaic.waiting()] == ["001", "002"]
+    placed_waiting, tried = Assembly._placed_waiting, []
+
+    def failing(assembly, frame, among):
+        yield from placed_waiting(assembly, frame, among)
+        if frame == 2:
+            tried.append(frame)
+            raise MemoryError
+
+    monkeypatch.setattr(Assembly, "_placed_waiting", failing)
+    with pytest.raises(MemoryError):
+        mosaic.retry_waiting()
+    assert [w.name for w in mosaic.waiting()] == ["002"]
+    assert len(tried) <= 2
+    monkeypatch.undo()
+    mosaic.retry_waiting()
+    assert len(mosaic.placements()) == 9
+
+
+def test_a_frame_that_comes_to_wait_is_compared_in_the_next_pause(ground, monkeypatch):
+    mosaic = Mosaic()
+    fly(mosaic, ground, line(400, 500, 3))
+    while mosaic.connect_some():
+        pass
+    with monkeypatch.context() as patch:
+        patch.setattr(Search, "first_links", lambda *_: iter(()))
+        assert isinstance(mosaic.add(photograph(ground, Pose(790, 500), SMALL_CAMERA), "late"), Waiting)
+    while mosaic.connect_some():
+        pass
+    assert mosaic.waiting() == []

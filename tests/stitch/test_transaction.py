@@ -3,6 +3,7 @@
 import threading
 from array import array
 from collections import Counter, OrderedDict, deque
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from whole_state import digest
 
 from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.stitch.matching.retrieval import LEARN_AT, PER_FRAME, RetrievalIndex
-from gcs_mosaic.stitch.transaction import Kept, attempt, transaction
+from gcs_mosaic.stitch.transaction import EachWhole, Kept, attempt, transaction
 
 
 class Leaf(Kept):
@@ -149,6 +150,59 @@ def test_several_parts_are_put_back_together():
     assert (told(one), told(other)) == before
 
 
+class Stubborn(Kept):
+    """Cannot be put back."""
+
+    def restore(self, before):
+        raise MemoryError("stubborn")
+
+
+def test_what_cannot_be_put_back_keeps_nothing_else_from_it():
+    first, last = Branch(), Branch()
+    before = told(last)
+    first.leaf = Stubborn()  # the first of its attributes
+    first.leaf.count, first.leaf.names = 0, []
+    with pytest.raises(MemoryError, match="stubborn") as raised:
+        changed_and_failed(KeyError(), first, last)
+    assert isinstance(raised.value.__context__, KeyError)
+    assert (first.label, first.by_key, told(last)) == (None, {"one": 1}, before)
+
+
+def each_tried(branch, returned, *steps):
+    with EachWhole(branch, otherwise="it failed") as each:
+        for step in steps:
+            returned.append(each.tried(partial(step, branch)))
+
+
+def failing(error, branch):
+    change(branch)
+    raise error
+
+
+def test_of_several_steps_each_is_done_or_undone_and_the_first_error_is_raised():
+    branch, returned = Branch(), []
+    with pytest.raises(KeyError):
+        each_tried(branch, returned, partial(failing, KeyError()), partial(failing, ValueError()), change, told)
+    assert returned == [None, None, None, told(branch)]
+    assert (branch.leaf.names, branch.label) == (["a", "b"], "changed")
+
+
+def test_a_step_that_cannot_even_begin_keeps_no_other_from_it(monkeypatch):
+    snapshot, refused = Branch.snapshot, []
+
+    def refusing_once(branch):
+        if not refused:
+            refused.append(branch)
+            raise MemoryError
+        return snapshot(branch)
+
+    monkeypatch.setattr(Branch, "snapshot", refusing_once)
+    branch, returned = Branch(), []
+    with pytest.raises(MemoryError):
+        each_tried(branch, returned, told, told)
+    assert returned == [None, told(branch)]
+
+
 class Mutable:
     pass
 
@@ -201,6 +255,31 @@ def test_an_index_forgets_what_was_added_even_where_its_vocabulary_was_learnt_me
     asked = some_features(known)
     assert index.likeliest(asked, among, 3) == undisturbed.likeliest(asked, among, 3)
     assert index.likeliest(asked, among, 1) == [known]
+
+
+def test_an_index_goes_back_while_something_looks_into_it():
+    """As the traceback of whatever made it go back may do."""
+    index, undisturbed = RetrievalIndex(), RetrievalIndex()
+    for one in (index, undisturbed):
+        one.add(some_features(0))
+    with attempt(index):
+        index.add(some_features(1))
+        looking = np.frombuffer(index._rows[0], np.int64)
+    assert len(looking) == 2 * PER_FRAME
+    assert digest(index) == digest(undisturbed)
+
+
+def test_an_index_grows_after_a_query_that_raised_and_is_remembered():
+    index = RetrievalIndex()
+    index.add(some_features(0))
+    index.add(some_features(1))
+    index._count = 1  # so that the words name a frame that there is not
+    with pytest.raises(IndexError) as remembered:
+        index.likeliest(some_features(0), np.arange(1), 1)
+    index._count = 2
+    index.add(some_features(2))
+    assert index.likeliest(some_features(2), np.arange(3), 1) == [2]
+    assert remembered.value.__traceback__ is not None
 
 
 def test_an_index_goes_back_step_by_step():

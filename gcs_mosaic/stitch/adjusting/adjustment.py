@@ -69,13 +69,28 @@ def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
 
 
 def _converged(state: _State, settings: AdjustmentSettings) -> _State:
+    """Where no step lowers the cost any more.
+
+    A step that would take a lens beyond what is believable was worked out for that lens: with the one that it gets instead
+    it leads nowhere, and the poses would stay where they were. So these go on alone.
+    """
+    state = _descended(state, settings)
+    if not state.stopped_lens:
+        return state
+    held = _evaluate(replace(state.problem, lens_free=False), settings, state.whitenings)
+    held = _descended(replace(held, steps=state.steps), settings)
+    found = _evaluate(replace(held.problem, lens_free=True), settings, state.whitenings)
+    return replace(found, steps=held.steps)
+
+
+def _descended(state: _State, settings: AdjustmentSettings) -> _State:
     damping, most, fall = 1e-4, state.steps + settings.steps, math.inf
     while state.steps < most and fall >= settings.step_tolerance:
-        candidate, damping = _descend(state, settings, damping)
-        if candidate is None:
+        before = state
+        state, damping = _descend(before, settings, damping)
+        if state.steps == before.steps:
             break
-        fall = (state.cost - candidate.cost) / max(state.cost, 1e-12)
-        state = replace(candidate, steps=state.steps + 1)
+        fall = (before.cost - state.cost) / max(before.cost, 1e-12)
     return state
 
 
@@ -120,26 +135,37 @@ class _State:
     gradient: Array
     residuals_px: Array
     steps: int = 0  # that led here
+    stopped_lens: bool = (
+        False  # whether the last of them, or those tried in vain from here, led beyond what is believable
+    )
 
 
-def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State | None, float]:
-    """One accepted step and the damping for the next, or None where no step lowers the cost any more."""
+def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State, float]:
+    """The state after one accepted step, or as it was where no step lowers the cost any more, and the damping for the next."""
+    stopped = False
     for _ in range(6):
         step = solve(state.normal, state.gradient, damping)
-        candidate = _evaluate(_stepped(state.problem, step), settings, state.whitenings)
+        problem = _stepped(state.problem, step)
+        stopped |= not np.array_equal(problem.lenses, _lenses_after(state.problem, step))
+        candidate = _evaluate(problem, settings, state.whitenings)
         if candidate.cost < state.cost:
-            return candidate, max(damping / 5, 1e-9)
+            return replace(candidate, steps=state.steps + 1, stopped_lens=stopped), max(damping / 5, 1e-9)
         damping *= 8
-    return None, damping
+    return replace(state, stopped_lens=stopped), damping
 
 
 def _stepped(problem: Problem, step: Array) -> Problem:
     _, pose_unknowns = unknowns(problem)
-    poses, lenses = problem.poses.copy(), problem.lenses.copy()
+    poses, lenses = problem.poses.copy(), _lenses_after(problem, step)
     poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
-    if problem.lens_free:
-        lenses = believable(lenses + step[pose_unknowns:].reshape(-1, LENS_TERMS))
-    return replace(problem, poses=poses, lenses=lenses)
+    return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
+
+
+def _lenses_after(problem: Problem, step: Array) -> Array:
+    """The lenses (c, 5) that a step leads to, whether cameras can have them or not."""
+    if not problem.lens_free:
+        return problem.lenses
+    return problem.lenses + step[unknowns(problem)[1] :].reshape(-1, LENS_TERMS)
 
 
 def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array]) -> _State:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -17,10 +18,12 @@ from gcs_mosaic.stitch.observer import Observer
 from gcs_mosaic.stitch.placement import placement_of
 from gcs_mosaic.stitch.placing import Placing
 from gcs_mosaic.stitch.search import Search
-from gcs_mosaic.stitch.transaction import attempt
+from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
 WAITING_TRIES = 2  # waiting frames, or founders that nothing has joined, that a newly placed one is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
+
+Pair = tuple[int, int]
 
 
 class Assembly:
@@ -54,32 +57,51 @@ class Assembly:
         return bool(placed)
 
     def retry_waiting(self) -> None:
-        """Try every frame that waits once more, and again as long as any finds its place."""
+        """Try every frame that waits once more, and again as long as any finds its place.
+
+        One that raises counts as tried, and keeps no other from it; the first error is raised at the end.
+        """
         self._network.waiting.forget_comparisons()
-        while any(self._retry(frame) for frame in self._network.waiting):
-            pass
+        with EachWhole(self._network, self._upkeep, otherwise="a frame that waits was not tried again") as each:
+            while any(self._retry(frame, each) for frame in self._network.waiting):
+                pass
 
     def connect_some(self, frames: int) -> bool:
         """In a pause: compare so many frames with those that look most like them and are not connected with them.
 
-        False if there is nothing left to compare: every frame has been, since something new was known last.
+        False if there is nothing left to compare: every frame has been, since something new was known last. Two frames that
+        raise count as compared, and keep no others from it; the first error is raised at the end.
         """
         network = self._network
         if not network.frames_to_ask and network.asked_when != self._what_is_known():
-            network.frames_to_ask, network.asked_when = self._apart_from_most(), self._what_is_known()
+            network.asked_when = self._what_is_known()
+            network.frames_to_ask = self._apart_from_most()
         asked, network.frames_to_ask = network.frames_to_ask[:frames], network.frames_to_ask[frames:]
-        for frame in asked:
-            for other in self._search.likeliest(frame, self._apart_from(frame), self._bridges.tries_in_a_pause):
-                pair = min(frame, other), max(frame, other)
-                if pair not in network.compared and other in self._apart_from(frame):
-                    network.compared.add(pair)
-                    self._compare(frame, other)
+        with EachWhole(network, self._upkeep, otherwise="frames that may be connected were not compared") as each:
+            for frame in asked:
+                self._compare_with_likeliest(frame, each)
         return bool(network.frames_to_ask) or network.asked_when != self._what_is_known()
 
-    def _what_is_known(self) -> tuple[int, int]:
-        """Changes whenever a frame is placed or islands are joined."""
-        placed = int(np.count_nonzero(self._network.islands != NOWHERE))
-        return placed, sum(into is not None for into in self._network.merged_into)
+    def _compare_with_likeliest(self, frame: int, each: EachWhole) -> None:
+        count = self._bridges.tries_in_a_pause
+        for other in each.tried(lambda: self._search.likeliest(frame, self._apart_from(frame), count)) or []:
+            if self._is_worth_comparing(frame, other) and other in self._apart_from(frame):
+                self._network.compared[_pair(frame, other)] = None
+                self._place_and_use(partial(self._compare, frame, other), each)
+
+    def _is_worth_comparing(self, frame: int, other: int) -> bool:
+        """Whether they were never compared, or have much in common and lie elsewhere than when that led to nothing."""
+        pair, compared = _pair(frame, other), self._network.compared
+        return pair not in compared or compared[pair] not in (None, self._poses(pair))
+
+    def _poses(self, pair: Pair) -> tuple[Pose | None, Pose | None]:
+        return self._network.frames[pair[0]].pose, self._network.frames[pair[1]].pose
+
+    def _what_is_known(self) -> tuple[int, int, int]:
+        """Changes whenever a frame comes or is placed, or islands are joined."""
+        network = self._network
+        placed = int(np.count_nonzero(network.islands != NOWHERE))
+        return len(network.frames), placed, sum(into is not None for into in network.merged_into)
 
     def _apart_from_most(self) -> list[int]:
         """Frames that wait, and those of all islands but the largest, the smallest first."""
@@ -95,17 +117,40 @@ class Assembly:
         placed = network.placed() if network.islands[frame] == NOWHERE else network.elsewhere(network.island_of(frame))
         return [*placed.tolist(), *(other for other in network.waiting if other != frame)]
 
-    def _compare(self, frame: int, other: int) -> None:
-        """Two frames that may show one ground: join their islands, place the one that waits, or found an island with both."""
-        network = self._network
-        islands = network.islands[[frame, other]]
-        if (islands == NOWHERE).all():
-            self._use_what_is_new(self._founded_together(frame, other))
-        elif (islands == NOWHERE).any():
-            waiting, placed = (frame, other) if islands[0] == NOWHERE else (other, frame)
-            self._use_what_is_new(list(self._placed_waiting(waiting, [placed])))
-        elif islands[0] != islands[1] and not self._came_home(frame, other):
-            self._joined_by(frame, other)
+    def _compare(self, frame: int, other: int) -> list[int]:
+        """Two frames that may show one ground. Returns those that waited and are placed now."""
+        first, second = sorted((frame, other), key=self._company)
+        registration = self._search.register(first, second)
+        if registration is None:
+            return []
+        placed, pair = self._connect(first, second, registration), _pair(frame, other)
+        self._network.compared[pair] = self._poses(pair)
+        return placed
+
+    def _company(self, frame: int) -> int:
+        """0 for a frame that waits, 1 for one alone on its island, 2 for all others."""
+        island = self._network.islands[frame]
+        return 0 if island == NOWHERE else min(self._network.count_members(island), 2)
+
+    def _connect(self, first: int, second: int, registration: Registration) -> list[int]:
+        """Join the islands of two frames that were registered, place the one that waits, or found an island with both.
+
+        The first is in no larger company than the second. Returns those that waited and are placed now.
+        """
+        if self._company(second) == 0:
+            return self._founded_together(first, second, registration)
+        if self._company(first) == 0:
+            return [first] if self._place_waiting(first, second, registration) else []
+        if self._company(first) > 1 or not self._came_home(first, second, registration):
+            self._joined_by(first, second, registration)
+        return []
+
+    def _place_and_use(self, place: Callable[[], list[int]], each: EachWhole) -> bool:
+        """Whether this places any frames. What then raises with those that they give their place leaves them where they are."""
+        placed = each.tried(place)
+        if placed:
+            each.tried(partial(self._use_what_is_new, placed))
+        return bool(placed)
 
     # A frame finds its place
 
@@ -146,15 +191,13 @@ class Assembly:
     def _found_with_waiting(self, frame: int) -> list[int]:
         """Two frames that match nothing but each other found an island."""
         for other in self._search.likeliest(frame, list(self._network.waiting)):
-            if founded := self._founded_together(frame, other):
+            registration = self._search.register(frame, other)
+            if registration is not None and (founded := self._founded_together(frame, other, registration)):
                 return founded
         return []
 
-    def _founded_together(self, frame: int, other: int) -> list[int]:
+    def _founded_together(self, frame: int, other: int, registration: Registration) -> list[int]:
         """Both frames, if they can be placed beside each other on an island of their own; none of them lies anywhere yet."""
-        registration = self._search.register(frame, other)
-        if registration is None:
-            return []
         with attempt(self._network, self._upkeep) as trial:
             self._found_island(other)
             if self._place_beside(frame, other, registration):
@@ -186,22 +229,26 @@ class Assembly:
                 other, self._search.likeliest(other, self._still_placed(new), WAITING_TRIES)
             )
 
-    def _retry(self, frame: int) -> bool:
+    def _retry(self, frame: int, each: EachWhole) -> bool:
         if frame not in self._network.waiting:  # it has found its place by another's
             return False
         new = self._still_placed(self._network.waiting.take_new(frame))
-        placed = list(self._placed_waiting(frame, self._search.likeliest(frame, new)))
-        self._use_what_is_new(placed)
-        return bool(placed)
+        return self._place_and_use(lambda: list(self._placed_waiting(frame, self._search.likeliest(frame, new))), each)
 
     def _placed_waiting(self, frame: int, among: Iterable[int]) -> Iterator[int]:
         """A frame that waits, if it can be placed beside one of these placed ones."""
         for other in among:
             registration = self._search.register(frame, other)
-            if registration is not None and self._place_beside(frame, other, registration):
-                self._network.waiting.remove(frame)
+            if registration is not None and self._place_waiting(frame, other, registration):
                 yield frame
                 return
+
+    def _place_waiting(self, frame: int, other: int, registration: Registration) -> bool:
+        """Place a frame that waits beside a placed one, unless the result is not to be believed."""
+        placed = self._place_beside(frame, other, registration)
+        if placed:
+            self._network.waiting.remove(frame)
+        return placed
 
     def _still_placed(self, frames: list[int]) -> list[int]:
         return [frame for frame in frames if self._network.frames[frame].pose is not None]
@@ -211,16 +258,15 @@ class Assembly:
     def _connect_islands(self, frame: int) -> None:
         """Look for this frame's ground on other islands; join two when the evidence suffices."""
         here = self._network.island_of(frame)
-        if self._network.count_members(here) > 1:
-            self._bring_home_lone_founders(frame, here)
+        compared = self._bring_home_lone_founders(frame, here) if self._network.count_members(here) > 1 else {}
         for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
-            if self._joined_by(frame, other):
+            registration = compared[other] if other in compared else self._search.register(frame, other)
+            if registration is not None and self._joined_by(frame, other, registration):
                 return
 
-    def _joined_by(self, frame: int, other: int) -> bool:
+    def _joined_by(self, frame: int, other: int, registration: Registration) -> bool:
         """Whether two frames of different islands show that these are one; then they are from now on."""
-        registration = self._search.register(frame, other)
-        proof = self._bridges.add(Bridge(frame, other, registration)) if registration else []
+        proof = self._bridges.add(Bridge(frame, other, registration))
         if not proof:
             return False
         stays, goes = self._bridges.join(proof)
@@ -229,24 +275,25 @@ class Assembly:
         self._network.waiting.forget_comparisons()
         return True
 
-    def _bring_home_lone_founders(self, frame: int, here: int) -> None:
-        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame."""
-        network = self._network
+    def _bring_home_lone_founders(self, frame: int, here: int) -> dict[int, Registration | None]:
+        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame.
+
+        Returns what came of comparing the frame with each of those tried.
+        """
+        network, compared = self._network, dict[int, Registration | None]()
         alone = [island for island, count in network.frame_counts().items() if count == 1 and island != here]
         founders = [f for island in alone for f in network.members(island).tolist()]
         for founder in self._search.likeliest(frame, founders, WAITING_TRIES):
-            self._came_home(founder, frame)
+            registration = self._search.register(founder, frame)
+            compared[founder] = registration and registration.turned()
+            if registration is not None:
+                self._came_home(founder, frame, registration)
+        return compared
 
-    def _came_home(self, one: int, other: int) -> bool:
-        """Whether one of two frames was alone on its island, and is placed beside the other one now."""
+    def _came_home(self, founder: int, frame: int, registration: Registration) -> bool:
+        """Whether a frame that is alone on its island can be placed beside one of another; then it is."""
         network = self._network
-        founder, frame = sorted((one, other), key=lambda f: network.count_members(network.island_of(f)))
         lone, here = network.island_of(founder), network.island_of(frame)
-        if network.count_members(lone) > 1:
-            return False
-        registration = self._search.register(founder, frame)
-        if registration is None:
-            return False
         with attempt(network, self._upkeep) as trial:
             network.take_back(founder)
             if self._place_beside(founder, frame, registration):
@@ -254,3 +301,8 @@ class Assembly:
                 self._upkeep.forget(lone)
                 trial.keep()
         return trial.kept
+
+
+def _pair(frame: int, other: int) -> Pair:
+    """Two frames, whichever is named first."""
+    return min(frame, other), max(frame, other)

@@ -67,9 +67,7 @@ class WorkerProcess:
         self._found: AdjustedIsland | Failed | None = None  # of the task begun last
 
     def begin(self, task: IslandTask) -> None:
-        if (
-            self._is_at_work
-        ):  # at something that is wanted no more, and what it would answer is not to be taken for this
+        if self._is_at_work:  # at something that is wanted no more: its answer is not to be taken for that to this task
             self.close()
         self._is_at_work, self._found = True, None
         # From a thread: a process that has just been started takes a second before it reads, and a large task fills the pipe.

@@ -12,8 +12,8 @@ from gcs_mosaic.stitch.geometry import lens_reach
 
 Array = NDArray[np.float64]
 
-# Half-diagonals. A fisheye of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.
-SHORTEST_FOCAL, LONGEST_FOCAL = 0.5, 6.0
+# Half-diagonals. A fisheye of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.24.
+SHORTEST_FOCAL, LONGEST_FOCAL = 0.5, 6.5
 # Shift of a corner by the two radial terms, in parts of its radius. Wide action cameras shrink theirs by a third and more;
 # lenses that push them outward by more than a twentieth are not made.
 MOST_BARREL, MOST_PINCUSHION = 0.45, 0.05

@@ -229,11 +229,13 @@ def _problem(
 def _lens_prior(network: Network, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
     """What is expected of a camera on an island, and its standard deviation, (2, 5).
 
-    Smaller islands learn of the largest, never the other way round, so that nothing is told to whom it came from.
+    Islands with fewer of its frames learn of the one with most, never the other way round, so that nothing is told to whom
+    it came from.
     """
     mean, sigma = any_lens(settings)
     teacher = network.best_known_lens(number)
-    if teacher is None or teacher == island or network.count_members(teacher) <= network.count_members(island):
+    shown = network.count_with_camera(island, number)
+    if teacher is None or teacher == island or network.count_with_camera(teacher, number) <= shown:
         return np.stack([mean, sigma])
     lens = network.lenses[teacher, number]
     assert lens.information is not None, "the best known lens was estimated"

@@ -9,7 +9,6 @@ whatever is undone here; so it only works out a function of its task, and is giv
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -18,9 +17,7 @@ from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.adjusting.background import Failed, Worker
 from gcs_mosaic.stitch.adjusting.solving import IslandTask, adjust_island, island_task, take_in
 from gcs_mosaic.stitch.network import Network
-from gcs_mosaic.stitch.transaction import Kept, transaction
-
-logger = logging.getLogger(__name__)
+from gcs_mosaic.stitch.transaction import EachWhole, Kept
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,9 +65,9 @@ class Upkeep(Kept):
         """An island has gained frames."""
         self._grown[island] = self._grown.get(island, 0) + frames
 
-    def forget(self, island: int) -> int:
-        """An island is no more; returns the frames that it had gained."""
-        return self._grown.pop(island, 0)
+    def forget(self, island: int) -> None:
+        """An island is no more."""
+        self._grown.pop(island, None)
 
     def after_frame(self) -> None:
         """A frame has been placed, or not: take in what is due, adjust what has grown enough.
@@ -97,16 +94,9 @@ class Upkeep(Kept):
 
     def _each(self, steps: Iterable[Callable[[], None]]) -> None:
         """Each step as a whole or not at all. One that raises keeps no other from being tried; the first error is raised."""
-        errors: list[Exception] = []
-        for step in steps:
-            try:
-                with transaction(self._network, self):
-                    step()
-            except Exception as error:
-                logger.warning("an island was not adjusted", exc_info=True)
-                errors.append(error)
-        if errors:
-            raise errors[0]
+        with EachWhole(self._network, self, otherwise="an island was not adjusted") as each:
+            for step in steps:
+                each.tried(step)
 
     def _due(self) -> list[int]:
         sizes = {island: self._network.count_members(island) for island in self._grown}

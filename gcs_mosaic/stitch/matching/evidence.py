@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 SAMPLE = 4  # matches that fix a homography
 PER_CELL = 12  # features expected in a cell of the overlap: enough that a true overlap confirms most cells
-COMPARABLE = 3  # features of either frame below which a cell says nothing
+LEAST_IN_CELL = 3  # features of either frame below which a cell says nothing
 
 
 def log_evidence(matches: int, inliers: int, chance: float) -> float:
@@ -86,7 +86,7 @@ def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirme
     count, and are confirmed by at least one match that agrees.
     """
     fewer = min(len(features_a), len(features_b))
-    if fewer < COMPARABLE:
+    if fewer < LEAST_IN_CELL:
         return Confirmed(1.0, 0)
     hull = cv2.contourArea(cv2.convexHull(features_a.astype(np.float32)))
     side = math.sqrt(max(hull, 1.0) * PER_CELL / fewer)
@@ -94,5 +94,5 @@ def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirme
     cells, cell = np.unique((both // side).astype(np.int64), axis=0, return_inverse=True)
     ends = np.cumsum([len(features_a), len(features_b)])
     of_a, of_b, matched = (np.bincount(part, minlength=len(cells)) for part in np.split(cell.ravel(), ends))
-    counts = np.minimum(of_a, of_b) >= COMPARABLE
+    counts = np.minimum(of_a, of_b) >= LEAST_IN_CELL
     return Confirmed(float((matched[counts] > 0).mean()) if counts.any() else 1.0, int(counts.sum()))

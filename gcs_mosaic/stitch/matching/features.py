@@ -46,7 +46,8 @@ class Features:
 
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, 127 long; `scale`: full-resolution pixels per pixel of the picture in which they were found.
-    `faint`: of a faint picture, what they were found in, until what stands still has been taken out of it.
+    `faint`: of a faint picture, what all but the first `ordinary` of them were found in, until what stands still has been taken
+    out of it. `dead`: the border, in full-resolution pixels, that they do not look at.
     """
 
     points: NDArray[np.float32]
@@ -55,6 +56,8 @@ class Features:
     height: int
     scale: float
     faint: Faint | None = None
+    ordinary: int = 0
+    dead: DeadBorder = NO_BORDER
     sharpness: float = 0.0  # see `sharpness`; 0 where nobody has looked
 
     def __len__(self) -> int:
@@ -65,8 +68,9 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     """Features of an image (h, w[, bands]) uint8 or uint16, which may be a frame that was reduced by a whole factor.
 
     A picture with enough features is taken as it is. One with fewer SIFT features than `faint_below`, or with less than it may
-    have of which most is noise, is faint: it keeps what was found when its contrast was evened out. (The other detectors'
-    thresholds are not of contrast, and their descriptors do not bear the change.)
+    have of which most is noise, is faint: besides, it has what was found when its contrast was evened out, so that it matches
+    both faint frames and such as are a little less so. (The other detectors' thresholds are not of contrast, and their
+    descriptors do not bear the change.)
     """
     height, width = image.shape[0] * reduction, image.shape[1] * reduction
     counts = _reduced(image, settings.megapixels, settings.band)
@@ -78,14 +82,23 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     if settings.kind != "sift" or len(features) >= least:
         return features
     faint = faint_picture(_mean_of(counts))
-    return replace(faint_features(faint, features, settings), faint=faint)
+    both = joined(features, faint_features(faint, features, settings))
+    return replace(both, faint=faint, ordinary=len(features))
 
 
 def faint_features(standing_out: NDArray[Any], frame: Features, settings: FeatureSettings) -> Features:
     """Features of a frame whose faint picture, freed of what stands still or not, is `standing_out` (h, w)."""
     found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, frame.width, frame.height, frame.scale)
-    return replace(features, sharpness=frame.sharpness)
+    return without_border(replace(features, sharpness=frame.sharpness), frame.dead)
+
+
+def joined(one: Features, other: Features) -> Features:
+    """All features of one frame that were found in two ways; all else is of the first."""
+    points, descriptors = (
+        np.concatenate([getattr(f, part) for f in (one, other)]) for part in ("points", "descriptors")
+    )
+    return replace(one, points=points, descriptors=descriptors)
 
 
 def without_border(features: Features, dead: DeadBorder) -> Features:
@@ -93,7 +106,9 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
     if dead == NO_BORDER:
         return features
     kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
-    return replace(features, points=features.points[kept], descriptors=features.descriptors[kept])
+    ordinary = int(kept[: features.ordinary].sum())
+    points, descriptors = features.points[kept], features.descriptors[kept]
+    return replace(features, points=points, descriptors=descriptors, ordinary=ordinary, dead=dead)
 
 
 def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> NDArray[np.uint8]:

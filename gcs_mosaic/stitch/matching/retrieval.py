@@ -47,9 +47,9 @@ class RetrievalIndex(Kept):
         return {**super().snapshot(), "_descriptors": self._descriptors, "_rows": filed}
 
     def restore(self, before: Snapshot) -> None:
-        rows, lengths = before["_rows"]
-        for row, length in zip(rows, lengths, strict=True):
-            del row[length:]
+        """Words that have grown are copied, not cut: that raises while anything still looks into them."""
+        of_words = zip(*before["_rows"], strict=True)
+        rows = [row if len(row) == length else row[:length] for row, length in of_words]
         super().restore({**before, "_rows": rows})
 
     def add(self, features: Features) -> None:
@@ -91,7 +91,7 @@ class RetrievalIndex(Kept):
         nearest = nearest_words(to_words, self._words, PROBES)
         nearness = np.repeat(np.take_along_axis(to_words, nearest[:, :1], axis=1), len(among), axis=1)
         for word in np.unique(nearest):
-            rows = np.frombuffer(self._rows[word], np.int64)
+            rows = np.array(self._rows[word])  # a copy: what is looked into cannot grow, and tracebacks keep looking
             rows = rows[column[rows // PER_FRAME] >= 0]
             if not len(rows):
                 continue

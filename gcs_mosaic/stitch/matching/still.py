@@ -8,12 +8,13 @@ counted before: over an aircraft that hovers the mean would be the ground.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.matching.faint import PER_DEVIATION, Faint, blurred_faint
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, faint_features
+from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, faint_features, joined
 from gcs_mosaic.stitch.transaction import Kept
 
 Floats = NDArray[np.float32]
@@ -26,6 +27,7 @@ MOST_OF_A_PIXEL = 2.0
 # Correlation of two frames above which their ground is taken for the same: over cold fields 0.6 and less between nine of ten
 # consecutive frames, 0.97 where the aircraft stood still; 0.95 when hovering over ground a third as strong as the noise.
 SAME_GROUND = 0.85
+MOST_PATTERN = 0.25  # of a picture's energy; the mean of six different grounds alone takes a sixth
 
 
 class StillPattern(Kept):
@@ -43,8 +45,12 @@ class StillPattern(Kept):
         kind = features.width, features.height
         self._learn(kind, features.faint)
         if self._counts[kind] < LEAST_FRAMES:
-            return replace(features, faint=None)
-        return faint_features(_freed(features.faint, self._patterns[kind]), features, settings)
+            return replace(features, faint=None, ordinary=0)
+        freed = _freed(features.faint, self._patterns[kind])
+        found = faint_features(freed, features, settings)
+        if _energy(freed) < (1 - MOST_PATTERN) * _energy(features.faint):
+            return found  # what was found in the picture as it is may be of the pattern
+        return joined(_ordinary(features), found)
 
     def _learn(self, kind: Kind, faint: Faint) -> None:
         blurred = blurred_faint(faint)
@@ -65,6 +71,18 @@ def _freed(faint: Faint, pattern: Floats) -> Floats:
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))
     return np.asarray(levels - np.float32(max(share, 0.0)) * pattern, dtype=np.float32)
+
+
+def _ordinary(features: Features) -> Features:
+    """What was found in the picture as it is."""
+    first = slice(features.ordinary)
+    return replace(
+        features, points=features.points[first], descriptors=features.descriptors[first], faint=None, ordinary=0
+    )
+
+
+def _energy(levels: NDArray[Any]) -> float:
+    return float(np.square(levels.astype(np.float32)).sum())
 
 
 def _correlation(a: Floats, b: Floats) -> float:

@@ -39,7 +39,7 @@ def confirmed_around(
     camera = network.camera_on(island, network.frames[frame].camera)
     agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
     full = _full_cells(network, frame, camera)
-    expected = full & _matched_before_by_any(network, pose, camera, others)
+    expected = full & _matched_before_by_any(network, frame, pose, camera, others)
     if expected.sum() < ENOUGH_CELLS:
         expected = full & _seen_by_any(network, pose, camera, others)
     return Confirmed(float(agreeing[expected].mean()) if expected.any() else 1.0, int(expected.sum()))
@@ -48,12 +48,14 @@ def confirmed_around(
 ENOUGH_CELLS = 6
 
 
-def _matched_before_by_any(network: Network, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
-    """Cells (ROWS * COLUMNS,) that show what the others have been matched by, as sharply as they do."""
+def _matched_before_by_any(
+    network: Network, frame: int, pose: Pose, camera: Camera, others: Sequence[int]
+) -> NDArray[np.bool_]:
+    """Cells (ROWS * COLUMNS,) that show what the others have been matched by, but for this frame, as sharply as they do."""
     counts = np.zeros(ROWS * COLUMNS, np.intp)
     for other in others:
         view = network.pose_of(other), network.camera_of(other)
-        pixels = network.frames[other].features.points[network.matched_before(other)].astype(np.float64)
+        pixels = network.frames[other].features.points[network.matched_before(other, but=frame)].astype(np.float64)
         places = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
         with np.errstate(invalid="ignore"):
             inside = ((places >= 0) & (places < [camera.width, camera.height])).all(axis=1)

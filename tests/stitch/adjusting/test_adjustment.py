@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.stitch import geometry, projection
-from gcs_mosaic.stitch.adjusting import adjustment
+from gcs_mosaic.stitch.adjusting import adjustment, lens
 from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings, adjust
 from gcs_mosaic.stitch.adjusting.problem import Problem
 from gcs_mosaic.stitch.adjusting.residuals import parts, whitenings
@@ -165,3 +165,18 @@ def test_the_gradient_is_that_of_the_cost():
     assert ahead - behind == pytest.approx(
         4 * here.gradient @ step, rel=1e-3
     )  # the cost is the sum of squares, not half
+
+
+@pytest.mark.parametrize(("bound", "value"), [("LONGEST_FOCAL", 1.2), ("MOST_BARREL", 0.01)])
+def test_poses_are_found_though_the_true_lens_is_beyond_what_is_believed(monkeypatch, bound, value):
+    """With the lens at the edge of that, no other poses would do better."""
+    monkeypatch.setattr(lens, bound, value)
+    truth, settings = flight(4, 6), AdjustmentSettings()
+    problem = replace(matches(truth, noise_px=2.0), poses=rough(truth))
+    found = adjust(problem, settings)
+    assert np.allclose(lens.believable(found.lenses), found.lenses)
+    held = replace(problem, poses=found.poses, lenses=found.lenses, lens_free=False)
+    better = replace(held, poses=adjust(held, replace(settings, steps=60, step_tolerance=1e-9)).poses)
+    costs = [adjustment._first_state(one, settings).cost for one in (held, better)]
+    assert costs[0] == pytest.approx(costs[1], rel=2e-3)
+    assert found.normal.shape[0] == 6 * len(truth) + projection.LENS_TERMS

@@ -132,19 +132,25 @@ def test_a_worker_that_has_raised_is_never_out_of_step(ground, monkeypatch, brok
     assert [p.pose for p in mosaic.placements()] == expected
 
 
-def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground):
+@pytest.mark.parametrize("detour", [False, True])
+def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground, detour):
     """All is put back as it was before the worker was given its task, and something else is asked of it."""
-    mosaic = Mosaic(SETTINGS, FakeWorker(), punctual=True)
+    worker = FakeWorker()
+    mosaic = Mosaic(SETTINGS, worker, punctual=True)
     flown(ground, mosaic, LINE[:4])
     before = mosaic.snapshot()
-    flown(ground, mosaic, LINE[4:8])
-    mosaic.restore(before)
+    if detour:
+        flown(ground, mosaic, LINE[4:8])
+        assert worker.tasks
+        mosaic.restore(before)
     again = [mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"again {i}") for i, pose in enumerate(LINE[4:])]
     assert all(isinstance(outcome, Placement) for outcome in again)
     mosaic.adjust()
-    assert mosaic.adjust_in_a_pause() in (True, False)
+    assert mosaic.adjust_in_a_pause()  # the worker is at it
+    assert len(worker.tasks[-1].members) == len(LINE)
     mosaic.adjust(everything=True)
     assert mosaic.problem is None
+    assert map_error([replace(p, name=str(k)) for k, p in enumerate(mosaic.placements())], LINE) < 2
 
 
 def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(ground, monkeypatch):

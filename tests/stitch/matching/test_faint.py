@@ -1,12 +1,16 @@
 """Faint pictures are brought out; those with enough to see stay as they are."""
 
+import cv2
 import faint_frames
 import numpy as np
 import pytest
 
+from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.matching.detectors import detect
-from gcs_mosaic.stitch.matching.features import FeatureSettings, extract, root_sift
+from gcs_mosaic.stitch.matching.features import FeatureSettings, extract, faint_features, root_sift, without_border
 from gcs_mosaic.stitch.matching.registration import Registration, RegistrationSettings, register
+
+SIZES = (2, 4, 8, 16, 32)  # px of what there is to see
 
 
 def motion(a, b):
@@ -58,3 +62,28 @@ def test_sixteen_bits_are_evened_out_before_they_are_rounded_to_eight():
 
 def test_nothing_to_see_stays_nothing():
     assert len(extract(np.full((300, 400), 90, np.uint8), FeatureSettings())) == 0
+
+
+def test_a_faint_frame_matches_one_that_is_just_not_faint():
+    ground = np.random.default_rng(1)
+    cells = [
+        cv2.resize(ground.normal(size=(1000 // c + 2,) * 2), (1000, 1000), interpolation=cv2.INTER_CUBIC) for c in SIZES
+    ]
+    levels = sum(cells) / np.std(sum(cells))
+
+    def shot(x, contrast):
+        noise = np.random.default_rng(x).normal(0, 0.3, (600, 800))
+        return np.clip(np.rint(128 + contrast * levels[300:900, x : x + 800] + noise), 0, 255).astype(np.uint8)
+
+    faint, ordinary_one = (extract(shot(*of), FeatureSettings()) for of in ((20, 2.5), (170, 3.2)))
+    assert faint.faint is not None
+    assert ordinary_one.faint is None
+    assert motion(faint, ordinary_one) == pytest.approx([-150, 0], abs=1)
+
+
+def test_a_dead_border_is_left_out_of_what_was_brought_out():
+    scene, dead = faint_frames.scene(), DeadBorder(top=60)
+    features = without_border(extract(faint_frames.frame(scene, 100, 50, 1), FeatureSettings()), dead)
+    again = faint_features(features.faint, features, FeatureSettings())
+    assert min(features.points[:, 1].min(), again.points[:, 1].min()) > 60
+    assert features.ordinary <= len(features)

@@ -1,0 +1,25 @@
+"""What is not written yet, and when the documents tell of it."""
+
+import json
+from contextlib import closing
+
+import pytest
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import DamagedFile
+from gcs_mosaic.recorder import Changes, Recorder
+from gcs_mosaic.stitch.painting.canvas import Canvas
+
+
+def test_no_changes_are_not_covered_frames():
+    assert not Changes().is_only_covered
+
+
+@pytest.mark.parametrize("damaged", [1, 2])
+def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path, damaged):
+    with closing(Recorder(tmp_path, Config())) as recorder, Canvas(lambda name: None) as canvas:
+        recorder.save(canvas, [], {})
+        for number in range(damaged):
+            recorder.accept_damaged(DamagedFile(name=f"{number}.jpg", reason="truncated"))
+        recorder.save(canvas, [], {})
+    assert json.loads((tmp_path / "mosaic.json").read_bytes())["frames"]["damaged"] == damaged

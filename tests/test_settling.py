@@ -1,0 +1,80 @@
+"""However little time there is at the end of a flight, every frame is settled and the map is adjusted."""
+
+import threading
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import pytest
+from frame_files import written
+from rich.console import Console
+from stitch_ground import SMALL_CAMERA, photograph, textured_ground
+
+from gcs_mosaic import daemon
+from gcs_mosaic.config import Config
+from gcs_mosaic.ending import Ending
+from gcs_mosaic.flight.folder import open_flight_folder
+from gcs_mosaic.pipeline import Pipeline
+from gcs_mosaic.prepare import Prepared, prepare
+from gcs_mosaic.stitch.adjusting.upkeep import UpkeepSettings
+from gcs_mosaic.stitch.geometry import Pose
+from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.web.feed import Feed
+
+SELDOM = UpkeepSettings(per_doubling=1)  # so that something is left to adjust at the end
+CONFIG = Config(scale=1, stitch=replace(Config().stitch, upkeep=SELDOM))
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory) -> list[Prepared]:
+    """Three frames that overlap, and five of five other places, which are compared with them at the end."""
+    folder, found = tmp_path_factory.mktemp("frames"), []
+    for k, (seed, x) in enumerate([(1, 300), (1, 420), (1, 540), (2, 400), (3, 400), (4, 400), (5, 400), (6, 400)]):
+        ground = cv2.cvtColor(textured_ground(900, seed), cv2.COLOR_GRAY2BGR)
+        frame = written(folder / f"{k}.png", photograph(ground, Pose(x, 400), SMALL_CAMERA))
+        found.append(prepare(frame, lambda image, reduction: extract(image, FeatureSettings(), reduction)))
+    return found
+
+
+def work_off(pipeline: Pipeline, flight: list[Prepared]) -> None:
+    for prepared in flight:
+        pipeline.accept(prepared.frame)
+        pipeline.work_off(prepared)
+        pipeline.save()
+    assert pipeline.accounts().frames.waiting == 5
+    assert pipeline.mosaic._upkeep._grown
+
+
+def assert_settled(pipeline: Pipeline) -> None:
+    assert not pipeline.mosaic._upkeep._grown
+    assert pipeline.mosaic._upkeep._task is None
+    frames = pipeline.accounts().frames
+    assert (frames.placed, frames.rejected, frames.waiting) == (3, 5, 0)
+
+
+def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, tmp_path):
+    said = []
+    with closing(Pipeline(tmp_path, CONFIG, said.append, punctual=True)) as pipeline:
+        work_off(pipeline, flight)
+        next(pipeline.settle(lambda: False))
+        pipeline.save()
+        assert_settled(pipeline)
+    assert [notice.text for notice in said if "no time to connect" in notice.text]
+
+
+@pytest.mark.parametrize("hurry", [True, False])
+def test_a_flight_that_is_ended_without_time_is_settled(flight, tmp_path, monkeypatch, hurry):
+    """Asked to end at once, or after all the time at the end went into the last frames."""
+    ending = Ending(stop=threading.Event(), hurry=threading.Event())
+    with closing(open_flight_folder(tmp_path / "out")) as folder:
+        config = replace(CONFIG, finish_s=30.0 if hurry else 0.0)
+        with closing(daemon._Daemon(config, folder, Console(quiet=True), ending, Feed())) as flown:
+            work_off(flown._pipeline, flight)
+            monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
+            ending.stop.set()
+            if hurry:
+                ending.hurry.set()
+            flown._finish()
+            assert_settled(flown._pipeline)
+            assert Path(folder.path / "mosaic.json").exists()
