@@ -10,13 +10,13 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
 from rich.console import Console
 
-from gcs_mosaic.config import Config, load_config
 from gcs_mosaic.ending import Ending
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.flight.disk import CannotWrite
@@ -25,9 +25,7 @@ from gcs_mosaic.options import (
     add_blend,
     add_method,
     add_output,
-    blended,
-    config_of,
-    flight_config,
+    listening_of,
     make_parser,
 )
 
@@ -76,8 +74,8 @@ def _flush_or_let_go() -> None:
 
 
 def fly(words: Sequence[str]) -> None:
-    """The live flight."""
-    from gcs_mosaic import daemon
+    """The live flight. The links are opened before anything large is loaded, and what comes meanwhile is kept by the system."""
+    from gcs_mosaic.listening import listen
 
     parser = make_parser("gcs-mosaic", USAGE)
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
@@ -107,12 +105,19 @@ def fly(words: Sequence[str]) -> None:
     given = parser.parse_args(words)
     ending = Ending(stop=threading.Event(), hurry=threading.Event())
     _end_on_signals(ending.stop, ending.hurry)
-    daemon.fly(flight_config(given), Console(stderr=True), ending, resume=given.resume)
+    listening = listening_of(given)
+    with ExitStack() as stack:
+        links = listen(listening, ending.stop, stack)
+        from gcs_mosaic import daemon
+        from gcs_mosaic.choices import flight_config
+
+        daemon.fly(flight_config(given, listening), links, Console(stderr=True), ending, resume=given.resume)
 
 
 def stitch(words: Sequence[str]) -> None:
     """A folder of frames."""
     from gcs_mosaic import batch
+    from gcs_mosaic.choices import blended, config_of
 
     parser = make_parser("gcs-mosaic stitch")
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
@@ -135,6 +140,7 @@ def stitch(words: Sequence[str]) -> None:
 def replay(words: Sequence[str]) -> None:
     """A recorded flight."""
     from gcs_mosaic import replay as replays
+    from gcs_mosaic.choices import config_of
 
     parser = make_parser("gcs-mosaic replay", epilog=WHEN_FRAMES_CAME)
     parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
@@ -158,6 +164,7 @@ def replay(words: Sequence[str]) -> None:
 def benchmark(words: Sequence[str]) -> None:
     """What a frame costs on this machine."""
     from gcs_mosaic import benchmark as benchmarks
+    from gcs_mosaic.config import Config, load_config
 
     parser = make_parser("gcs-mosaic benchmark")
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
@@ -171,12 +178,12 @@ def benchmark(words: Sequence[str]) -> None:
 def serve(words: Sequence[str]) -> None:
     """The page of a flight that is over, or that another program writes."""
     from gcs_mosaic.flight.folder import find_flight
-    from gcs_mosaic.web.address import HttpAddress
+    from gcs_mosaic.web.address import DEFAULT, HttpAddress
     from gcs_mosaic.web.server import WebServer
 
     parser = make_parser("gcs-mosaic serve")
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
-    parser.add_argument("--http", metavar="HOST:PORT", default=Config().http, help="where the page is served")
+    parser.add_argument("--http", metavar="HOST:PORT", default=DEFAULT, help="where the page is served")
     given = parser.parse_args(words)
     stop = threading.Event()
     _end_on_signals(stop, stop)

@@ -21,12 +21,13 @@ from gcs_mosaic.flight.records import FrameState
 from gcs_mosaic.flight.status import DaemonState, LastFrame
 from gcs_mosaic.flightlog import flight_log
 from gcs_mosaic.frames.directory import FIRST_LOOK
+from gcs_mosaic.listening import Item, Links
 from gcs_mosaic.logbook import Logbook
 from gcs_mosaic.patience import Patience
 from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
-from gcs_mosaic.sources import Inbox, Item, Links, at_first, listen, record, watching, with_stream
+from gcs_mosaic.sources import Inbox, at_first, record, watching, with_stream
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -40,15 +41,17 @@ CONNECT_SHARE = 4  # one part in so many of the time that is left at the end may
 RETRY_S = 2.0  # between attempts to write on a full disk
 
 
-def fly(config: Config, console: Console, ending: Ending, *, resume: bool = False) -> None:
-    """Run until told to stop. Raises UsageError before anything is written if it cannot start."""
+def fly(config: Config, links: Links, console: Console, ending: Ending, *, resume: bool = False) -> None:
+    """Run until told to stop. Raises UsageError before anything is written if it cannot start.
+
+    `links` are those of these settings, opened; the sources of frames are added to them.
+    """
     watched, out = Path(config.watch), Path(config.out)
     if not config.rtsp:
         refuse_watching_ourselves(watched, out)
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
-        links = listen(config, ending.stop, stack)
         if config.rtsp:
             links.sources[:] = with_stream(config.rtsp, links.sources, config, ending.stop)
         folder = open_flight_folder(out, resume=resume)

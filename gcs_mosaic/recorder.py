@@ -14,10 +14,11 @@ from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile, DroppedFrame, Frame, Notice
 from gcs_mosaic.flight.documents import finite
 from gcs_mosaic.flight.folder import LEDGER_NAME
-from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.ledger import Ledger, printable
+from gcs_mosaic.flight.listing import FrameNews
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.originals import NotKept, Originals
-from gcs_mosaic.flight.records import Accounts, Estimate, FlightRecord, FrameState
+from gcs_mosaic.flight.records import Accounts, CoveredRecord, Estimate, FlightRecord, FrameState
 from gcs_mosaic.flight.tiles import TileWriter
 from gcs_mosaic.paper import PaperCanvas
 from gcs_mosaic.stitch.islands import Island
@@ -26,10 +27,6 @@ from gcs_mosaic.stitch.painting.painted import Extent, Painted, TileKey
 from gcs_mosaic.stitch.placement import Covered, Placement
 from gcs_mosaic.stitch.tearing import HeldOut
 from gcs_mosaic.stitch.transaction import Kept
-
-# Covered frames change nothing on the map: once a flight has so many frames, the documents, which list all of them, tell of
-# two at a time, with twice as many of three, so that a film's frames cost the same however long it is.
-FRAMES_PER_COVERED = 200
 
 
 @dataclass
@@ -52,16 +49,28 @@ class Changes(Kept):
     def __bool__(self) -> bool:
         return self.is_public or any((self.sizes, self.painted))
 
+    def news(self, estimates: Sequence[Estimate], newest: str | None) -> FrameNews:
+        """What readers are told of the frames; `estimates` are those of the placements."""
+        states = self.states.items()
+        return FrameNews(
+            estimates=estimates,
+            covered=[self._record_of(covered) for covered in self.covered.values()],
+            rejected={
+                name: printable(reason or "") for name, (state, reason) in states if state is FrameState.REJECTED
+            },
+            waiting=[name for name, (state, _) in states if state is FrameState.WAITING],
+            newest=newest,
+        )
+
+    def _record_of(self, covered: Covered) -> CoveredRecord:
+        width, height = self.sizes[covered.name]
+        shift = covered.by_from_frame
+        return CoveredRecord(name=covered.name, by=covered.by, by_from_frame=shift, width=width, height=height)
+
     @property
     def is_public(self) -> bool:
         """Whether the documents tell of any of it."""
         return any((self.states, self.placements, self.tiles))
-
-    @property
-    def is_only_covered(self) -> bool:
-        """Whether there is nothing but frames that placed ones cover."""
-        known = bool(self.covered) and self.states.keys() <= self.covered.keys()
-        return known and not any((self.placements, self.painted, *self.tiles))
 
 
 class Recorder(Kept):
@@ -92,7 +101,7 @@ class Recorder(Kept):
         self._utc = utc
         self._told: Accounts | None = None  # as the documents have them: events change them without any frame
         self._islands_known = 0
-        self.in_a_pause = False  # or at the end: there is time to write everything, and nothing may come after it
+        self.in_a_pause = False  # or at the end: there is time to list every frame, and nothing may come after it
         self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
 
     @property
@@ -140,34 +149,28 @@ class Recorder(Kept):
         Whatever is raised on the way, they stay to be written by the next call.
         """
         if not self.changes and self.ledger.accounts() == self._told:
+            if self.in_a_pause:
+                self._manifest.catch_up()
             return
         self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
-        self._save_ledger(islands)
-        if not self.changes.is_public and self.ledger.accounts() == self._told:
-            self.changes = Changes()
-            return
-        if self._documents_may_wait():
-            return
-        contents = self._contents(list(self._entries(canvas, islands, frames_on, held_out())))
-        revision = self._manifest.write(contents)
-        self._told = contents.accounts
-        for changed in self.changes.tiles:
-            self._published(revision, changed)
+        estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
+        self._save_ledger(islands, estimates)
+        accounts = self.ledger.accounts()
+        if self.changes.is_public or accounts != self._told:
+            entries = list(self._entries(canvas, islands, frames_on, held_out()))
+            revision = self._manifest.write(self._contents(entries, accounts, estimates), everything=self.in_a_pause)
+            self._told = accounts
+            for changed in self.changes.tiles:
+                self._published(revision, changed)
         self.changes = Changes()
-
-    def _documents_may_wait(self) -> bool:
-        """Whether too few frames have been covered since the documents were written; they stay among the changes."""
-        if self.in_a_pause or self._told is None or not self.changes.is_only_covered:
-            return False
-        known = self._told.frames.placed + self._told.frames.covered
-        return len(self.changes.covered) < 1 + known // FRAMES_PER_COVERED
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""
+        self._manifest.close()
         self._tiles.close()
         self.ledger.close()
 
-    def _save_ledger(self, islands: Sequence[Island]) -> None:
+    def _save_ledger(self, islands: Sequence[Island], estimates: Sequence[Estimate]) -> None:
         changes = self.changes
         with self.ledger.transaction():
             for island in islands[self._islands_known :]:
@@ -179,24 +182,20 @@ class Recorder(Kept):
                 self.ledger.record_size(name, width, height)
             for name, (state, reason) in changes.states.items():
                 self.ledger.settle_frame(name, state, reason)
-            self.ledger.record_estimates(estimate_of_placement(placement) for placement in changes.placements.values())
+            self.ledger.record_estimates(estimates)
             for covered in changes.covered.values():
                 self.ledger.record_covered(covered.name, covered.by, covered.by_from_frame)
             for painted in changes.painted.values():
                 self.ledger.record_painted(painted)
         self._islands_known = len(islands)
 
-    def _contents(self, islands: list[IslandEntry]) -> Contents:
-        frames = self.ledger.frames
+    def _contents(self, islands: list[IslandEntry], accounts: Accounts, estimates: Sequence[Estimate]) -> Contents:
         return Contents(
             flight=self.flight.name,
             updated_utc=self._utc(),
             islands=islands,
-            accounts=self.ledger.accounts(),
-            estimates=self.ledger.estimates(),
-            unplaced=[*frames(FrameState.REJECTED), *frames(FrameState.WAITING)],
-            covered=self.ledger.covered(),
-            newest=self.ledger.newest_on_map(),
+            accounts=accounts,
+            frames=self.changes.news(estimates, self.ledger.newest_on_map()),
         )
 
     def _entries(

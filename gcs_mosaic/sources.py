@@ -5,84 +5,27 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-import time
-from collections.abc import Generator, Iterable, Iterator
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from gcs_mosaic.asking import Asking
 from gcs_mosaic.config import Config
-from gcs_mosaic.events import (
-    DamagedFile,
-    DroppedFrame,
-    Frame,
-    LinkReport,
-    Notice,
-    SourceReport,
-    StreamOffer,
-    TriggerEvent,
-)
+from gcs_mosaic.events import DroppedFrame, Frame, LinkReport, Notice, SourceReport
 from gcs_mosaic.flight.folder import RECORDING_NAME
 from gcs_mosaic.frames.directory import watch
 from gcs_mosaic.frames.stream.requests import Requests
 from gcs_mosaic.frames.stream.source import stream, stream_name
-from gcs_mosaic.link.address import connection_string, parse_address
-from gcs_mosaic.link.listener import VehicleChoice
 from gcs_mosaic.link.recording import Recording
-from gcs_mosaic.link.recover import Recovery
-from gcs_mosaic.link.signing import Signing, load_key
-from gcs_mosaic.link.speaker import Speaker
-from gcs_mosaic.link.triggers import triggers
-from gcs_mosaic.link.voice import Voice, check_identity
+from gcs_mosaic.listening import Item, Report, Source
 
 logger = logging.getLogger(__name__)
-
-Report = LinkReport | SourceReport
-Item = TriggerEvent | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
 
 ROOM = 10_000  # items; a full inbox makes the sources wait, and what comes over the network waits in the kernel
 PICTURES = 64  # of a live stream, in memory: 0.1 GB of 4K; from a folder they stay on the disk
 PUT_S = 0.2  # longest wait for room before looking whether to stop
 STOP_S = 5.0  # for a source to end
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """What one thread brings, and what is to be reported if it fails."""
-
-    items: Iterator[Item]
-    failed: Report
-
-
-@dataclass(frozen=True, slots=True)
-class Links:
-    """The links of a flight, opened; what records them once it is opened, and what speaks on them (nothing, as a rule)."""
-
-    sources: list[Source]
-    recording: Recording
-    speakers: list[Speaker]
-
-
-def listen(config: Config, stop: threading.Event, stack: ExitStack) -> Links:
-    """Open the links; `stack` gives them back. Raises UsageError."""
-    check_identity(config.link)
-    key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
-    choice, recovery, taken = VehicleChoice(config.link.vehicle), Recovery(), threading.Event()
-    links = Links([], Recording(), [])
-    stack.callback(links.recording.close)
-    for link_id, address in enumerate(map(parse_address, config.mavlink)):
-        name = connection_string(address)
-        signing = Signing(key) if key else None
-        speaker = None
-        if config.link.announce is not None:
-            voice = Voice(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
-            speaker = Speaker(name, voice, recovery if config.link.recover else None, taken)
-            links.speakers.append(speaker)
-        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
-        stack.callback(_close, items)
-        links.sources.append(Source(items, LinkReport(address=name, state="failed")))
-    return links
 
 
 def record(config: Config, recording: Recording, out: Path) -> Notice | None:
@@ -167,11 +110,6 @@ class Inbox:
             with suppress(queue.Full):
                 self._items.put(item, timeout=PUT_S)
                 return
-
-
-def _close(items: Generator[Item, None, None]) -> None:
-    with suppress(ValueError):  # its thread still waits for the other side
-        items.close()
 
 
 def _last_words(failed: Report, error: Exception) -> str:

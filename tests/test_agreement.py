@@ -5,6 +5,7 @@ from contextlib import closing
 from pathlib import Path
 
 import cv2
+import documents
 import numpy as np
 import pytest
 from frame_files import written
@@ -12,6 +13,7 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import Frame
+from gcs_mosaic.flight import placements
 from gcs_mosaic.flight.tiles import TileSettings, TileWriter
 from gcs_mosaic.pipeline import Pipeline
 from gcs_mosaic.prepare import prepare
@@ -41,7 +43,7 @@ def flight(tmp_path) -> list[Frame]:
 
 
 def assert_one_story(pipeline: Pipeline) -> None:
-    """Every placement, as the mosaic knows it now, is what the ledger and placements.json say to the last digit."""
+    """Every placement, as the mosaic knows it now, is what the ledger and the documents say to the last digit."""
     placements, recorder = pipeline.mosaic.placements(), pipeline.recorder
     estimates = {estimate.name: estimate for estimate in recorder.ledger.estimates()}
     assert list(estimates) == [placement.name for placement in placements]
@@ -49,7 +51,8 @@ def assert_one_story(pipeline: Pipeline) -> None:
         expected, told = estimate_of_placement(placement), estimates[placement.name]
         assert (told.island, told.pose, told.camera) == (expected.island, expected.pose, expected.camera)
         assert told.relief == expected.relief
-    document = json.loads((recorder.out / "placements.json").read_text())
+    document = documents.placements(recorder.out)
+    assert document["revision"] == recorder.revision
     for entry, placement in zip(document["frames"], placements, strict=True):
         assert (entry["name"], entry["island"]) == (placement.name, placement.island)
         assert np.allclose(entry["canvas_from_frame"], placement.canvas_from_frame, rtol=1e-6, atol=1e-6)
@@ -75,11 +78,12 @@ def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarra
         assert here == there
 
 
-def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_path):
+def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_path, monkeypatch):
+    monkeypatch.setattr(placements, "WHOLE_EACH_S", 60.0)  # so that the journal has its part, however slow this is
     out = tmp_path / "out"
     out.mkdir()
     pipeline = Pipeline(out, Config(), lambda notice: None, punctual=True, utc=lambda: 0.0)
-    islands, images = set(), {}
+    islands, images, listed_late = set(), {}, 0
     try:
         for frame in flight:
             pipeline.accept(frame)
@@ -93,11 +97,14 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_p
             pipeline.save()
             assert_one_story(pipeline)
             assert_tiles_show_the_ledger(pipeline, images, tmp_path / f"anew-{frame.name}")
+            listed_late += json.loads((out / "placements.json").read_bytes())["revision"] < pipeline.recorder.revision
             islands.add(tuple(sorted(pipeline.mosaic.frame_counts().values())))
         for _ in pipeline.finish():
             pipeline.save()
         pipeline.save()
         assert_one_story(pipeline)
+        assert json.loads((out / "placements.json").read_bytes())["revision"] == pipeline.recorder.revision
+        assert listed_late, "some revisions are told by the journal alone"
         assert_tiles_show_the_ledger(pipeline, images, tmp_path / "anew")
         assert len(pipeline.mosaic.placements()) == len(flight)
         assert list(pipeline.mosaic.frame_counts().values()) == [len(flight)]

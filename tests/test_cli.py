@@ -17,7 +17,7 @@ from rich.console import Console
 from running import PROGRAM, run, until
 
 import sitl.flight
-from gcs_mosaic import cli, options
+from gcs_mosaic import choices, cli, options
 from gcs_mosaic.batch import stitch
 from gcs_mosaic.config import Config
 from sitl.__main__ import free_port
@@ -117,7 +117,7 @@ def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):
     options.add_method(parser)
     options.add_output(parser)
     given = parser.parse_args(["--config", str(file), "--blend", "newest"])
-    canvas = options.blended(options.config_of(given), given.blend).paint.canvas
+    canvas = choices.blended(choices.config_of(given), given.blend).paint.canvas
     assert (canvas.blend, canvas.threads) == ("newest", 1)
 
 

@@ -64,25 +64,7 @@ def test_covered_frames_are_listed_where_they_lie(stitched):
         in_key = np.linalg.inv(keyframe["canvas_from_frame"]) @ entry["canvas_from_frame"] @ [320, 240, 1]
         assert np.allclose(in_key[:2] / in_key[2], [320 + x - HOVER[0][0], 240 + y - HOVER[0][1]], atol=0.3)
     assert document["newest"] == "50.png"
-
-
-def test_documents_tell_of_several_at_a_time_and_of_all_in_the_end(stitched, frames, tmp_path, monkeypatch):
-    """As in a long film, where writing all of them for each would cost more than placing it."""
-    monkeypatch.setattr("gcs_mosaic.recorder.FRAMES_PER_COVERED", 2)
-    hovers_at_its_end = [
-        frames / name for name in ("00.png", "10.png", "20.png", "30.png", "31.png", "32.png", "33.png")
-    ]
-    out = stitch(hovers_at_its_end, tmp_path / "film", Config(), QUIET)
-    document = json.loads((out / "placements.json").read_bytes())
-    assert [entry["name"] for entry in document["covered"]] == ["31.png", "32.png", "33.png"]
-    assert document["newest"] == "33.png"
-    assert json.loads((out / "mosaic.json").read_bytes())["frames"]["covered"] == 3
-    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
-        assert len(ledger.covered()) == 3
-    (tmp_path / "each").mkdir()
-    monkeypatch.setattr("gcs_mosaic.recorder.FRAMES_PER_COVERED", 200)
-    each = stitch(hovers_at_its_end, tmp_path / "each", Config(), QUIET)
-    assert document["revision"] < json.loads((each / "placements.json").read_bytes())["revision"]
+    assert not (stitched / "placements.jsonl").exists(), "nothing is left to be told"
 
 
 def test_an_export_lists_them_too(stitched, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -14,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console
 from running import Running, events_of, flying, frames_of, run, six_pictures, until
 
-from gcs_mosaic import daemon, sources
+from gcs_mosaic import daemon, listening, sources
 from gcs_mosaic.config import Config
 from gcs_mosaic.ending import Ending
 from gcs_mosaic.events import Notice
@@ -243,12 +244,14 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, 
         yield Notice(source="", level="info", text="still well")
         raise RuntimeError("a fault")
 
-    monkeypatch.setattr(sources, part, dying)
+    monkeypatch.setattr(listening if part == "triggers" else sources, part, dying)
     paths = {"watch": str(tmp_path / "frames"), "out": str(tmp_path / "mosaic")}
     config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, **paths)
     stop = threading.Event()
     threading.Timer(1.5, stop.set).start()
-    daemon.fly(config, Console(quiet=True), Ending(stop=stop, hurry=threading.Event()))
+    with ExitStack() as stack:
+        links = listening.listen(config, stop, stack)
+        daemon.fly(config, links, Console(quiet=True), Ending(stop=stop, hurry=threading.Event()))
     status = json.loads((tmp_path / "mosaic" / "status.json").read_bytes())
     assert [notice for notice in status["notices"] if notice["text"].startswith(told) and notice["level"] == "error"]
     assert (status["watch"]["state"] == "ended") == (part == "watch")

@@ -258,7 +258,7 @@ def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypat
     broken = (recorder._tiles, "write"), (recorder.ledger, "record_painted"), (recorder._manifest, "write")
     for owner, name in (*broken, (recorder, "_published")):
         with monkeypatch.context() as patch:
-            patch.setattr(owner, name, lambda *_: 1 / 0)
+            patch.setattr(owner, name, lambda *_, **__: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 flown.pipeline.save()
         assert recorder.changes

@@ -24,9 +24,10 @@ from gcs_mosaic.flight.folder import LEDGER_NAME, open_flight_folder
 from gcs_mosaic.flight.log import LogSettings
 from gcs_mosaic.flight.records import FlightRecord
 from gcs_mosaic.flightlog import flight_log
+from gcs_mosaic.listening import Source
 from gcs_mosaic.painter import Painter
 from gcs_mosaic.reporting import Reporter
-from gcs_mosaic.sources import Inbox, Source
+from gcs_mosaic.sources import Inbox
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.tearing import HeldOut
 

@@ -27,7 +27,9 @@ ALLOWED = {
     "paper": {"painter", "stitch"},
     "unpainted": {"stitch"},
     "painting": {"painter", "paper", "prepare", "recorder", "unpainted", "stitch", "events"},
-    "config": {"link", "frames", "pairing", "flight", "painter", "stitch", "errors"},
+    "methods": set(),
+    "settingsfile": {"errors"},
+    "config": {"methods", "settingsfile", "link", "frames", "pairing", "flight", "painter", "stitch", "errors"},
     "recorder": {"config", "paper", "flight", "stitch", "events"},
     "pipeline": {
         *("recorder", "config", "painter", "painting", "paper", "prepare", "flight", "frames", "stitch", "events"),
@@ -39,7 +41,8 @@ ALLOWED = {
     "patience": {"flight", "events"},
     "asking": {"frames", "link", "events"},
     "ending": set(),
-    "sources": {"asking", "config", "link", "frames", "flight", "events"},
+    "listening": {"link", "events"},
+    "sources": {"listening", "asking", "config", "link", "frames", "flight", "events"},
     "batch": {"debug", "pipeline", "prepare", "config", "flightlog", "frames", "flight", "stitch", "events"},
     "arrivals": {"frames", "link", "pairing", "events"},
     "replay": {
@@ -50,12 +53,25 @@ ALLOWED = {
     "tiffexport": {"rebuilding", "flight", "stitch", "errors"},
     "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
     "daemon": {
-        *("pipeline", "prepare", "logbook", "reporting", "announcements", "patience", "sources", "config", "ending"),
+        *(
+            "pipeline",
+            "prepare",
+            "logbook",
+            "reporting",
+            "announcements",
+            "patience",
+            "sources",
+            "listening",
+            "config",
+            "ending",
+        ),
         *("flightlog", "frames", "flight", "web", "stitch", "events"),
     },
-    "options": {"config", "frames", "stitch", "errors"},
+    "options": {"methods", "settingsfile", "link", "stitch", "errors"},
+    "choices": {"config", "link", "frames", "stitch", "errors"},
     "cli": {
         *("daemon", "batch", "replay", "benchmark", "tiffexport", "config", "frames", "flight", "web", "options"),
+        *("choices", "listening"),
         *("ending", "errors"),
     },
     "__main__": {"cli"},
@@ -92,6 +108,15 @@ def test_stitching_needs_only_numbers_and_pictures(path):
 
 
 def test_importing_the_package_loads_neither_the_link_nor_a_server():
-    code = "import sys, gcs_mosaic; print(sorted({'pymavlink', 'aiohttp', 'yaml', 'rich'} & set(sys.modules)))"
+    assert loaded_by("import gcs_mosaic; gcs_mosaic.Mosaic", "pymavlink", "aiohttp", "yaml", "rich") == "[]"
+
+
+def test_links_are_opened_before_the_stitching_and_a_server_are_loaded():
+    """They take a second or two, in which camera messages would be lost (`tests/benchmarks/start.py` tells how long)."""
+    assert loaded_by("import gcs_mosaic.cli, gcs_mosaic.listening", "scipy", "aiohttp", "tifffile") == "[]"
+
+
+def loaded_by(statement, *packages):
+    code = f"import sys; {statement}; print(sorted(set({packages}) & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.strip() == "[]"
+    return done.stdout.strip()

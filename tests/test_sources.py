@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 from gcs_mosaic.events import DroppedFrame, Frame, SourceReport
-from gcs_mosaic.sources import PICTURES, Inbox, Source
+from gcs_mosaic.listening import Source
+from gcs_mosaic.sources import PICTURES, Inbox
 
 FAILED = SourceReport(kind="stream", name="rtsp://camera/x", state="ended")
 

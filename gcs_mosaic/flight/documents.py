@@ -16,8 +16,12 @@ Document = dict[str, object]
 
 def write_json(path: Path, document: Document) -> None:
     """Write a document beside and rename it. Raises DiskFull, and ValueError for a NaN or infinity that slipped in."""
-    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
-    write_beside(path, text.encode("ascii"))
+    write_beside(path, compact(document).encode("ascii"))
+
+
+def compact(document: Document) -> str:
+    """JSON on one line, in ASCII. Raises ValueError for a NaN or infinity."""
+    return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
 def finite(value: float) -> float | None:

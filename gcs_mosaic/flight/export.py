@@ -16,7 +16,8 @@ from gcs_mosaic.flight.disk import write_beside
 from gcs_mosaic.flight.documents import Document, write_json
 from gcs_mosaic.flight.folder import LEDGER_NAME, find_flight
 from gcs_mosaic.flight.ledger import Ledger
-from gcs_mosaic.flight.manifest import Contents, last_revision, placements_document
+from gcs_mosaic.flight.listing import FrameNews, Listing
+from gcs_mosaic.flight.manifest import last_revision
 from gcs_mosaic.flight.pyramid import level_within, picture, pixel_bounds
 from gcs_mosaic.flight.records import Estimate, FrameState
 from gcs_mosaic.flight.tiles import encode
@@ -31,19 +32,12 @@ MOST_PIXELS = 1_500_000_000  # pixels, whatever is asked for: 6 GB
 def export_placements(flight: Path, target: Path) -> str:
     """Write the placements of a flight's ledger with the exact place of a grid of pixels; returns what was done."""
     with Ledger(find_flight(flight) / LEDGER_NAME, read_only=True) as ledger:
-        estimates = ledger.estimates()
-        unplaced = [*ledger.frames(FrameState.REJECTED), *ledger.frames(FrameState.WAITING)]
-        contents = Contents(
-            flight="",
-            updated_utc=0,
-            islands=(),
-            accounts=ledger.accounts(),
-            estimates=estimates,
-            unplaced=unplaced,
-            covered=ledger.covered(),
-            newest=ledger.newest_on_map(),
-        )
-    document = placements_document(contents, last_revision(flight))
+        listing, estimates = Listing(), ledger.estimates()
+        rejected = {frame.name: frame.reason or "" for frame in ledger.frames(FrameState.REJECTED)}
+        waiting = [frame.name for frame in ledger.frames(FrameState.WAITING)]
+        covered, newest = ledger.covered(), ledger.newest_on_map()
+    listing.tell(FrameNews(estimates=estimates, covered=covered, rejected=rejected, waiting=waiting, newest=newest))
+    document: Document = json.loads(listing.text(last_revision(flight)))
     for entry, estimate in zip(cast("list[Document]", document["frames"]), estimates, strict=True):
         entry["warp"] = warp(estimate)
     with telling_where(target):

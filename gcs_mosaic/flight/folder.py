@@ -14,7 +14,7 @@ LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
 LOG_NAME = "flight.log"
 OUR_NAMES = (
-    *(LEDGER_NAME, "mosaic.json", "placements.json", "status.json", RECORDING_NAME, LOG_NAME),
+    *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
     *("tiles", "masks", "frames"),
 )
 MOST_FLIGHTS = 1000  # beside each other; more than that is a mistake in a script

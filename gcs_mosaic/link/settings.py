@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,3 +35,12 @@ class LinkSettings:
     """File (mode 600) with the key of MAVLink's signing; packets that are not signed with it are refused."""
     receive_buffer_bytes: int = 1 << 21
     """What the kernel keeps for us while we are busy, as far as its own limit allows: a second of 5,000 messages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listening:
+    """What is listened to, and how."""
+
+    # links to listen on, such as udp:14445, tcp:HOST:PORT, serial:/dev/ttyACM0:57600
+    mavlink: tuple[str, ...] = ("udp:14550",)
+    link: LinkSettings = field(default_factory=LinkSettings)

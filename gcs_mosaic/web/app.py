@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -15,6 +16,7 @@ from pathlib import Path
 from aiohttp import web
 
 from gcs_mosaic.flight.manifest import last_revision
+from gcs_mosaic.flight.placements import JOURNAL_NAME, told_after
 from gcs_mosaic.flight.pyramid import filled
 from gcs_mosaic.stitch.painting.grid import FINEST_LEVEL, Tile
 from gcs_mosaic.web.address import HttpAddress
@@ -24,6 +26,7 @@ from gcs_mosaic.web.guard import add_headers, host_check
 VIEWER = Path(__file__).parent / "viewer"
 DOCUMENTS = ("mosaic.json", "placements.json", "status.json")
 TILE_PATH = r"/tiles/{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}{suffix:(\.[a-z]{3,4})?}"
+REVISION = re.compile("[0-9]{1,18}")
 
 HEARTBEAT_S = 15.0  # so that routers between the page and us keep the connection, and a vanished page is noticed
 SEND_S = 20.0  # a page that has not taken one message by then is gone
@@ -50,6 +53,7 @@ def make_app(root: Path, address: HttpAddress, feed: Feed | None = None) -> web.
     app.router.add_static("/viewer/", VIEWER, follow_symlinks=False, show_index=False)
     for name in DOCUMENTS:
         app.router.add_get(f"/{name}", document)
+    app.router.add_get(f"/{JOURNAL_NAME}", journal)
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
     return app
@@ -65,6 +69,18 @@ async def document(request: web.Request) -> web.StreamResponse:
     if not path.is_file():
         raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n")
     return web.FileResponse(path, headers={"Content-Type": "application/json"})
+
+
+async def journal(request: web.Request) -> web.StreamResponse:
+    """What is told of frames besides placements.json; lines only of revisions after `?after=`."""
+    path, after = request.app[ROOT] / JOURNAL_NAME, request.query.get("after", "0")
+    if not REVISION.fullmatch(after):
+        raise web.HTTPBadRequest(text="after= is to be a revision.\n")
+    try:
+        lines = await asyncio.to_thread(told_after, path, int(after))
+    except FileNotFoundError:
+        raise web.HTTPNotFound(text="placements.json tells everything.\n") from None
+    return web.Response(body=lines, content_type="application/x-ndjson")
 
 
 async def tile(request: web.Request) -> web.StreamResponse:

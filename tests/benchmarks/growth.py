@@ -8,7 +8,8 @@ good the map is.
 
 place: a frame's search, matching and resection, over the last frames before the count is reached. warm: the adjustment of all
 frames as the flight left them; cold: with every pose and the lens off. hand over, take in: what of a background adjustment
-happens between two frames. query: the wide search for the frames most like one.
+happens between two frames. query: the wide search for the frames most like one. In the end what it costs to write the frames
+of such a flight down (`writing`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
 from gcs_mosaic.stitch.adjusting.solving import IslandTask, adjusted, island_task, take_in
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.placement import Placement
+from tests.benchmarks import writing
 from tests.benchmarks.flight_of_points import features_of_flight
 
 T = TypeVar("T")
@@ -51,7 +53,8 @@ def main() -> None:
         mosaic.moved()
         if number in counts:
             report(mosaic, number, np.array(places[-LATEST:]))
-    print(f"{lost} frames found no place at once")
+    print(f"{lost} frames found no place at once\n\nledger and documents")
+    writing.report(counts[-1])
 
 
 def report(mosaic: Mosaic, count: int, places: np.ndarray) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from gcs_mosaic.events import LinkReport, SourceReport
 from gcs_mosaic.flight.disk import write_beside
 from gcs_mosaic.flight.documents import write_json
+from gcs_mosaic.flight.listing import FrameNews
 from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.flight.records import Accounts, CoveredRecord, Estimate, EventAccount, FrameAccount, NoticeRecord
 from gcs_mosaic.flight.status import LastFrame, Status, status_document
@@ -57,17 +58,17 @@ class SmallFlight:
         shifted = ((1.0, 0.0, x), (0.0, 1.0, y), (0.0, 0.0, 1.0))
         self.covered.append(CoveredRecord(name=name, by=by, by_from_frame=shifted, width=240, height=180))
 
-    def write(self) -> int:
+    def write(self, newest: str | None = None) -> int:
+        """Tell all that is here of the frames; returns the revision. `newest`: not the last of them."""
         accounts = Accounts(frames=FrameAccount(placed=len(self.estimates)), events=EventAccount(matched=2, missing=1))
+        if newest is None and self.estimates:
+            newest = [*self.estimates, *self.covered][-1].name
         contents = Contents(
             flight="small",
             updated_utc=time.time(),
             islands=self.islands,
             accounts=accounts,
-            estimates=self.estimates,
-            unplaced=[],
-            covered=self.covered,
-            newest=[*self.estimates, *self.covered][-1].name if self.estimates else None,
+            frames=FrameNews(estimates=self.estimates, covered=self.covered, newest=newest),
         )
         return self.manifest.write(contents)
 

@@ -5,6 +5,7 @@ import json
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from small_flight import MIDDLE, RED, SmallFlight
@@ -102,6 +103,20 @@ def test_documents_are_as_on_disk_and_never_cached(client: Client, flight: Small
     assert body == (flight.root / "mosaic.json").read_bytes()
     assert answer.headers["Content-Type"] == "application/json"
     assert answer.headers["Cache-Control"] == "no-cache"
+
+
+def test_what_is_new_of_frames_is_told_since_a_revision(client: Client, flight: SmallFlight) -> None:
+    assert client.status("/placements.jsonl") == 404
+    for name in ("a.jpg", "b.jpg"):
+        flight.place(name, 0, 0)
+        flight.write()
+    answer, body = client.ask("/placements.jsonl?after=1")
+    assert answer.headers["Content-Type"] == "application/x-ndjson"
+    head, *lines = map(json.loads, body.splitlines())
+    assert (head["since"], [line["newest"] for line in lines]) == (0, ["b.jpg"])
+    assert client.ask("/placements.jsonl")[1] == (flight.root / "placements.jsonl").read_bytes()
+    for after in ("", "-1", "x", "1" * 5000, "²"):
+        assert client.status(f"/placements.jsonl?after={quote(after)}") == 400
 
 
 def test_tile_is_served_with_and_without_its_ending(client: Client, flight: SmallFlight) -> None:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from browser import CHROMIUM, Page, open_browser
@@ -13,6 +14,7 @@ from gcs_mosaic.events import LinkReport, Refusals
 from gcs_mosaic.flight.manifest import IslandEntry
 from gcs_mosaic.flight.records import Accounts, FrameAccount
 from gcs_mosaic.flight.status import LastFrame
+from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.tearing import HeldOut
 from gcs_mosaic.web.address import HttpAddress
@@ -169,6 +171,41 @@ def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed
     page.wait_for(f"{COLOURS}.some(tile => tile.endsWith('blue'))")
 
 
+OUTLINE = "document.querySelector('.leaflet-overlay-pane path')?.getBoundingClientRect().left"
+
+
+def test_the_list_of_all_frames_is_read_once(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
+    flight.place("a.jpg", 128, 128)
+    flight.paint(square(16), RED)
+    feed.publish(flight.write(), None)
+    page.open(url)
+    page.wait_for(f"{OUTLINE} > 0")
+    page.requests.clear()
+    for name, x in (("b.jpg", 200), ("c.jpg", 300)):
+        page.evaluate(f"window.before = {OUTLINE}")
+        flight.place(name, x, 128)
+        feed.publish(flight.write(), [])
+        page.wait_for(f"{OUTLINE} > window.before + 20")
+    read = [urlsplit(address) for address in page.requests]
+    assert [part.query for part in read if part.path == "/placements.jsonl"][-2:] == ["after=1", "after=2"]
+    assert "/placements.json" not in [part.path for part in read]
+
+
+def test_a_page_that_missed_the_journal_reads_all_frames(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
+    flight.place("a.jpg", 128, 128)
+    flight.paint(square(16), RED)
+    flight.write()
+    page.open(url)
+    page.wait_for(f"{OUTLINE} > 0")
+    page.evaluate(f"window.before = {OUTLINE}")
+    (flight.root / "placements.jsonl").unlink()
+    flight.place("b.jpg", 300, 128)
+    flight.write()
+    (flight.root / "placements.jsonl").unlink()
+    feed.publish(flight.manifest.revision, [])
+    page.wait_for(f"{OUTLINE} > window.before + 20")
+
+
 def test_the_outline_follows_a_covered_frame(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.place("a.jpg", 128, 128)
     flight.paint(square(16), RED)
@@ -176,13 +213,18 @@ def test_the_outline_follows_a_covered_frame(page: Page, url: str, feed: Feed, f
     flight.status()
     page.open(url)
     page.wait_for(at(square(16), "red"))
-    outline = "document.querySelector('.leaflet-overlay-pane path')?.getBoundingClientRect().left"
-    page.wait_for(f"{outline} > 0")
-    page.evaluate(f"window.before = {outline}")
+    page.wait_for(f"{OUTLINE} > 0")
+    page.evaluate(f"window.before = {OUTLINE}")
     assert not page.evaluate(f"/covered/i.test({TEXT})")
     flight.cover("b.jpg", "a.jpg", 100, 0)
     feed.publish(flight.write(), [])
-    page.wait_for(f"{outline} > window.before + 20")
+    page.wait_for(f"{OUTLINE} > window.before + 20")
+    page.evaluate(f"window.before = {OUTLINE}")
+    (keyframe,), covered, flight.covered = flight.estimates, flight.covered, []
+    flight.estimates = [replace(keyframe, pose=Pose(228, 128))]
+    feed.publish(flight.write(newest="b.jpg"), [])
+    page.wait_for(f"{OUTLINE} > window.before + 20")
+    flight.covered = covered
     last = LastFrame(name="b.jpg", outcome="covered", island=None, utc=1e9, seconds_to_tile=None, covered_by="a.jpg")
     flight.status(last_frame=last, accounts=Accounts(frames=FrameAccount(placed=1, covered=1)))
     page.wait_for(f"/covered\\s*1/i.test({TEXT})")

@@ -56,10 +56,10 @@ export class MosaicMap {
     this.setMode("all");
   }
 
-  show(mosaic, placements) {
+  show(mosaic, newestFrame) {
     if (!mosaic || !mosaic.islands.length) return;
     this.mosaic = mosaic;
-    this.newestFrame = placements ? newestOf(placements) : null;
+    this.newestFrame = newestFrame;
     this.showChoice();
     this.showIsland();
   }
@@ -158,12 +158,6 @@ function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) 
     updateInterval: 100,
     keepBuffer: 3,
   };
-}
-
-/** Of the newest frame that was placed and the newest that a placed one covers the one that came last, or null. */
-function newestOf({ frames, covered = [], newest }) {
-  const last = [frames.at(-1), covered.at(-1)].filter(Boolean);
-  return last.find(({ name }) => name === newest) ?? last[0] ?? null;
 }
 
 /** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. */

@@ -17,13 +17,23 @@ export function ageOf(moment) {
 
 /** A JSON document, or null if it is not written yet. Throws when the server does not answer. */
 export async function fetchDocument(path) {
+  return (await answerTo(path))?.json() ?? null;
+}
+
+/** The documents in a file that has one on each line, or null if there is no such file. */
+export async function fetchLines(path) {
+  const text = await (await answerTo(path))?.text();
+  return text?.trimEnd().split("\n").map((line) => JSON.parse(line)) ?? null;
+}
+
+async function answerTo(path) {
   const response = await fetch(path, { signal: AbortSignal.timeout(TIMEOUT_MS) });
   const date = Date.parse(response.headers.get("Date"));
   // The header has whole seconds; half a second is the best guess of the rest.
   if (!Number.isNaN(date)) clockOffsetMs = date + 500 - Date.now();
   if (response.status === 404) return null;
   if (!response.ok) throw new Error(`${path}: ${response.status}`);
-  return response.json();
+  return response;
 }
 
 /** Remembers when the server last answered. */

@@ -8,12 +8,12 @@ const NOTICES = 3;
 
 const byId = (id) => document.getElementById(id);
 
-export function showStrip({ mosaic, placements, status }, connection, island) {
+export function showStrip({ mosaic, newestFrame, status }, connection, island) {
   const state = stateOf(status, mosaic, connection.lostForSeconds());
   showState(state);
   showCounts(status, mosaic, island);
   showNotices(status?.notices ?? []);
-  showEmpty(!mosaic?.islands.length && !placements?.frames.length, status, state);
+  showEmpty(!mosaic?.islands.length && !newestFrame, status, state);
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old. */

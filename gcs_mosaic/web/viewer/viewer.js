@@ -1,6 +1,7 @@
 // The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
 
 import { MosaicMap } from "/viewer/map.js";
+import { Placements } from "/viewer/placements.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { showStrip } from "/viewer/strip.js";
 
@@ -9,11 +10,12 @@ const CLOCK_EVERY_MS = 1000;
 
 const connection = new Connection();
 const map = new MosaicMap();
-const known = { mosaic: null, placements: null, status: null };
+const placements = new Placements();
+const known = { mosaic: null, newestFrame: null, status: null };
 let reading = false;
 let readAgain = false;
 
-/** Read mosaic.json and placements.json; calls that come meanwhile lead to one more reading afterwards. */
+/** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {
   readAgain = true;
   if (reading) return;
@@ -21,10 +23,10 @@ async function readMap() {
   while (readAgain) {
     readAgain = false;
     await connection.attempt(async () => {
-      const [mosaic, placements] = await Promise.all([fetchDocument("/mosaic.json"), fetchDocument("/placements.json")]);
+      const [mosaic] = await Promise.all([fetchDocument("/mosaic.json"), placements.read()]);
       startAfreshForAnotherFlight(mosaic);
-      Object.assign(known, { mosaic, placements });
-      map.show(mosaic, placements);
+      Object.assign(known, { mosaic, newestFrame: placements.newestFrame() });
+      map.show(mosaic, known.newestFrame);
       show();
     });
   }

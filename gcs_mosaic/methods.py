@@ -1,0 +1,5 @@
+"""How frames are placed."""
+
+from typing import Literal
+
+Method = Literal["adjusted", "paper"]

@@ -1,0 +1,83 @@
+"""Settings dataclasses from YAML, checked and nested."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from gcs_mosaic.errors import UsageError
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """What a YAML file says. UsageError if it cannot be read or is no mapping."""
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(
+            f"The configuration {path} cannot be read ({error.strerror}); give an existing YAML file."
+        ) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"The configuration {path} is not YAML: {' '.join(str(error).split())}") from None
+    return as_mapping({} if document is None else document, str(path))
+
+
+def as_mapping(values: object, where: str) -> dict[str, Any]:
+    """The values, if they are settings by name. UsageError."""
+    if not isinstance(values, dict):
+        raise UsageError(f"{where}: expected settings as 'name: value' lines, got {values!r}.")
+    return values
+
+
+def from_mapping(kind: type, values: object, where: str) -> Any:
+    """A settings dataclass from a mapping of some or all of its fields, checked and nested."""
+    hints, values = typing.get_type_hints(kind), as_mapping(values, where)
+    for key in values:
+        if key not in hints:
+            raise UsageError(f"{where}: {key!r} is not a setting{_nearest(str(key), hints)}; see config/default.yaml.")
+    given = {key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()}
+    try:
+        return kind(**given)
+    except ValueError as error:
+        raise UsageError(f"{where}: {error}.") from None
+
+
+def _nearest(key: str, known: dict[str, Any]) -> str:
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f" (did you mean {close[0]!r}?)" if close else f" (there are {', '.join(known)})"
+
+
+def _value(kind: Any, value: object, where: str) -> Any:
+    """The value if it is of this kind, else a UsageError."""
+    if dataclasses.is_dataclass(kind):
+        return from_mapping(typing.cast(type, kind), value, where)
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (types.UnionType, typing.Union):
+        if value is None and type(None) in arguments:
+            return None
+        wanted = [argument for argument in arguments if argument is not type(None)]
+        return _value(next((kind for kind in wanted if type(value) is kind), wanted[-1]), value, where)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise UsageError(f"{where}: expected one of {', '.join(map(str, arguments))}, got {value!r}.")
+        return value
+    if origin is tuple:
+        items = value if isinstance(value, list) else [value]
+        return tuple(_value(arguments[0], item, where) for item in items)
+    return _plain(kind, value, where)
+
+
+def _plain(kind: type, value: object, where: str) -> Any:
+    names = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
+    fits = isinstance(value, kind) or (kind is float and isinstance(value, int))
+    if isinstance(value, bool) and kind is not bool:
+        fits = False
+    if not fits or (isinstance(value, float) and not math.isfinite(value)):
+        raise UsageError(f"{where}: expected {names.get(kind, kind.__name__)}, got {value!r}.")
+    return kind(value)

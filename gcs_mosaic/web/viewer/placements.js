@@ -1,0 +1,49 @@
+// Where the frames lie: all of them are read once, then what is told anew of some.
+
+import { fetchDocument, fetchLines } from "/viewer/server.js";
+
+export class Placements {
+  constructor() {
+    this.revision = 0;
+    this.places = new Map(); // entries of frames that have a place, by name
+    this.newest = null;
+  }
+
+  /** Learn what is new. The journal is read first: what it leaves out is in placements.json by then. */
+  async read() {
+    const [head, ...lines] = (await fetchLines(`/placements.jsonl?after=${this.revision}`)) ?? [null];
+    if (!head || head.since > this.revision) {
+      const all = await fetchDocument("/placements.json");
+      this.places.clear();
+      this.revision = 0;
+      if (all) this.take(all);
+    }
+    for (const line of lines) {
+      if (line.revision > this.revision) this.take(line);
+    }
+  }
+
+  take({ revision, newest, frames, covered = [], waiting, rejected }) {
+    for (const { name } of [...waiting, ...rejected]) this.places.delete(name);
+    for (const frame of [...frames, ...covered]) this.places.set(frame.name, frame);
+    Object.assign(this, { revision, newest });
+  }
+
+  /** The entry of the frame that came last of those that have a place, or null. */
+  newestFrame() {
+    const frame = this.places.get(this.newest) ?? [...this.places.values()].at(-1) ?? null;
+    return frame?.keyframe_from_frame ? this.besideKeyframe(frame) : frame;
+  }
+
+  /** A covered frame as its keyframe lies now, which alone is told of when it moves. */
+  besideKeyframe(frame) {
+    const keyframe = this.places.get(frame.covered_by);
+    if (!keyframe) return frame;
+    return { ...frame, island: keyframe.island, canvas_from_frame: product(keyframe.canvas_from_frame, frame.keyframe_from_frame) };
+  }
+}
+
+/** Of two matrices (3x3). */
+function product(a, b) {
+  return a.map((row) => [0, 1, 2].map((column) => row.reduce((sum, value, k) => sum + value * b[k][column], 0)));
+}

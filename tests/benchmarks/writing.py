@@ -1,0 +1,144 @@
+"""What it costs to write a frame down, early in a long flight and late: ledger and documents, without tiles.
+
+    python -m tests.benchmarks.writing [FRAMES]
+
+CPU milliseconds a frame, so that a machine that does other things as well may be used. The flight is made up: one island, one
+frame each two seconds, one trigger for each, and all frames lie elsewhere whenever the island has grown by 7 %, as
+adjustments have it. A late frame may cost 1.15 times as much as an early one.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import cast
+from unittest.mock import patch
+
+import numpy as np
+
+from gcs_mosaic.config import Config
+from gcs_mosaic.events import CaptureResult, Frame, Source, TriggerEvent
+from gcs_mosaic.flight import placements
+from gcs_mosaic.flight.records import EventState, FrameState
+from gcs_mosaic.recorder import Recorder
+from gcs_mosaic.stitch.geometry import Camera, Pose
+from gcs_mosaic.stitch.islands import Island
+from gcs_mosaic.stitch.painting.canvas import Canvas
+from gcs_mosaic.stitch.painting.painted import Extent, Painted
+from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+
+FRAMES = 3000
+EARLY, WINDOW = (50, 150), 100  # frames over which is averaged; of the late ones the last so many
+STRETCHES = (1000, 2000, 3000)  # ends of windows
+EACH_S = 2.0  # between frames, on the clock that tells when placements.json is due
+GROWTH = 1.07
+CANVAS = cast(Canvas, SimpleNamespace(tile=lambda *_: None, extent=lambda _: Extent((0, 0, 1, 1), 10, 16)))
+RELIEF = ReliefDisplacement(17, 13, bytes(17 * 13 * 2 * 4))
+
+
+def main() -> None:
+    report(int(sys.argv[1]) if len(sys.argv) > 1 else FRAMES)
+
+
+def report(count: int) -> None:
+    """Print what frames of a flight of so many cost."""
+    costs = np.array(list(costs_of_flight(count)))
+    windows = [EARLY, *((end - WINDOW, end) for end in STRETCHES if end <= count)]
+    print(f"CPU ms a frame\n{'frames':>15}{'median':>9}{'mean':>9}{'longest':>9}{'ratio':>8}  bytes written, mean")
+    for first, last in windows:
+        ms, size = 1e3 * costs[first:last, 0], costs[first:last, 1].mean()
+        ratio = np.median(ms) / np.median(1e3 * costs[slice(*EARLY), 0])
+        print(f"{f'{first} - {last}':>15}{np.median(ms):9.2f}{ms.mean():9.2f}{ms.max():9.2f}{ratio:8.2f}  {size:,.0f}")
+
+
+def costs_of_flight(count: int) -> Iterator[tuple[float, int]]:
+    """CPU seconds and bytes of documents for each frame in turn."""
+    camera, moved_at = Camera(4000, 3000, 1.4), 1.0
+    with TemporaryDirectory() as scratch, closing(Recorder(Path(scratch), Config())) as recorder, hurried() as clock:
+        for number in range(count):
+            clock.append(number * EACH_S)
+            anew = range(number + 1) if number > GROWTH * moved_at else (number,)
+            if len(anew) > 1:
+                moved_at, camera = number, Camera(4000, 3000, 1.4 + 1e-6 * number)
+            start, before = time.process_time(), sizes(recorder.out)
+            take(recorder, number)
+            place(recorder, camera, anew)
+            recorder.save(CANVAS, [Island(0)], {0: number + 1})
+            yield time.process_time() - start, written(before, sizes(recorder.out))
+
+
+@contextmanager
+def hurried() -> Iterator[list[float]]:
+    """The last of these numbers is the time for whoever asks whether placements.json is due."""
+    times = [0.0]
+    with patch.object(placements, "time", SimpleNamespace(monotonic=lambda: times[-1])):
+        yield times
+
+
+def take(recorder: Recorder, number: int) -> None:
+    """A trigger and its frame have come."""
+    name, now = f"IMG_{number:05}.JPG", number * EACH_S
+    event = TriggerEvent(
+        vehicle=1,
+        component=100,
+        camera=1,
+        source=Source.IMAGE_CAPTURED_BY_CAMERA,
+        sequence=number,
+        received=now,
+        source_time=now,
+        clock="boot",
+        utc=1.7e9 + now,
+        result=CaptureResult.TAKEN,
+        file_hint=name,
+        position=None,
+    )
+    frame = Frame(
+        name=name, path=Path(name), content_hash=f"{number:064x}", size=4_000_000, received=now, modified=1.7e9 + now
+    )
+    ledger = recorder.ledger
+    with ledger.transaction():
+        ledger.record_frame(frame)
+        ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame=name)
+
+
+def place(recorder: Recorder, camera: Camera, numbers: Iterable[int]) -> None:
+    """These frames lie where they did not lie before; the last of them is new."""
+    changes = recorder.changes
+    for number in numbers:
+        name, pose = f"IMG_{number:05}.JPG", Pose(800.0 * (number % 40) + camera.focal, 600.0 * (number // 40))
+        changes.placements[name] = Placement(
+            name=name,
+            island=0,
+            pose=pose,
+            camera=camera,
+            relief=RELIEF,
+            inliers=400,
+            residual_px=0.5,
+            neighbours=("a", "b"),
+            hops=number // 3,
+            corner_deviation_px=0.7,
+        )
+    changes.painted[name] = Painted(name=name, order=number, island=0, pose=pose, camera=camera, level=16)
+    changes.states[name], changes.sizes[name] = (FrameState.PLACED, None), (camera.width, camera.height)
+    changes.tiles.append(frozenset())
+
+
+def sizes(out: Path) -> dict[str, tuple[int, int]]:
+    """Number and length of each document."""
+    return {path.name: (path.stat().st_ino, path.stat().st_size) for path in out.glob("*.json*")}
+
+
+def written(before: dict[str, tuple[int, int]], after: dict[str, tuple[int, int]]) -> int:
+    """Bytes: of a file that is another one all, else what was appended."""
+    news = {name: (inode, size, before.get(name, (0, 0))) for name, (inode, size) in after.items()}
+    return sum(size - (old[1] if old[0] == inode else 0) for inode, size, old in news.values())
+
+
+if __name__ == "__main__":
+    main()

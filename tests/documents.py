@@ -1,0 +1,50 @@
+"""The documents of an output folder, read as README tells other programs to read them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+LISTS = ("frames", "covered", "rejected", "waiting")
+
+
+def placements(out: Path) -> dict[str, Any]:
+    """What placements.json would say now: itself, and the lines of the journal that are newer."""
+    lines = [json.loads(line) for line in journal_lines(out)]
+    document: dict[str, Any] = json.loads((out / "placements.json").read_bytes())
+    assert not lines or lines[0]["since"] <= document["revision"], "who reads in this order misses nothing"
+    for line in lines[1:]:
+        if line["revision"] > document["revision"]:
+            document = _followed(document, line)
+    return document
+
+
+def journal_lines(out: Path) -> list[bytes]:
+    """The whole lines of placements.jsonl; none if there is no such file."""
+    path = out / "placements.jsonl"
+    return path.read_bytes().split(b"\n")[:-1] if path.exists() else []
+
+
+def _followed(document: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
+    """A document with what a line tells in place of what was told of the same frames."""
+    lens = len(document["cameras"])
+    told = {entry["name"]: (kind, entry) for kind in LISTS for entry in document[kind]}
+    for kind in LISTS:
+        for entry in line[kind]:
+            told[entry["name"]] = kind, entry | ({"camera": entry["camera"] + lens} if kind == "frames" else {})
+    frames = {name: entry for name, (kind, entry) in told.items() if kind == "frames"}
+    for kind, entry in told.values():
+        if kind == "covered":
+            _lay(entry, frames.get(entry["covered_by"]))
+    lists = {kind: [entry for fate, entry in told.values() if fate == kind] for kind in LISTS}
+    return line | {"cameras": document["cameras"] + line["cameras"]} | lists
+
+
+def _lay(covered: dict[str, Any], keyframe: dict[str, Any] | None) -> None:
+    """A covered frame goes where its keyframe goes."""
+    place = keyframe and np.array(keyframe["canvas_from_frame"]) @ covered["keyframe_from_frame"]
+    covered["island"] = keyframe and keyframe["island"]
+    covered["canvas_from_frame"] = None if place is None else (place / place[2, 2]).tolist()
