@@ -123,7 +123,8 @@ class Canvas(Kept):
             return self._refresh(keys, {painted.island})
         due = self._settle(self._territory.lay_over(frame, {key for key in keys if key not in self._behind}))
         made = self._make_now(due)
-        made |= self._lay_on_top(frame, picture, {key for key in keys if key in self._behind or key in due - made})
+        left = due & self._due.keys()  # what cannot be made now
+        made |= self._lay_on_top(frame, picture, {key for key in keys if key in self._behind or key in left})
         return self._refresh(made, {painted.island} | {island for island, _ in made})
 
     def resume(self, frames: Iterable[Painted]) -> None:

@@ -94,7 +94,8 @@ class _Place:
         self.offset, self.size, self._holes = offset, size, holes
 
     def __del__(self) -> None:
-        self._holes.setdefault(self.size, []).append(self.offset)
+        if hasattr(self, "_holes"):  # it has not been interrupted before it was anything
+            self._holes.setdefault(self.size, []).append(self.offset)
 
 
 @dataclass(slots=True, eq=False)
