@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.painting.placed import PlacedFrame, placed
 from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS, Sight
 from gcs_mosaic.stitch.painting.warping import shrunk
 
-LATTICES = 16  # frames whose lattices are kept at hand, 2 MB each at 12 MP
+LATTICE_POINTS = 3_000_000  # that are kept at hand, 16 bytes each: of 25 frames of 12 MP
 
 
 class Gallery:
@@ -34,7 +34,7 @@ class Gallery:
             known = painted, placed(painted)
         self._lattices[painted.name] = known
         self._lattices.move_to_end(painted.name)
-        while len(self._lattices) > LATTICES:
+        while len(self._lattices) > 1 and self._points() > LATTICE_POINTS:
             self._lattices.popitem(last=False)
         return known[1]
 
@@ -72,6 +72,9 @@ class Gallery:
     def clear(self) -> None:
         self._originals.clear()
         self._lattices.clear()
+
+    def _points(self) -> int:
+        return sum(frame.lattice.weight.size for _, frame in self._lattices.values() if frame is not None)
 
     def _look(self, painted: Painted, picture: FramePicture) -> None:
         if self._mode.look is not None:

@@ -26,7 +26,7 @@ class Mode:
     `look`: a frame's picture, made smaller if it is large -> what is kept of it; None: nothing. `see`: what a frame brings to a
     window of its tiles. `decide`: (what is known, what a new frame brings) -> above 0 where that one is to show, the farther
     from 0 the clearer. `own`: who shows in the end, which depends on no cell farther away than a tile is wide. `planes`: how many
-    are kept of a cell. `toned`: whether tones are brought together along seams.
+    are kept of a cell. `toned`: whether tones are brought together along seams. `sharp`: whether a cell is one frame's alone.
     """
 
     see: Callable[[PlacedFrame, Sight | None, Window], Seen]
@@ -35,6 +35,7 @@ class Mode:
     look: Callable[[Image, Of], Sight] | None = None
     planes: int = 0
     toned: bool = False
+    sharp: bool = True
 
 
 def _just_there(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
@@ -56,7 +57,7 @@ def _as_decided(cells: Cells) -> Owned:
 
 MODES: dict[str, Mode] = {
     "seam": Mode(seams.see, seams.decide, seams.steered, seams.look_for_seams, seams.KEPT, toned=True),
-    "edge": Mode(edges.see, edges.decide, edges.mixed, edges.look_for_edges, 1),
+    "edge": Mode(edges.see, edges.decide, edges.mixed, edges.look_for_edges, 1, sharp=False),
     "newest": Mode(_just_there, _newest, _as_decided),
     "first": Mode(_just_there, _first, _as_decided),
 }

@@ -9,8 +9,7 @@ from gcs_mosaic.stitch.bands import Bands
 
 LoadImage = Callable[[str], Bands | None]
 
-FRAMES = 4  # that are kept
-MOST_BYTES = 160 << 20  # that they take, but for the last one
+MOST_BYTES = 160 << 20  # that are kept, but for the last one: four frames of 12 MP
 
 
 class Originals:
@@ -19,6 +18,7 @@ class Originals:
     def __init__(self, load: LoadImage) -> None:
         self.load = load
         self._kept: OrderedDict[str, Bands] = OrderedDict()
+        self._bytes = 0
 
     def get(self, name: str) -> Bands | None:
         image = self._kept.get(name)
@@ -31,13 +31,12 @@ class Originals:
         return name in self._kept
 
     def put(self, name: str, image: Bands) -> None:
+        self._bytes += 0 if name in self._kept else image.nbytes
         self._kept[name] = image
         self._kept.move_to_end(name)
-        while len(self._kept) > FRAMES or (len(self._kept) > 1 and self._bytes() > MOST_BYTES):
-            self._kept.popitem(last=False)
+        while len(self._kept) > 1 and self._bytes > MOST_BYTES:
+            self._bytes -= self._kept.popitem(last=False)[1].nbytes
 
     def clear(self) -> None:
         self._kept.clear()
-
-    def _bytes(self) -> int:
-        return sum(image.nbytes for image in self._kept.values())
+        self._bytes = 0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.blending import blended, blended_bands
 from gcs_mosaic.stitch.painting.cells import CELL
+from gcs_mosaic.stitch.painting.exposure import apply_gain
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.painting.lattice import Lattice
 from gcs_mosaic.stitch.painting.layers import Layer, make_layer
@@ -29,6 +30,8 @@ KeepBands = Literal["none", "raw", "gained"]  # of the frames' bands on tiles: a
 WHOLE = slice(0, TILE_SIZE), slice(0, TILE_SIZE)
 # The share that a frame has wherever it is made at all: it shows where those that should do not cover the tile.
 LEAST_SHARE = 1e-3  # of 255
+# A sharp transition takes half a cell, not a whole one: somebody on a seam is transparent on fewer pixels.
+STEEP = np.clip(2 * np.arange(256) - 127.5, 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +43,12 @@ class Part:
     share: Image
     needed: NDArray[np.bool_]
     shift: Shifts | None
+    sharp: bool = False  # the transition between cells is no wider than it must be
+
+    def at_pixels(self) -> Image:
+        """The share (256, 256)."""
+        share = enlarged(self.share)
+        return np.asarray(cv2.LUT(share, STEEP) if self.sharp else share, np.uint8)
 
     @property
     def place(self) -> Place:
@@ -131,8 +140,7 @@ def _lit(colour: Image, gain: tuple[float, float, float], bright: Lattice | None
         lit = cv2.multiply(colour, factor, dtype=cv2.CV_8U if shift is None else cv2.CV_32F)
     elif gain != (1.0, 1.0, 1.0):
         if shift is None:
-            tables = np.clip(np.rint(np.outer(np.arange(256), gain)), 0, 255).astype(np.uint8)
-            return np.asarray(cv2.LUT(colour, tables.reshape(256, 1, 3)), np.uint8)
+            return apply_gain(colour, gain)
         lit = colour * np.array(gain, np.float32)
     return np.asarray(lit if shift is None else cv2.add(lit, shift, dtype=cv2.CV_8U), np.uint8)
 
@@ -172,7 +180,7 @@ def _of_two(parts: Sequence[tuple[Part, Piece]], weight: Lattice) -> Layer | Non
     (_, under), (part, over) = parts
     layer = alone(under, weight)
     assert layer is not None
-    share = enlarged(part.share)[over.place]
+    share = part.at_pixels()[over.place]
     colour = layer.colour if under.place != WHOLE else layer.colour.copy()
     colour[over.place] = blended(over.colour, colour[over.place], share)
     bands = layer.bands
@@ -190,7 +198,7 @@ def _of_many(parts: Sequence[tuple[Part, Piece]], weight: Lattice) -> Layer | No
     if bands is not None:
         sums.append(np.zeros((*size, bands.shape[2]), np.float32))
     for part, made in parts:
-        share = enlarged(part.share)[made.place].astype(np.float32) + np.float32(LEAST_SHARE)
+        share = part.at_pixels()[made.place].astype(np.float32) + np.float32(LEAST_SHARE)
         if made.coverage is not None:
             share[made.coverage == 0] = 0
         total[made.place] += share

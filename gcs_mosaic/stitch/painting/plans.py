@@ -30,10 +30,11 @@ def planned(
     window: Window,
     shifts: Mapping[int, tuple[Window, Shifts]],
     frames_on: Callable[[TileKey], Mapping[int, Painted]],
+    sharp: bool,
 ) -> dict[TileKey, Plan]:
     """Plans of tiles that lie within the window, with one tile more on each side. `frames_on`: of a tile, by number, in capture
     order."""
-    return {key: _plan(key, _patch(owned, window, key), window, shifts, frames_on(key)) for key in keys}
+    return {key: _plan(key, _patch(owned, window, key), window, shifts, frames_on(key), sharp) for key in keys}
 
 
 def _patch(owned: Owned, window: Window, key: TileKey) -> Owned:
@@ -47,6 +48,7 @@ def _plan(
     window: Window,
     shifts: Mapping[int, tuple[Window, Shifts]],
     frames: Mapping[int, Painted],
+    sharp: bool,
 ) -> Plan:
     parts: dict[str, Part] = {}
     digest = hashlib.blake2b(digest_size=16)
@@ -57,7 +59,7 @@ def _plan(
         first, second = owned.first == number, owned.second == number
         share = first * owned.share + second * ~owned.share
         shift = _shift_on(key, shifts.get(number))
-        part = parts[painted.name] = Part(share, first | second, shift)
+        part = parts[painted.name] = Part(share, first | second, shift, sharp)
         for one in (part.share, part.needed, part.shift):
             digest.update(b"-" if one is None else one.tobytes())
     return Plan((digest.digest(), tuple(frames[n] for n in frames if frames[n].name in parts)), parts)

@@ -87,7 +87,7 @@ class Territory(Kept):
             window = window_around(some).wider()
             owned = self._owned(window.tiles(), window)
             shifted = self._shifts(owned, window) if self._mode.toned else {}
-            plans |= planned(some, owned, window, shifted, self._frames_on)
+            plans |= planned(some, owned, window, shifted, self._frames_on, self._mode.sharp)
         return plans
 
     def _settle(self, changed: set[TileKey]) -> set[TileKey]:
