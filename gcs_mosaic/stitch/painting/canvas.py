@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.bands import Bands
-from gcs_mosaic.stitch.painting.blending import mix
+from gcs_mosaic.stitch.painting.blending import mix, mix_pixels
 from gcs_mosaic.stitch.painting.gallery import Gallery
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.layers import Layer, Store
@@ -27,7 +27,7 @@ from gcs_mosaic.stitch.painting.making import Maker
 from gcs_mosaic.stitch.painting.modes import MODES
 from gcs_mosaic.stitch.painting.originals import LoadImage
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, PaintedFrames, TileKey, Turn
-from gcs_mosaic.stitch.painting.pixels import FramePicture, KeepBands
+from gcs_mosaic.stitch.painting.pixels import FramePicture, KeepBands, Part
 from gcs_mosaic.stitch.painting.placed import PlacedFrame
 from gcs_mosaic.stitch.painting.plans import Plan, Recipe
 from gcs_mosaic.stitch.painting.stack import LoadTile, TilePicture, TileStack, top_level
@@ -108,11 +108,11 @@ class Canvas(Kept):
         self._changes = 0
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
-    def paint(self, image: Bands, painted: Painted) -> set[TileKey]:
+    def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
         """Add a frame; returns the tiles that may look different now (all levels).
 
-        A frame that is not the last in capture order is laid on top all the same, and its tiles are behind.
-        ValueError if the image does not fit the camera.
+        A frame that is not the last in capture order is laid on top all the same, and its tiles are behind. `hastily`: so are
+        tiles that would want the original of another frame which is not at hand. ValueError if the image does not fit the camera.
         """
         frame = self._gallery.placed(painted)
         picture = None if frame is None else self._gallery.take(painted, image)
@@ -122,10 +122,21 @@ class Canvas(Kept):
         if frame is None or picture is None:
             return self._refresh(keys, {painted.island})
         due = self._settle(self._territory.lay_over(frame, {key for key in keys if key not in self._behind}))
-        made = self._make_now(due)
-        left = due & self._due.keys()  # what cannot be made now
-        made |= self._lay_on_top(frame, picture, {key for key in keys if key in self._behind or key in left})
-        return self._refresh(made, {painted.island} | {island for island, _ in made})
+        plans = self._unlike([key for key in due if key not in self._behind])
+        made = self._maker.made(plans, hastily=hastily)
+        for key, layer in made.items():
+            self._show(key, layer, plans[key].recipe)
+        parts = {key: plan.parts.get(painted.name) for key, plan in plans.items() if key not in made}
+        left = {key: part for key, part in parts.items() if part is not None}
+        told = made.keys() | self._lay_on_top(frame, picture, {**left, **dict.fromkeys(keys & self._behind.keys())})
+        return self._refresh(told, {painted.island} | {island for island, _ in told})
+
+    def note(self, image: Bands, painted: Painted) -> None:
+        """Add a frame that is to be painted by `repaint`: its tiles are behind. ValueError as for `paint`."""
+        frame = self._gallery.placed(painted)
+        if frame is not None:
+            self._gallery.take(painted, image)
+        self._fall_behind(self._frames.remove(painted.name) | self._register(painted, frame))
 
     def resume(self, frames: Iterable[Painted]) -> None:
         """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
@@ -246,20 +257,16 @@ class Canvas(Kept):
             self._due.pop(key, None)
         return {key: plan for key, plan in plans.items() if key not in same}
 
-    def _make_now(self, keys: Collection[TileKey]) -> set[TileKey]:
-        """Make tiles at once, but for those that cannot be; returns those that are made."""
-        plans = self._unlike([key for key in keys if key not in self._behind])
-        made = self._maker.made(plans)
+    def _lay_on_top(
+        self, frame: PlacedFrame, picture: FramePicture, parts: Mapping[TileKey, Part | None]
+    ) -> set[TileKey]:
+        """Lay a frame on tiles that are behind, in the share that it is to have if that is known, else as well as can be."""
+        made = self._maker.whole(frame, picture, parts)
         for key, layer in made.items():
-            self._show(key, layer, plans[key].recipe)
-        return set(made)
-
-    def _lay_on_top(self, frame: PlacedFrame, picture: FramePicture, keys: Collection[TileKey]) -> set[TileKey]:
-        """Lay a frame on tiles that are behind, as well as can be without knowing more of what they show."""
-        made = self._maker.whole(frame, picture, keys)
-        for key, layer in made.items():
-            shown = self._stack.own(key)
-            if shown is not None:
+            shown, part = self._stack.own(key), parts[key]
+            if shown is not None and part is not None:
+                layer = mix_pixels(shown, layer, part.at_pixels().copy())
+            elif shown is not None:
                 layer = mix(shown, layer, (layer.weight >= shown.weight).astype(np.float32))
             self._recipes.pop(key, None)
             self._stack.set_own(key, layer)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 
 from gcs_mosaic.stitch.painting.gallery import Gallery
@@ -43,12 +43,13 @@ class Maker:
         names = {name for plan in plans.values() for name in plan.parts}
         return tuple(sorted(names, key=lambda name: self._frames[name].turn))
 
-    def made(self, plans: Plans) -> dict[TileKey, Layer | None]:
-        """The tiles, but for those that need a frame which cannot be had."""
+    def made(self, plans: Plans, *, hastily: bool = False) -> dict[TileKey, Layer | None]:
+        """The tiles, but for those that need a frame which cannot be had or, `hastily`, is not at hand."""
         pieces: dict[TileKey, dict[str, Piece | None]] = {key: {} for key in plans}
         # Those at hand first: loading another one may take their place.
         for name in sorted(self.order(plans), key=lambda name: not self._gallery.is_at_hand(name)):
-            picture = self._picture_now(self._frames[name])
+            wanted = self._gallery.is_at_hand(name) or not hastily
+            picture = self._picture_now(self._frames[name]) if wanted else None
             if picture is None:
                 plans = {key: plan for key, plan in plans.items() if name not in plan.parts}
                 continue
@@ -87,7 +88,7 @@ class Maker:
             for name in plan.parts:
                 self._store.put((key, "piece", name), None)
 
-    def whole(self, frame: PlacedFrame, picture: FramePicture, keys: Collection[TileKey]) -> dict[TileKey, Layer]:
+    def whole(self, frame: PlacedFrame, picture: FramePicture, keys: Iterable[TileKey]) -> dict[TileKey, Layer]:
         """All that a frame has of tiles, of those on which it has anything."""
         some = sorted(keys)
 

@@ -307,3 +307,34 @@ def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas) -> None:
     for tile, picture_of_part in after.items():
         inside = cv2.erode(picture_of_part.coverage, np.ones((9, 9), np.uint8)) == 255
         np.testing.assert_array_equal(picture_of_part.colour[inside], before[tile].colour[inside])
+
+
+@pytest.mark.parametrize("way", ["hastily", "noted"])
+def test_what_was_painted_in_haste_or_only_noted_ends_up_the_same(canvas, way: str) -> None:
+    rng = random.Random(9)
+    frames = [random_frame(rng, order) for order in range(8)]
+    whole, other = canvas(), canvas()
+    paint(whole, *frames)
+    for frame in frames:
+        other._gallery.clear()
+        if way == "hastily":
+            assert other.paint(originals(frame.name), frame, hastily=True)
+        else:
+            other.note(originals(frame.name), frame)
+    assert other.behind > 0
+    list(other.repaint())
+    assert_same(all_tiles(other), all_tiles(whole))
+
+
+def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas) -> None:
+    asked = []
+    c = canvas(lambda name: asked.append(name) or originals(name))
+    paint(c, painted(0, 100, 100))
+    c._gallery.clear()
+    second = painted(1, 150, 100)
+    c.paint(originals(second.name), second, hastily=True)
+    assert asked == []
+    here = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+    list(c.repaint())
+    apart = cv2.absdiff(here, c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour)
+    assert (apart.max(axis=2) > 13).mean() < 0.01  # but for tones
