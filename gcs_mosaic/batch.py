@@ -46,7 +46,12 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
         _introduce(given, console)
         # Nobody writes into a finished folder any more, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
-        pipeline = Pipeline(folder.path, linking, lambda notice: say(console, notice), punctual=True, observer=pictures)
+
+        def told(notice: Notice) -> None:
+            say(console, notice)
+
+        # Nobody waits for the newest frame: all are painted once, in the end.
+        pipeline = Pipeline(folder.path, linking, told, punctual=True, paint_live=False, observer=pictures)
         with closing(pipeline):
             _stitch_into(pipeline, given, config, console)
             if pictures:

@@ -7,7 +7,14 @@ from dataclasses import replace
 
 from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.painting.agreement import Overlap, agreed_gains, overlap_of
-from gcs_mosaic.stitch.painting.exposure import ExposureSettings, Gain, Levels, OverlapMeans, gain_beside
+from gcs_mosaic.stitch.painting.exposure import (
+    ExposureSettings,
+    Gain,
+    Levels,
+    OverlapMeans,
+    gain_beside,
+    is_false_colour,
+)
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.transaction import Kept
@@ -30,12 +37,15 @@ class Brightness(Kept):
         self._no_estimate = VignettingEstimate(vignetting)
         self._dead_of = dead_of
         self._thumbnails: dict[str, Levels] = {}
+        self._false_colour: set[str] = set()  # a palette that follows each frame's own range says nothing of brightness
         self._overlaps: list[Overlap] = []
         self._estimates: dict[Size, VignettingEstimate] = {}  # each size is one camera
 
     def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted]) -> Painted:
         """A frame at the brightness that fits those beside it which are painted; it counts for others from now on."""
         self._thumbnails[new.name] = thumbnail
+        if is_false_colour(thumbnail):
+            self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
         curve = self.curve_of(new)
         shares = [(means.flattened(curve, other.vignetting), other.gain) for means, other in found]
@@ -78,6 +88,8 @@ class Brightness(Kept):
 
     def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
         """Without the borders that are known to be dead, even where these are still painted."""
+        if not self._false_colour.isdisjoint((one.name, other.name)):
+            return None
         i, j = (replace(painted, dead=self._dead_of(size_of(painted))) for painted in (one, other))
         return overlap_of(i, self._thumbnails[i.name], j, self._thumbnails[j.name])
 

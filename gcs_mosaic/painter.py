@@ -64,7 +64,8 @@ class Step:
 class Painter(Kept):
     """The canvas, and what is to be painted on it.
 
-    `record(painted)` is called whenever a frame is painted or is to be painted otherwise, before its tiles change.
+    `record(painted)` is called whenever a frame is painted or is to be painted otherwise, before its tiles change. If nobody
+    looks on (not `live`), new frames wait for repainting.
     """
 
     FIXED = frozenset({"_record", "_load_image"})
@@ -75,8 +76,11 @@ class Painter(Kept):
         record: Callable[[Painted], None],
         settings: PaintSettings,
         scratch: Path | None = None,
+        *,
+        live: bool = True,
     ) -> None:
         self._settings = settings
+        self._live = live
         self._record = record
         self._load_image = load_image
         self.canvas = Canvas(load_image, settings.canvas, scratch=scratch)
@@ -123,7 +127,10 @@ class Painter(Kept):
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
         painted = self._levels.settled(self._brightness.settled(new, display.levels(thumbnail), beside))
         self._note(painted)
-        return self.canvas.paint(image, painted)
+        if self._live:
+            return self.canvas.paint(image, painted, hastily=True)
+        self.canvas.note(image, painted)
+        return set()
 
     def follow(self, placements: Iterable[Placement]) -> None:
         """Take note of where painted frames lie now; what is to be done about it is left to `repaint_some`."""

@@ -57,7 +57,8 @@ class Pipeline(Kept):
     goes on showing what it shows. All that is said.
 
     `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
-    the same frames always give the same map, however fast the machine is. `observer` looks on while frames are placed. `utc`
+    the same frames always give the same map, however fast the machine is. `paint_live`: each frame is painted as it comes, not
+    all in the end. `observer` looks on while frames are placed. `utc`
     tells the time that is written into documents.
     """
 
@@ -71,6 +72,7 @@ class Pipeline(Kept):
         published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
         *,
         punctual: bool = False,
+        paint_live: bool = True,
         observer: Observer | None = None,
         utc: Callable[[], float] = time.time,
     ) -> None:
@@ -84,7 +86,8 @@ class Pipeline(Kept):
         else:
             observers = Observers(Journal(), observer)
             self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
-            self._painter = Painter(self.load_original, self._note_painted, config.paint, scratch=out)
+            note = self._note_painted
+            self._painter = Painter(self.load_original, note, config.paint, scratch=out, live=paint_live)
         self.taken_in = 0  # files, whatever became of them
         self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
         self._reduction = config.reduction

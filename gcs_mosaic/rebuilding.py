@@ -22,8 +22,8 @@ from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.painted import Extent, Painted
+from gcs_mosaic.stitch.painting.pixels import KeepBands
 from gcs_mosaic.stitch.painting.stack import TilePicture
-from gcs_mosaic.stitch.painting.view import KeepBands
 
 KEPT_TILES = 128  # tiles at hand while holes are filled from around and above: 2 MB each with eight bands of 16 bits
 

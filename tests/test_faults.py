@@ -201,20 +201,22 @@ def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown
     painter = flown.pipeline._painter
     everything = {key for name in ("0.png", "1.png") for key in painter.canvas._frames.tiles_of(name)}
     painter.canvas._fall_behind(everything)
-    load = painter.canvas._load_image
+    gallery = painter.canvas._gallery
+    picture = gallery.picture
 
-    def fails(name):
-        if name == "1.png":
+    def fails(painted):
+        if painted.name == "1.png":
             raise cv2.error("broken")
-        return load(name)
+        return picture(painted)
 
-    monkeypatch.setattr(painter.canvas, "_load_image", fails)
+    monkeypatch.setattr(gallery, "picture", fails)
+    painter.canvas._recipes.clear()
     while flown.pipeline.repaint_some():
         pass
     assert not flown.pipeline.has_repaints
     (notice,) = flown.said
     assert notice.text.startswith("a part of the map could not be repainted and stays as it is")
-    assert not [key for key in painter.canvas._store._held if key.kind == "fresh"]
+    assert not [key for key in painter.canvas._store._held if key[1] in ("fresh", "fresh cells", "piece")]
 
 
 def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeypatch):

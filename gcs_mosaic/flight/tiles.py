@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,11 +56,11 @@ class TileWriter:
     def write(self, keys: Iterable[TileKey], shown: Callable[[int, Tile], TilePicture | None]) -> int:
         """Write the tiles of these keys as `shown` gives them (`Canvas.tile`), remove those that show nothing, and come back
         when all is on the disk; returns how many tiles there are now. DiskFull if there is no room."""
-        pending: set[Future[bool]] = set()
+        pending: deque[Future[bool]] = deque()
         present = 0
         try:
             for island, tile in keys:
-                pending.add(self._pool.submit(self._write_one, island, tile, shown(island, tile)))
+                pending.append(self._pool.submit(self._write_one, island, tile, shown(island, tile)))
                 if len(pending) >= QUEUE:
                     present += _finished(pending)
             while pending:
@@ -163,10 +164,9 @@ def _read(path: Path, flags: int) -> Image | None:
     return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
-def _finished(pending: set[Future[bool]]) -> int:
-    """Take out the futures that are done; waits for one at least."""
-    done, _ = wait(pending, PATIENCE_S, FIRST_COMPLETED)
-    if not done:
-        raise OSError(f"the disk took no tile for {PATIENCE_S:.0f} s")
-    pending -= done
-    return sum(future.result() for future in done)
+def _finished(pending: deque[Future[bool]]) -> bool:
+    """Take out the future that has waited longest, when it is done; whether its tile is there now."""
+    try:
+        return pending.popleft().result(PATIENCE_S)
+    except TimeoutError:
+        raise OSError(f"the disk took no tile for {PATIENCE_S:.0f} s") from None

@@ -26,12 +26,15 @@ from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.matching.features import extract
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas
+from gcs_mosaic.stitch.painting.edges import edge_density
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile, level_from_canvas
-from gcs_mosaic.stitch.painting.lattice import frame_lattice
-from gcs_mosaic.stitch.painting.modes import BLENDS
+from gcs_mosaic.stitch.painting.layers import full_coverage
 from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.view import frame_view
-from gcs_mosaic.stitch.painting.warping import upscale
+from gcs_mosaic.stitch.painting.pixels import frame_picture, piece
+from gcs_mosaic.stitch.painting.placed import placed
+from gcs_mosaic.stitch.painting.sampling import places_in, sampled
+from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS
+from gcs_mosaic.stitch.painting.warping import shrunk, upscale
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import on_plane
 from sitl.camera import Scene
@@ -175,11 +178,14 @@ class FrameAlone:
     """One frame as it is painted, with nothing else on the tiles."""
 
     def __init__(self, image: Bands, painted: Painted, settings: PaintSettings) -> None:
-        lattice = frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)
-        assert lattice is not None
+        frame = placed(painted)
+        assert frame is not None
         self.painted = painted
-        self.tiles = set(lattice.tiles())
-        self._view = frame_view(image, painted, lattice, BLENDS["edge"], INTERPOLATIONS[settings.canvas.interpolation])
+        self.tiles = set(frame.lattice.tiles())
+        self._frame = frame
+        self._picture = frame_picture(image, painted, "none")
+        self._density = edge_density(shrunk(self._picture.image, LOOK_PIXELS))
+        self._interpolation = INTERPOLATIONS[settings.canvas.interpolation]
         self._made: dict[Tile, TileParts | None] = {}
 
     def touches(self, window: Window) -> bool:
@@ -195,11 +201,14 @@ class FrameAlone:
         return self._made[at]
 
     def _parts(self, at: Tile) -> TileParts | None:
-        layer = self._view.layer(at)
-        if layer is None:
+        made = piece(self._frame, self._picture, at, None, self._interpolation, "none")
+        if made is None:
             return None
-        density = upscale(self._view._measured(at)[::2, ::2, 0].astype(np.float32)).copy()
-        return layer.colour, layer.coverage, upscale(layer.weight).copy(), density
+        lattice = self._frame.lattice
+        pixels = upscale(lattice.pixels[lattice.window(at)])
+        density = sampled(self._density, places_in(pixels, lattice, self._density.shape))
+        coverage = full_coverage(TILE_SIZE) if made.coverage is None else made.coverage
+        return made.colour, coverage, upscale(made.weight).copy(), density
 
 
 def place_in_level(painted: Painted, pixels: Array) -> Array:

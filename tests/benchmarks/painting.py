@@ -18,13 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.flight.tiles import TileWriter
+from gcs_mosaic.stitch.dead_border import NO_BORDER
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas, CanvasSettings
+from gcs_mosaic.stitch.painting.display import PLAIN
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE
 from gcs_mosaic.stitch.painting.lattice import frame_lattice, own_level
-from gcs_mosaic.stitch.painting.modes import BLENDS
+from gcs_mosaic.stitch.painting.modes import MODES
 from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.view import frame_view
+from gcs_mosaic.stitch.painting.pixels import frame_picture, piece
+from gcs_mosaic.stitch.painting.placed import placed
+from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS
+from gcs_mosaic.stitch.painting.warping import shrunk
 
 Image = NDArray[np.uint8]
 ROUNDS = 5
@@ -35,7 +40,7 @@ def main() -> None:
     if image is None:
         sys.exit(f"{sys.argv[1]} is not an image that OpenCV reads")
     camera = Camera(image.shape[1], image.shape[0], 1.2, -0.01)
-    for blend in BLENDS:
+    for blend in MODES:
         print(f"\n{camera.width} x {camera.height}, {blend}")
         report(np.asarray(image, dtype=np.uint8), camera, 1.0, CanvasSettings(blend=blend))
     for interpolation in INTERPOLATIONS:
@@ -50,11 +55,11 @@ def main() -> None:
 def report(image: Image, camera: Camera, zoom: float, settings: CanvasSettings) -> None:
     """Print wall and CPU milliseconds (the best of a few rounds) and their ratio to the plain warp."""
     frames = [frame(i, camera, zoom) for i in range(ROUNDS + 1)]
-    lattice = frame_lattice(frames[0].pose, camera, frames[0].level)
-    assert lattice is not None
-    tiles = list(lattice.tiles())
-    blend, flag = BLENDS[settings.blend], INTERPOLATIONS[settings.interpolation]
-    view = frame_view(image, frames[0], lattice, blend, flag)
+    first = placed(frames[0])
+    assert first is not None
+    tiles = list(first.lattice.tiles())
+    look, flag = MODES[settings.blend].look or (lambda *_: None), INTERPOLATIONS[settings.interpolation]
+    seen = frame_picture(image, frames[0], "none")
     with (
         Canvas(lambda _: image, settings) as canvas,
         tempfile.TemporaryDirectory() as out,
@@ -65,10 +70,12 @@ def report(image: Image, camera: Camera, zoom: float, settings: CanvasSettings) 
         plain = best(lambda: plain_warp(image, len(tiles), flag))
         show("cv2.warpPerspective of as many pixels", plain, plain)
         show("lattice", best(lambda: frame_lattice(frames[0].pose, camera, frames[0].level)), plain)
+        show("what the mode looks for", best(lambda: look(shrunk(image, LOOK_PIXELS), (PLAIN, NO_BORDER))), plain)
         show(
-            "gain and what the blend looks for", best(lambda: frame_view(image, frames[0], lattice, blend, flag)), plain
+            f"warp of {len(tiles)} tiles",
+            best(lambda: [piece(first, seen, tile, None, flag, "none") for tile in tiles]),
+            plain,
         )
-        show(f"warp of {len(tiles)} tiles", best(lambda: [view.layer(tile) is None for tile in tiles]), plain)
         show("whole frame onto others, with ancestors", best(lambda: canvas.paint(image, next(rest))), plain)
         show(f"encoding and writing {len(changed)} tiles", best(lambda: writer.write(changed, canvas.tile)), plain)
         writer.close()

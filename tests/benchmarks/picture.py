@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.painter import PaintSettings
-from gcs_mosaic.stitch.painting.modes import BLENDS
+from gcs_mosaic.stitch.painting.modes import MODES
 from gcs_mosaic.stitch.painting.painted import Painted
 from sitl.camera import Camera
 from sitl.flight import Flight, plan
@@ -87,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.picture", allow_abbrev=False)
     parser.add_argument("folders", nargs="*", type=Path, metavar="FOLDER")
     parser.add_argument("--scale", type=float, choices=(1, 0.5, 0.25), default=1, help="size of recorded frames (1)")
-    parser.add_argument("--modes", default=",".join(BLENDS), help=f"some of these ({','.join(BLENDS)})")
+    parser.add_argument("--modes", default=",".join(MODES), help=f"some of these ({','.join(MODES)})")
     parser.add_argument("--without-gains", action="store_true", help="brightness as the camera left it")
     parser.add_argument(
         "--registered", action="store_true", help="the simulated flight as it is stitched, not by its truth"
@@ -103,7 +103,7 @@ def main() -> None:
     for flight in flights:
         for mode, quality in measured(flight, given.modes.split(","), settings).items():
             print(f"{flight.name:10} {mode:14} {quality}", flush=True)
-            if given.each and mode in BLENDS:
+            if given.each and mode in MODES:
                 lost = [number for number, share in quality.movers.items() if share < HALF_SHOWN[1]]
                 print(f"  not shown whole anywhere: {', '.join(told(flight, number) for number in lost) or 'nobody'}")
 

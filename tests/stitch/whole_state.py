@@ -6,7 +6,6 @@ and so is what modules and classes of the package keep.
 
 import hashlib
 import itertools
-import os
 import sys
 from array import array
 from collections import deque
@@ -19,15 +18,15 @@ from typing import Any
 import numpy as np
 
 from gcs_mosaic.stitch.matching.retrieval import PER_FRAME, RetrievalIndex
-from gcs_mosaic.stitch.painting.layers import LayerStore, _Held, _unpacked
+from gcs_mosaic.stitch.painting.layers import Store, _Held
 
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic, PurePath, itertools.count)
 CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
 # What goes on outside whatever is undone here: a worker is given its task again, files and threads are no memory, what looks
-# on may be let go.
-OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file"}
+# on may be let go, and what is only kept at hand can be had again.
+OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file", "_gallery", "_maker"}
 # Spare room, and where a layer is: neither says anything about what is kept.
-NO_STATE = {LayerStore: {"_cached", "_holes", "_end", "_used", "problem"}}
+NO_STATE = {Store: {"_cached", "_holes", "_end", "_used", "problem"}}
 
 
 def digest(*roots: object) -> str:
@@ -88,8 +87,8 @@ class _Teller:
             self._write(name)
             if isinstance(value, RetrievalIndex) and name == "_descriptors":
                 self.tell(value._descriptors[: value._count * PER_FRAME])
-            elif isinstance(value, LayerStore) and name == "_held":
-                self.tell({key: _layer(value, held) for key, held in sorted(value._held.items())})
+            elif isinstance(value, Store) and name == "_held":
+                self.tell({repr(key): _value(value, value._held[key]) for key in sorted(value._held, key=repr)})
             else:
                 self.tell(known[name])
 
@@ -102,9 +101,6 @@ class _Teller:
         self.hash.update(text.encode() + b"\0")
 
 
-def _layer(store: LayerStore, held: _Held) -> object:
-    """A layer, without the store's noticing that it was asked for."""
-    if held.layer is not None:
-        return held.layer
-    place = held.record.place
-    return _unpacked(os.pread(store._file.fileno(), place.size, place.offset), held.record)
+def _value(store: Store, held: _Held) -> object:
+    """A value, without the store's noticing that it was asked for."""
+    return store._read(held) if held.value is None else held.value

@@ -16,7 +16,6 @@ from gcs_mosaic.stitch.painting.exposure import (
     Levels,
     Observation,
     OverlapMeans,
-    is_false_colour,
     overlap_means,
     solve_gains,
 )
@@ -27,12 +26,7 @@ Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, what they see of ea
 
 
 def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> OverlapMeans | None:
-    """What two frames see of the same ground, told from their thumbnails (h, w, bands) in grey levels; None if nothing.
-
-    A palette that follows each frame's own range says nothing of brightness.
-    """
-    if is_false_colour(small_i) or is_false_colour(small_j):
-        return None
+    """What two frames see of the same ground, told from their thumbnails (h, w, bands) in grey levels; None if nothing."""
     scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
 
     def j_from_i(pixels: Array) -> Array:

@@ -1,32 +1,39 @@
-"""Frames onto tiles: added one by one as they come, recomposed when poses change, the same picture either way.
+"""Frames onto tiles: added one by one as they come, painted again when poses change, the same picture either way.
 
-A tile's own layer is a fold, in capture order, over the frames painted at its level; coarser tiles are made of finer ones
-(`overviews`). So a tile is a pure function of the `Painted` frames that touch it, however and whenever it was painted.
-A tile that no longer follows its frames is *behind*: it goes on showing what it showed, with newer frames laid on top so
-that nothing new is held back, until `repaint` has made it anew.
+Which frame shows where is decided first, on cells, by a fold over the frames in capture order (`cells`); pixels are made only
+where that changes what is shown, and once (`plans`, `pixels`). Coarser tiles are made of finer ones (`overviews`). So a tile is
+a pure function of the `Painted` frames around it, however and whenever it was painted. A tile that no longer follows its frames
+is *behind*: it goes on showing what it showed, with newer frames laid on top so that nothing new is held back, until `repaint`
+has made it anew.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, Self
+from typing import Self
 
 import cv2
+import numpy as np
 
 from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.painting.blending import mix, mix_pixels
+from gcs_mosaic.stitch.painting.gallery import Gallery
 from gcs_mosaic.stitch.painting.grid import Tile
-from gcs_mosaic.stitch.painting.lattice import FrameLattice, frame_lattice
-from gcs_mosaic.stitch.painting.layers import LayerKey, LayerStore
-from gcs_mosaic.stitch.painting.modes import BLENDS
+from gcs_mosaic.stitch.painting.layers import Layer, Store
+from gcs_mosaic.stitch.painting.making import Maker
+from gcs_mosaic.stitch.painting.modes import MODES
+from gcs_mosaic.stitch.painting.originals import LoadImage
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, PaintedFrames, TileKey, Turn
-from gcs_mosaic.stitch.painting.stack import AT_ONCE, LoadTile, TilePicture, TileStack, chunks, top_level
-from gcs_mosaic.stitch.painting.view import FrameView, KeepBands, frame_view
+from gcs_mosaic.stitch.painting.pixels import FramePicture, KeepBands, Part
+from gcs_mosaic.stitch.painting.placed import PlacedFrame
+from gcs_mosaic.stitch.painting.plans import Plan, Recipe
+from gcs_mosaic.stitch.painting.stack import LoadTile, TilePicture, TileStack, top_level
+from gcs_mosaic.stitch.painting.territory import Territory
 from gcs_mosaic.stitch.transaction import Kept
 
-LoadImage = Callable[[str], Bands | None]
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
 BLOCK = 64  # tiles a side that are repainted together: so many that most frames are decoded once
 
@@ -42,17 +49,26 @@ class CanvasSettings:
     threads: int = 2  # how many tiles are painted at a time
 
     def __post_init__(self) -> None:
-        for value, known in ((self.blend, list(BLENDS)), (self.interpolation, list(INTERPOLATIONS))):
+        for value, known in ((self.blend, list(MODES)), (self.interpolation, list(INTERPOLATIONS))):
             if value not in known:
                 raise ValueError(f"{value!r} is not one of {', '.join(known)}")
 
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
-    """Tiles that are being made anew together: with each the frames folded so far, which are those up to a turn."""
+    """Tiles whose cells are being decided anew: with each the frames folded so far, which are those up to a turn."""
 
     turn: Turn | None
     tiles: Mapping[TileKey, tuple[Painted, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Making:
+    """Tiles whose pixels are being made: their plans, and the frames that are still to be warped, in capture order."""
+
+    plans: Mapping[TileKey, Plan]
+    left: tuple[str, ...]
+    changes: int  # of cells and frames, when the plans were made
 
 
 class Canvas(Kept):
@@ -63,7 +79,7 @@ class Canvas(Kept):
     what is shown, all bands of the frames, which then must have the same ones.
     """
 
-    FIXED = frozenset({"_blend", "_load_image", "_pool"})
+    FIXED = frozenset({"_pool", "_gallery", "_maker"})
 
     def __init__(
         self,
@@ -75,37 +91,57 @@ class Canvas(Kept):
         keep_bands: KeepBands = "none",
     ) -> None:
         self._settings = settings or CanvasSettings()
-        self._blend = BLENDS[self._settings.blend]
-        self._load_image = load_image
-        self._keep_bands = keep_bands
         self._pool = ThreadPoolExecutor(self._settings.threads, thread_name_prefix="paint")
-        self._store = LayerStore(self._settings.memory_mb << 20, scratch)
+        self._store = Store(self._settings.memory_mb << 20, scratch)
         self._stack = TileStack(self._store, self._pool, load_tile)
         self._frames = PaintedFrames()
-        self._behind: dict[TileKey, float] = {}  # with how urgent each is
+        mode = MODES[self._settings.blend]
+        self._gallery = Gallery(load_image, self._store, mode, keep_bands)
+        self._territory = Territory(self._store, mode, self._gallery, self._frames)
+        flag = INTERPOLATIONS[self._settings.interpolation]
+        self._maker = Maker(self._gallery, self._frames, self._store, self._pool, flag, keep_bands)
+        self._behind: dict[TileKey, float] = {}  # tiles whose cells do not follow their frames, with how urgent each is
+        self._due: dict[TileKey, float] = {}  # tiles that may not show what their cells tell
+        self._recipes: dict[TileKey, Recipe] = {}  # what tiles that show it are made of
         self._left: dict[str, frozenset[TileKey]] = {}  # by frames that are on another level or island: where they were
-        self._fold: _Fold | None = None
+        self._work: _Fold | _Making | None = None
+        self._changes = 0
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
-    def paint(self, image: Bands, painted: Painted) -> set[TileKey]:
+    def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
         """Add a frame; returns the tiles that may look different now (all levels).
 
-        A frame that is not the last in capture order is laid on top all the same, and its tiles are behind.
-        ValueError if the image does not fit the camera.
+        A frame that is not the last in capture order is laid on top all the same, and its tiles are behind. `hastily`: so are
+        tiles that would want the original of another frame which is not at hand. ValueError if the image does not fit the camera.
         """
-        lattice = _lattice_of(painted)
-        view = None if lattice is None else self._view(image, painted, lattice)
+        frame = self._gallery.placed(painted)
+        picture = None if frame is None else self._gallery.take(painted, image)
         self._fall_behind(self._frames.remove(painted.name))
-        keys = self._frames.add(painted, () if lattice is None else lattice.tiles())
+        keys = self._register(painted, frame)
         self._fall_behind(key for key in keys if not self._frames.is_last(painted, key))
-        if view is not None:
-            self._lay_over(view, keys, "own")
-        return self._refresh(keys, {painted.island})
+        if frame is None or picture is None:
+            return self._refresh(keys, {painted.island})
+        due = self._settle(self._territory.lay_over(frame, {key for key in keys if key not in self._behind}))
+        plans = self._unlike([key for key in due if key not in self._behind])
+        made = self._maker.made(plans, hastily=hastily)
+        for key, layer in made.items():
+            self._show(key, layer, plans[key].recipe)
+        parts = {key: plan.parts.get(painted.name) for key, plan in plans.items() if key not in made}
+        left = {key: part for key, part in parts.items() if part is not None}
+        told = made.keys() | self._lay_on_top(frame, picture, {**left, **dict.fromkeys(keys & self._behind.keys())})
+        return self._refresh(told, {painted.island} | {island for island, _ in told})
+
+    def note(self, image: Bands, painted: Painted) -> None:
+        """Add a frame that is to be painted by `repaint`: its tiles are behind. ValueError as for `paint`."""
+        frame = self._gallery.placed(painted)
+        if frame is not None:
+            self._gallery.take(painted, image)
+        self._fall_behind(self._frames.remove(painted.name) | self._register(painted, frame))
 
     def resume(self, frames: Iterable[Painted]) -> None:
         """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
         for painted in frames:
-            keys = self._register(painted)
+            keys = self._register(painted, self._gallery.placed(painted))
             self._fall_behind(keys)
             self._stack.expect(keys)
 
@@ -117,7 +153,7 @@ class Canvas(Kept):
         changed = [p for p in frames if p.name not in self._frames or self._frames[p.name] != p]
         for painted in changed:
             old = self._frames.remove(painted.name)
-            self._fall_behind(old | self._register(painted), urgency)
+            self._fall_behind(old | self._register(painted, self._gallery.placed(painted)), urgency)
             elsewhere = frozenset(key for key in old if (key[0], key[1].z) != (painted.island, painted.level))
             if elsewhere:
                 self._left[painted.name] = self._left.get(painted.name, frozenset()) | elsewhere
@@ -131,7 +167,7 @@ class Canvas(Kept):
     @property
     def behind(self) -> int:
         """How many tiles wait for `repaint`."""
-        return len(self._behind)
+        return len(self._behind.keys() | self._due.keys())
 
     def repaint(self, block: int = BLOCK) -> Iterator[set[TileKey]]:
         """Bring all tiles that are behind up to date, a frame's work at a time; yields tiles that may look different now.
@@ -142,28 +178,37 @@ class Canvas(Kept):
         is whole, and nothing is lost but the work since. One such iterator at a time.
         """
         try:
-            while self._behind:
+            while self.behind:
                 yield self.repaint_step(block)
         finally:
-            self._drop_fold()
+            self._drop_work()
 
     def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
         """One step of `repaint`, to be called while tiles are behind: a frame's work, or the change itself."""
-        fold = self._fold = self._fold or self._begun(block)
-        # Asked anew at each step, because frames may come and move between steps.
-        painted = self._frames.next_after(fold.turn, fold.tiles)
-        if painted is not None:
-            self._fold = self._with_frame(fold, painted)
+        work = self._work = self._work or self._begun(block)
+        if isinstance(work, _Fold):
+            # Asked anew at each step, because frames may come and move between steps.
+            painted = self._frames.next_after(work.turn, work.tiles)
+            if painted is None:
+                self._end(work)
+            self._work = None if painted is None else self._with_frame(work, painted)
             return set()
-        return self._commit(fold)
+        if work.left:
+            self._work = self._with_pixels(work)
+            return set()
+        return self._commit(work)
 
     def skip_step(self, block: int = BLOCK) -> None:
         """Leave what `repaint_step` would do next for good: its tiles go on showing what they show."""
-        fold = self._fold or self._begun(block)
-        painted = self._frames.next_after(fold.turn, fold.tiles)
-        keys = set(fold.tiles) if painted is None else self._shared(painted, fold)
-        rest = self._without(fold, keys)
-        self._fold = rest if rest.tiles else None
+        if self._work is None:
+            keys = self._next_block(block)
+            self._give_up(keys)
+        elif isinstance(self._work, _Fold):
+            painted = self._frames.next_after(self._work.turn, self._work.tiles)
+            keys = set(self._work.tiles) if painted is None else self._shared(painted, self._work)
+            self._work = self._without(self._work, keys)
+        else:
+            self._work = self._unmade(self._work, self._work.left[0] if self._work.left else None)
 
     def tile(self, island: int, tile: Tile) -> TilePicture | None:
         """A tile as it is shown; None if there is nothing on it. Its arrays are not to be changed."""
@@ -189,84 +234,157 @@ class Canvas(Kept):
         """Give back all memory, threads and the scratch file."""
         self._pool.shutdown()
         self._store.close()
+        self._gallery.clear()
 
-    def _fall_behind(self, keys: Iterable[TileKey], urgency: float = 0.0) -> None:
-        for key in keys:
-            self._behind[key] = max(urgency, self._behind.get(key, 0.0))
+    def _register(self, painted: Painted, frame: PlacedFrame | None) -> set[TileKey]:
+        return self._frames.add(painted, () if frame is None else frame.lattice.tiles())
 
-    def _register(self, painted: Painted) -> set[TileKey]:
-        lattice = _lattice_of(painted)
-        return self._frames.add(painted, () if lattice is None else lattice.tiles())
+    def _settle(self, changed: Collection[TileKey]) -> set[TileKey]:
+        """Tiles whose cells have changed, and those around, are due where that makes a difference; returns those."""
+        self._changes += 1
+        due = self._territory.settle(changed)
+        for key in due:
+            self._due.setdefault(key, 0.0)
+        return due
 
-    def _view(self, image: Bands, painted: Painted, lattice: FrameLattice) -> FrameView:
-        flag = INTERPOLATIONS[self._settings.interpolation]
-        return frame_view(image, painted, lattice, self._blend, flag, self._keep_bands)
+    # Pixels
 
-    def _lay_over(self, view: FrameView, keys: Iterable[TileKey], kind: Literal["own", "fresh"]) -> None:
-        for some in chunks(sorted(keys), AT_ONCE):
-            shown = [self._stack.own(key) if kind == "own" else self._store.get(LayerKey(*key, kind)) for key in some]
-            steps = self._pool.map(lambda layer, key: view.over(layer, key[1]), shown, some)
-            for key, layer in zip(some, steps, strict=True):
-                self._store.put(LayerKey(*key, kind), layer)
+    def _unlike(self, keys: Collection[TileKey]) -> dict[TileKey, Plan]:
+        """Plans of those of these tiles that do not show what they are to; the others are not due."""
+        plans = self._territory.plans(keys)
+        same = {key for key, plan in plans.items() if self._recipes.get(key) == plan.recipe}
+        for key in same:
+            self._due.pop(key, None)
+        return {key: plan for key, plan in plans.items() if key not in same}
+
+    def _lay_on_top(
+        self, frame: PlacedFrame, picture: FramePicture, parts: Mapping[TileKey, Part | None]
+    ) -> set[TileKey]:
+        """Lay a frame on tiles that are behind, in the share that it is to have if that is known, else as well as can be."""
+        made = self._maker.whole(frame, picture, parts)
+        for key, layer in made.items():
+            shown, part = self._stack.own(key), parts[key]
+            if shown is not None and part is not None:
+                layer = mix_pixels(shown, layer, part.at_pixels().copy())
+            elif shown is not None:
+                layer = mix(shown, layer, (layer.weight >= shown.weight).astype(np.float32))
+            self._recipes.pop(key, None)
+            self._stack.set_own(key, layer)
+        return set(made)
+
+    def _show(self, key: TileKey, layer: Layer | None, recipe: Recipe) -> None:
+        self._stack.set_own(key, layer)
+        self._recipes[key] = recipe
+        self._due.pop(key, None)
+        if layer is None:
+            del self._recipes[key]
 
     def _refresh(self, keys: set[TileKey], islands: Iterable[int]) -> set[TileKey]:
         return self._stack.refresh(keys, {island: self._frames.extent(island) for island in islands})
 
-    def _next_block(self, side: int) -> list[TileKey]:
+    # Repainting
+
+    def _fall_behind(self, keys: Iterable[TileKey], urgency: float = 0.0) -> None:
+        self._changes += 1
+        for key in keys:
+            self._behind[key] = max(urgency, self._behind.get(key, 0.0))
+
+    def _next_block(self, side: int) -> set[TileKey]:
         """Tiles that are behind and close together, so that they share frames; the most urgent one is among them."""
 
         def block(key: TileKey) -> tuple[int, int, int, int]:
             return key[0], key[1].z, key[1].y // side, key[1].x // side
 
-        ready = self._behind.keys() - self._kept() or self._behind.keys()
-        _, chosen = min((-self._behind[key], block(key)) for key in ready)
-        return [key for key in ready if block(key) == chosen]
+        waiting = {**self._due, **self._behind}
+        ready = waiting.keys() - self._kept() or waiting.keys()
+        _, chosen = min((-waiting[key], block(key)) for key in ready)
+        return {key for key in ready if block(key) == chosen}
 
     def _kept(self) -> set[TileKey]:
         """Tiles that go on showing frames which have left them until those are shown where they are now: no hole between."""
-        arrived = [name for name in self._left if self._behind.keys().isdisjoint(self._frames.tiles_of(name))]
+        waiting = self._behind.keys() | self._due.keys()
+        arrived = [name for name in self._left if waiting.isdisjoint(self._frames.tiles_of(name))]
         for name in arrived:
             del self._left[name]
         return set[TileKey]().union(*self._left.values())
 
-    def _begun(self, block: int) -> _Fold:
-        return _Fold(None, dict.fromkeys(self._next_block(block), ()))
+    def _begun(self, block: int) -> _Fold | _Making:
+        keys = self._next_block(block)
+        stale = sorted(key for key in keys if key in self._behind)
+        if stale:
+            return _Fold(None, dict.fromkeys(stale, ()))
+        plans = self._unlike(keys)
+        return _Making(plans, self._maker.order(plans), self._changes)
 
     def _shared(self, painted: Painted, fold: _Fold) -> set[TileKey]:
         return {key for key in self._frames.tiles_of(painted.name) if key in fold.tiles}
 
-    def _with_frame(self, fold: _Fold, painted: Painted) -> _Fold:
+    def _with_frame(self, fold: _Fold, painted: Painted) -> _Fold | None:
         keys = self._shared(painted, fold)
-        image = self._load_image(painted.name)
-        lattice = _lattice_of(painted)
-        if image is None or lattice is None:
+        frame = self._gallery.placed(painted)
+        if frame is None or not self._gallery.can_see(painted):
             self.gone.add(painted.name)
-            return replace(self._without(fold, keys), turn=painted.turn)
-        self._lay_over(self._view(image, painted, lattice), keys, "fresh")
+            rest = self._without(fold, keys)
+            return None if rest is None else replace(rest, turn=painted.turn)
+        self._territory.lay_over(frame, keys, anew=True)
         return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
 
-    def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold:
+    def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold | None:
         """Give up tiles: they stay as they are."""
+        self._give_up(keys)
+        self._territory.drop_fresh(keys)
+        rest = {key: frames for key, frames in fold.tiles.items() if key not in keys}
+        return replace(fold, tiles=rest) if rest else None
+
+    def _give_up(self, keys: Iterable[TileKey]) -> None:
         for key in keys:
-            self._store.put(LayerKey(*key, "fresh"), None)
             self._behind.pop(key, None)
-        return replace(fold, tiles={key: frames for key, frames in fold.tiles.items() if key not in keys})
+            self._due.pop(key, None)
 
-    def _commit(self, fold: _Fold) -> set[TileKey]:
+    def _end(self, fold: _Fold) -> None:
+        """The fold is whole: its tiles are due, and those around that it changes."""
         ready = {key for key, frames in fold.tiles.items() if frames == tuple(self._frames.on(key))}
+        changed = self._territory.replace(ready)
+        self._territory.drop_fresh(fold.tiles)
         for key in ready:
-            self._stack.set_own(key, self._store.get(LayerKey(*key, "fresh")))
-            self._behind.pop(key, None)
-        for key in fold.tiles:
-            self._store.put(LayerKey(*key, "fresh"), None)
-        self._fold = None
-        return self._refresh(ready, {island for island, _ in ready})
+            self._due[key] = max(self._behind.pop(key), self._due.get(key, 0.0))
+        self._settle(changed)
 
-    def _drop_fold(self) -> None:
-        for key in self._fold.tiles if self._fold else ():
-            self._store.put(LayerKey(*key, "fresh"), None)
-        self._fold = None
+    def _with_pixels(self, work: _Making) -> _Making | None:
+        """Warp the next frame, and finish the tiles that wait for no other."""
+        name = work.left[0]
+        painted = self._frames.get(name)
+        if any(painted not in plan.recipe[1] for plan in work.plans.values() if name in plan.parts):
+            return self._unmade(work, name, due=True)  # it has moved meanwhile
+        if not self._maker.step(work.plans, name):
+            self.gone.add(name)
+            return self._unmade(work, name)
+        return replace(work, left=work.left[1:])
 
+    def _unmade(self, work: _Making, name: str | None, *, due: bool = False) -> _Making | None:
+        """Leave the tiles that a frame shows on (None: all), until later if they are `due`."""
+        keys = {key for key, plan in work.plans.items() if name is None or name in plan.parts}
+        self._maker.drop({key: work.plans[key] for key in keys})
+        if not due:
+            self._give_up(keys)
+        rest = {key: plan for key, plan in work.plans.items() if key not in keys}
+        needed = {one for plan in rest.values() for one in plan.parts}
+        return replace(work, plans=rest, left=tuple(one for one in work.left if one in needed)) if rest else None
 
-def _lattice_of(painted: Painted) -> FrameLattice | None:
-    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)
+    def _commit(self, work: _Making) -> set[TileKey]:
+        """Show what is made, unless it is to look otherwise meanwhile: then it stays due."""
+        keys = [key for key in work.plans if key in self._due and key not in self._behind]
+        now = work.plans if self._changes == work.changes else self._territory.plans(keys)
+        shown = {key for key in keys if now[key].recipe == work.plans[key].recipe}
+        for key in shown:
+            self._show(key, self._maker.finished(key), work.plans[key].recipe)
+        self._maker.drop(work.plans)
+        self._work = None
+        return self._refresh(shown, {island for island, _ in shown})
+
+    def _drop_work(self) -> None:
+        if isinstance(self._work, _Fold):
+            self._territory.drop_fresh(self._work.tiles)
+        elif self._work is not None:
+            self._maker.drop(self._work.plans)
+        self._work = None

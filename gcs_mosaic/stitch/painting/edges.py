@@ -11,8 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT, Part, laid_over
-from gcs_mosaic.stitch.painting.layers import Layer
+from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT
+from gcs_mosaic.stitch.painting.cells import NOBODY, PARTLY, WHOLLY, Cells, Owned, Seen, Window
+from gcs_mosaic.stitch.painting.lattice import Lattice
+from gcs_mosaic.stitch.painting.placed import PlacedFrame
+from gcs_mosaic.stitch.painting.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
+from gcs_mosaic.stitch.painting.sights import Of, Sight
 from gcs_mosaic.stitch.painting.warping import shrunk
 
 Image = NDArray[np.uint8]
@@ -49,10 +53,33 @@ def _edges(grey: Image) -> Image:
     return np.asarray(cv2.Canny(dx, dy, high / 2.5, high), dtype=np.uint8)
 
 
-def edge(shown: Layer, new: Part) -> Layer:
-    """The paper's blend: soft on smooth ground, the heavier frame alone where the new frame's edges are dense."""
-    density = new.measured[::2, ::2, 0].astype(np.float32)
-    boosted = np.maximum(new.weight, LEAST_WEIGHT) * (1 + (BOOST - 1) * density)
+def look_for_edges(look: Image, of: Of) -> Sight:
+    """What is kept of a frame's picture: how dense its edges are."""
+    density = edge_density(look)
+    return Sight(of, (np.asarray(np.rint(density * 255), np.uint8),))
+
+
+def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
+    """What a frame brings to the cells of a window: the log of its weight, and how dense its edges are."""
+    assert sight is not None, "edges need a look"
+    where = lattice_part(frame.lattice, window)
+    pixels, weight = at_cells(frame.lattice.pixels[where]), at_cells(frame.lattice.weight[where])
+    density = sampled(sight.planes[0], places_in(pixels, frame.lattice, sight.planes[0].shape))
+    covered = inside(frame.lattice, where)
+    score = np.log(np.maximum(weight, LEAST_WEIGHT)) - CUT * (covered == PARTLY)
+    return Seen(covered, np.asarray(score, np.float32), density.reshape(1, *weight.shape))
+
+
+def decide(cells: Cells, seen: Seen) -> Lattice:
+    """The log ratio of weights, soft on smooth ground and steep where the new frame's edges are dense."""
+    density = seen.planes[0] / np.float32(255)
     steepness = SOFT + (STEEP - SOFT) * density
-    log_ratio = steepness * np.log(boosted / np.maximum(shown.weight, LEAST_WEIGHT))
-    return laid_over(shown, new, 1 / (1 + np.exp(-np.clip(log_ratio, -30, 30))))
+    return np.asarray(steepness * (seen.score - cells.score + np.log(1 + (BOOST - 1) * density)), np.float32)
+
+
+def mixed(cells: Cells) -> Owned:
+    """The first in its share of both, where both cover the cell."""
+    both = (cells.inside[0] == WHOLLY) & (cells.inside[1] == WHOLLY)
+    share = np.where(both, np.rint(255 / (1 + np.exp(-np.minimum(cells.lead, 30)))), 255).astype(np.uint8)
+    shown = (share < 255) | (cells.inside[0] != WHOLLY)
+    return Owned(cells.first, np.where(shown, cells.second, np.int32(NOBODY)), share)

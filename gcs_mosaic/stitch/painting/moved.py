@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_mosaic.stitch.geometry import Array, Camera, Pose, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.geometry import Array, Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.placement import Placement
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement, on_plane
@@ -21,6 +21,8 @@ def displacement(painted: Painted, placement: Placement) -> float:
 
 
 def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Array:
-    """Canvas places of points all over the frame, (n, 2); NaN above the horizon."""
-    pixels = pixel_grid(camera, 9, 7)
+    """Canvas places of points all over the frame, (n, 2); NaN above the horizon. They are parts of the frame, whatever the size
+    of its picture."""
+    x, y = np.meshgrid(np.linspace(0, 1, 9) * camera.width - 0.5, np.linspace(0, 1, 7) * camera.height - 0.5)
+    pixels = np.stack([x.ravel(), y.ravel()], axis=1)
     return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))

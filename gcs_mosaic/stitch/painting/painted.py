@@ -83,6 +83,10 @@ class PaintedFrames(Kept):
     def __getitem__(self, name: str) -> Painted:
         return self._entries[name].painted
 
+    def get(self, name: str) -> Painted | None:
+        entry = self._entries.get(name)
+        return None if entry is None else entry.painted
+
     def add(self, painted: Painted, tiles: Iterable[Tile]) -> set[TileKey]:
         """Take a frame in, in place of what it was before; returns the tiles it touches now."""
         self.remove(painted.name)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over
 from gcs_mosaic.stitch.painting.lattice import LATTICE, Lattice
-from gcs_mosaic.stitch.painting.layers import Layer, LayerKey, LayerStore, make_layer
+from gcs_mosaic.stitch.painting.layers import Layer, Store, make_layer
 from gcs_mosaic.stitch.painting.overviews import assemble, composite, shrink
 from gcs_mosaic.stitch.painting.painted import Extent, TileKey
+from gcs_mosaic.stitch.painting.spread import spread
 from gcs_mosaic.stitch.transaction import Kept
 
 Image = NDArray[np.uint8]
@@ -48,7 +49,7 @@ class TileStack(Kept):
 
     FIXED = frozenset({"_store", "_pool", "_load_tile"})
 
-    def __init__(self, store: LayerStore, pool: Executor, load_tile: LoadTile | None = None) -> None:
+    def __init__(self, store: Store, pool: Executor, load_tile: LoadTile | None = None) -> None:
         self._store = store
         self._pool = pool
         self._load_tile = load_tile
@@ -60,11 +61,12 @@ class TileStack(Kept):
         """The fold of the frames painted at the tile's level."""
         if key in self._earlier_own:
             self.set_own(key, self._load(key))
-        return self._store.get(LayerKey(*key, "own"))
+        layer: Layer | None = self._store.get((key, "own"))
+        return layer
 
     def set_own(self, key: TileKey, layer: Layer | None) -> None:
         self._earlier_own.discard(key)
-        self._store.put(LayerKey(*key, "own"), layer)
+        self._store.put((key, "own"), layer)
 
     def expect(self, keys: Iterable[TileKey]) -> None:
         """An earlier run painted frames on these tiles, and wrote them and all above them."""
@@ -117,25 +119,25 @@ class TileStack(Kept):
             return set()
         for level in range(old_top + 1, top + 1):
             for tile in tiles_over(old_box, level):
-                self._store.put(LayerKey(island, tile, "quarter"), None)
+                self._store.put(((island, tile), "quarter"), None)
         return {(island, tile) for level in range(old_top, top) for tile in tiles_over(old_box, level)}
 
     def _shrink_all(self, keys: Sequence[TileKey]) -> None:
         for some in chunks(sorted(keys), AT_ONCE):
             parts = [(self.own(key), self._quarters(key)) for key in some]
-            for key, quarter in zip(some, self._pool.map(_quarter_of, parts), strict=True):
-                self._store.put(LayerKey(*key, "quarter"), quarter)
+            for key, quarter in zip(some, spread(self._pool, _quarter_of, parts), strict=True):
+                self._store.put((key, "quarter"), quarter)
 
     def _quarters(self, key: TileKey) -> list[Layer | None]:
         island, tile = key
         return [self._quarter((island, child)) for child in tile.children]
 
     def _quarter(self, key: TileKey) -> Layer | None:
-        quarter = self._store.get(LayerKey(*key, "quarter"))
+        quarter: Layer | None = self._store.get((key, "quarter"))
         if quarter is None and key in self._earlier:
             layer = self._load(key)
             quarter = None if layer is None else shrink(layer)
-            self._store.put(LayerKey(*key, "quarter"), quarter)
+            self._store.put((key, "quarter"), quarter)
         return quarter
 
     def _load(self, key: TileKey) -> Layer | None:

@@ -64,12 +64,14 @@ def shrunk(image: Image, pixels: int) -> Image:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def tile_picture(lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int) -> tuple[Bands, Image | None]:
-    """A frame's part of a tile: its bands (256, 256, bands), 0 where there is none, and coverage (256, 256), 0 or 255, None
-    where the tile is full. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is OpenCV's constant."""
+def tile_picture(
+    lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int, place: tuple[slice, slice] = np.s_[:, :]
+) -> tuple[Bands, Image | None]:
+    """A frame's part of a tile, or of some rows and columns of it: its bands (h, w, bands), 0 where there is none, and coverage
+    (h, w), 0 or 255, None where there is no gap. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is OpenCV's."""
     window = lattice.window(tile)
-    pixels = upscale(lattice.pixels[window])
-    coverage = _coverage(lattice, pixels, window)
+    pixels = upscale(lattice.pixels[window])[place]
+    coverage = _coverage(lattice, pixels, window, place)
     if coverage is None:
         return warped(image, pixels, interpolation), None
     if np.isnan(lattice.pixels[window]).any():
@@ -77,13 +79,15 @@ def tile_picture(lattice: FrameLattice, image: Bands, tile: Tile, interpolation:
     return _masked(warped(image, pixels, interpolation), coverage), coverage
 
 
-def _coverage(lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice]) -> Image | None:
+def _coverage(
+    lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice], place: tuple[slice, slice]
+) -> Image | None:
     if _well_inside(lattice, window):
         return None
     coverage = cv2.inRange(pixels, *lattice.limits)
     if lattice.useful is not None:
-        coverage[~(upscale(lattice.useful[window]) > 0)] = 0
-    return np.asarray(coverage, dtype=np.uint8)
+        coverage[~(upscale(lattice.useful[window])[place] > 0)] = 0
+    return None if coverage.all() else np.asarray(coverage, dtype=np.uint8)
 
 
 def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:

@@ -7,9 +7,10 @@ import pytest
 from painting_parts import hilly, painted, picture
 
 from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.geometry import Camera
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
-from gcs_mosaic.stitch.painting.modes import BLENDS
+from gcs_mosaic.stitch.painting.modes import MODES
 from gcs_mosaic.stitch.painting.stack import TilePicture
 
 MIDDLE = 1 << 15
@@ -57,7 +58,7 @@ def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) ->
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("blend", BLENDS)
+@pytest.mark.parametrize("blend", MODES)
 def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas, blend: str, seed: int) -> None:
     rng = random.Random(seed)
     step_by_step, final = canvas(blend=blend, memory_mb=2), {}
@@ -113,11 +114,12 @@ def test_no_half_made_tile_is_shown_while_repainting(canvas) -> None:
     paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(5)))
     before = all_tiles(c)
     c.move([painted(0, 90, 100)])
-    steps = c.repaint()
-    assert [next(steps) for _ in range(5)] == [set()] * 5
-    assert_same(all_tiles(c), before)
-    told = next(steps)
-    assert (0, Tile(16, MIDDLE, MIDDLE)) in told
+    shown = Tile(16, MIDDLE, MIDDLE)
+    for told in c.repaint():
+        if told:
+            break
+        assert_same(all_tiles(c), before)
+    assert (0, shown) in told
     assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before[Tile(16, MIDDLE, MIDDLE)].colour)
 
 
@@ -168,12 +170,40 @@ def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
 def test_a_repaint_decodes_each_original_once(canvas) -> None:
     asked = []
     c = canvas(lambda name: asked.append(name) or originals(name))
-    frames = [painted(i, 100 + 40.0 * i, 100) for i in range(5)]
+    frames = [painted(i, 100 + 40.0 * i, 100) for i in range(9)]
     paint(c, *frames)
     assert c.move(frames) == 0
-    c.move([painted(2, 170, 110)])
+    c._gallery.clear()
+    asked.clear()
+    c.move([painted(i, 100 + 40.0 * i, 110) for i in range(9)])
     list(c.repaint())
-    assert asked == [frame.name for frame in frames]
+    assert sorted(asked) == [frame.name for frame in frames]
+
+
+def test_only_tiles_that_are_to_look_otherwise_are_made_anew(canvas) -> None:
+    """A frame in the midst of others moves a little; where it is far from showing, nothing happens."""
+    wide = Camera(900, 700, focal=1.2)
+    c = canvas(lambda name: picture(int(name.removesuffix(".jpg")), wide), blend="first")
+    for frame in (painted(0, 100, 100, camera=wide), painted(1, 600, 100, camera=wide)):
+        c.paint(picture(frame.order, wide), frame)
+    c.move([painted(1, 601, 100, camera=wide)])
+    waiting = c.behind
+    told = {key for key in set().union(*c.repaint()) if key[1].z == 16}
+    assert 0 < len(told) < waiting
+
+
+def test_a_neighbour_whose_original_cannot_be_had_does_not_hold_a_new_frame_back(canvas) -> None:
+    def load(name: str) -> None:
+        raise OSError(name)
+
+    for missing in (load, lambda name: None):
+        c = canvas(missing)
+        paint(c, painted(0, 100, 100))
+        before = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+        c._gallery.clear()
+        paint(c, painted(1, 130, 100))
+        assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before)
+        assert c.behind > 0
 
 
 def test_what_is_removed_vanishes_from_all_levels(canvas) -> None:
@@ -189,6 +219,7 @@ def test_an_original_that_is_gone_leaves_its_tiles_as_they_are(canvas) -> None:
     c = canvas(lambda name: None if name == "0.jpg" else originals(name))
     paint(c, painted(0, 100, 100), painted(1, 110, 100))
     before = all_tiles(c)
+    c._gallery.clear()
     c.move([painted(1, 115, 100)])
     list(c.repaint())
     assert (c.behind, c.gone) == (0, {"0.jpg"})
@@ -276,3 +307,34 @@ def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas) -> None:
     for tile, picture_of_part in after.items():
         inside = cv2.erode(picture_of_part.coverage, np.ones((9, 9), np.uint8)) == 255
         np.testing.assert_array_equal(picture_of_part.colour[inside], before[tile].colour[inside])
+
+
+@pytest.mark.parametrize("way", ["hastily", "noted"])
+def test_what_was_painted_in_haste_or_only_noted_ends_up_the_same(canvas, way: str) -> None:
+    rng = random.Random(9)
+    frames = [random_frame(rng, order) for order in range(8)]
+    whole, other = canvas(), canvas()
+    paint(whole, *frames)
+    for frame in frames:
+        other._gallery.clear()
+        if way == "hastily":
+            assert other.paint(originals(frame.name), frame, hastily=True)
+        else:
+            other.note(originals(frame.name), frame)
+    assert other.behind > 0
+    list(other.repaint())
+    assert_same(all_tiles(other), all_tiles(whole))
+
+
+def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas) -> None:
+    asked = []
+    c = canvas(lambda name: asked.append(name) or originals(name))
+    paint(c, painted(0, 100, 100))
+    c._gallery.clear()
+    second = painted(1, 150, 100)
+    c.paint(originals(second.name), second, hastily=True)
+    assert asked == []
+    here = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+    list(c.repaint())
+    apart = cv2.absdiff(here, c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour)
+    assert (apart.max(axis=2) > 13).mean() < 0.01  # but for tones

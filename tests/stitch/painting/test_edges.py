@@ -2,46 +2,47 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.painting.blending import Part
-from gcs_mosaic.stitch.painting.edges import edge, edge_density
-from gcs_mosaic.stitch.painting.lattice import LATTICE
-from gcs_mosaic.stitch.painting.layers import Layer, make_layer
+from gcs_mosaic.stitch.painting.cells import WHOLLY, Owned, Seen, lay_over, unknown
+from gcs_mosaic.stitch.painting.edges import decide, edge_density, mixed
 
-FINE = 2 * LATTICE - 1
+SHAPE = 4, 4
 
 
-def plain(value: int, weight: float) -> Layer:
-    return make_layer(np.full((256, 256, 3), value, np.uint8), None, np.full((LATTICE, LATTICE), weight, np.float32))
+def seen(weight: float, density: float = 0.0) -> Seen:
+    score = np.full(SHAPE, np.log(weight), np.float32)
+    return Seen(np.full(SHAPE, WHOLLY, np.uint8), score, np.full((1, *SHAPE), round(255 * density), np.uint8))
 
 
-def part(value: int, weight: float, density: float = 0.0) -> Part:
-    layer = plain(value, weight)
-    return Part(layer.weight, np.full((FINE, FINE, 1), density, np.float32), lambda: layer)
+def owned(*frames: Seen) -> Owned:
+    cells = unknown(SHAPE, 1)
+    for number, new in enumerate(frames):
+        cells, _ = lay_over(cells, new, number, decide(cells, new))
+    return mixed(cells)
+
+
+def share_of_new(weight: float, density: float = 0.0) -> float:
+    """Of the second of two frames, the first of which weighs 0.5."""
+    found = owned(seen(0.5), seen(weight, density))
+    return float((found.share if found.first[0, 0] == 1 else 255 - found.share)[0, 0] / 255)
 
 
 def test_on_smooth_ground_the_heavier_frame_shows_more() -> None:
-    values = [edge(plain(100, 0.5), part(0, w)).colour[0, 0, 0] for w in (0.3, 0.5, 0.7)]
-    assert 80 < values[0] < 100
-    assert values[1] == 50
-    assert 0 < values[2] < 25
+    shares = [share_of_new(weight) for weight in (0.3, 0.5, 0.7)]
+    assert 0 < shares[0] < 0.2
+    assert shares[1] == pytest.approx(0.5, abs=0.01)
+    assert 0.75 < shares[2] < 1
 
 
 def test_where_edges_are_dense_one_frame_shows_alone() -> None:
-    values = [edge(plain(100, 0.5), part(0, w, 1.0)).colour[0, 0, 0] for w in (0.3, 0.5, 0.7)]
-    assert values == [100, 0, 0]
+    shares = [share_of_new(weight, 1.0) for weight in (0.3, 0.5, 0.7)]
+    assert shares == pytest.approx([0, 1, 1], abs=0.01)
 
 
-def test_a_new_frame_without_weight_is_not_even_looked_at() -> None:
-    def never() -> Layer:
-        raise AssertionError("looked at")
-
-    shown = plain(100, 0.9)
-    after = edge(shown, Part(shown.weight * 0, np.zeros((FINE, FINE, 1), np.float32), never))
-    assert after.colour is shown.colour
-
-
-def test_the_greatest_weight_is_remembered() -> None:
-    assert (edge(plain(100, 0.2), part(0, 0.7)).weight == np.float32(0.7)).all()
+def test_of_three_frames_the_two_best_show() -> None:
+    found = owned(seen(0.5), seen(0.02), seen(0.45))
+    assert (found.first == 0).all()
+    assert (found.second == 2).all()
+    assert (found.share < 160).all()
 
 
 @pytest.mark.parametrize("contrast", [0.3, 1.0])

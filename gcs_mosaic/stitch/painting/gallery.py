@@ -1,0 +1,82 @@
+"""The frames at hand: where each lies on the tiles, its picture, what it looks like."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.painting.layers import Store
+from gcs_mosaic.stitch.painting.modes import Mode
+from gcs_mosaic.stitch.painting.originals import LoadImage, Originals
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.painting.pixels import FramePicture, KeepBands, frame_picture
+from gcs_mosaic.stitch.painting.placed import PlacedFrame, placed
+from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS, Sight
+from gcs_mosaic.stitch.painting.warping import shrunk
+
+LATTICE_POINTS = 3_000_000  # that are kept at hand, 16 bytes each: of 25 frames of 12 MP
+
+
+class Gallery:
+    """All of it can be had again at any time, from `load_image`, so nothing here is ever put back. Sights are in the store."""
+
+    def __init__(self, load_image: LoadImage, store: Store, mode: Mode, keep: KeepBands) -> None:
+        self._originals = Originals(load_image)
+        self._store = store
+        self._mode = mode
+        self._keep: KeepBands = keep
+        self._lattices: OrderedDict[str, tuple[Painted, PlacedFrame | None]] = OrderedDict()
+
+    def placed(self, painted: Painted) -> PlacedFrame | None:
+        """The frame on the tiles of its level; None where it sees no ground. ValueError if that would be absurdly fine for it."""
+        known = self._lattices.get(painted.name)
+        if known is None or known[0] != painted:
+            known = painted, placed(painted)
+        self._lattices[painted.name] = known
+        self._lattices.move_to_end(painted.name)
+        while len(self._lattices) > 1 and self._points() > LATTICE_POINTS:
+            self._lattices.popitem(last=False)
+        return known[1]
+
+    def take(self, painted: Painted, image: Bands) -> FramePicture:
+        """Keep a frame's picture at hand, and what it looks like. ValueError if it does not fit."""
+        picture = frame_picture(image, painted, self._keep)
+        self._originals.put(painted.name, image)
+        self._look(painted, picture)
+        return picture
+
+    def is_at_hand(self, name: str) -> bool:
+        """Whether the frame's original need not be loaded."""
+        return name in self._originals
+
+    def picture(self, painted: Painted) -> FramePicture | None:
+        """None if the original is gone."""
+        image = self._originals.get(painted.name)
+        return None if image is None else frame_picture(image, painted, self._keep)
+
+    def sight(self, painted: Painted) -> Sight | None:
+        """What the frame looks like, as far as that is known."""
+        sight: Sight | None = self._store.get(("sight", painted.name))
+        return sight
+
+    def can_see(self, painted: Painted) -> bool:
+        """Whether it is known, or can be, what the frame looks like."""
+        sight = self.sight(painted)
+        if self._mode.look is None or (sight is not None and sight.fits(painted)):
+            return True
+        picture = self.picture(painted)
+        if picture is not None:
+            self._look(painted, picture)
+        return picture is not None
+
+    def clear(self) -> None:
+        self._originals.clear()
+        self._lattices.clear()
+
+    def _points(self) -> int:
+        return sum(frame.lattice.weight.size for _, frame in self._lattices.values() if frame is not None)
+
+    def _look(self, painted: Painted, picture: FramePicture) -> None:
+        if self._mode.look is not None:
+            sight = self._mode.look(shrunk(picture.image, LOOK_PIXELS), (painted.display, painted.dead))
+            self._store.put(("sight", painted.name), sight)

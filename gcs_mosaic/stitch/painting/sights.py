@@ -1,0 +1,96 @@
+"""What a frame looks like, told once from its picture as it came and kept: gains and places may change without another look."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.dead_border import DeadBorder
+from gcs_mosaic.stitch.painting.display import Display
+from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, POOL, saliency
+
+Image = NDArray[np.uint8]
+Map = NDArray[np.float16]  # half the memory; none needs more than three digits
+Of = tuple[Display, DeadBorder]  # what of `Painted` a look depends on
+
+# The size a frame is looked at: 6 px of a 12 MP frame are still 3.
+LOOK_PIXELS = 3_000_000
+AT_ONCE = 4  # channels that OpenCV samples together
+# Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other,
+# which are so large that a thing, or noise, does not make a frame the sharper one.
+DETAIL, DETAIL_AROUND = 5, 241
+TONE_SHRINK = (
+    8  # the size of a pixel of the maps of tone and detail, in pixels of the picture that a frame is looked at in
+)
+TONE_BLUR = 7  # pixels of that map, a side, that make a tone: so wide that no person changes it
+BEYOND = 1.5  # times the contrast of anything around that a thing must have for the other frame not to have it
+LEAST = 20  # in the contrasts kept here: those of L, a and b are scaled so that this is the least of each
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """Maps of all of a frame (rows, columns, ...), each of its own size.
+
+    `planes`: uint8 in groups of four channels at most. `detail` (rows, columns): grey levels. `tone` (rows, columns, 4): the mean
+    colour around (b, g, r), and how far things may colour it.
+    """
+
+    of: Of
+    planes: tuple[Image, ...]
+    detail: Map | None = None
+    tone: Map | None = None
+
+    @property
+    def nbytes(self) -> int:
+        return sum(one.nbytes for one in (*self.planes, self.detail, self.tone) if one is not None)
+
+    def fits(self, painted: Painted) -> bool:
+        return self.of == (painted.display, painted.dead)
+
+
+def grouped_planes(planes: Sequence[Image]) -> tuple[Image, ...]:
+    return tuple(np.dstack(planes[k : k + AT_ONCE]) for k in range(0, len(planes), AT_ONCE))
+
+
+def contrasts(look: Image) -> list[Image]:
+    """Planes a quarter as wide as the look: the contrasts of things, of anything near, of anything far, six ways each; those
+    near and far as great as a thing may be that they are."""
+    things, near, far = saliency(look)
+    found: list[cv2.typing.MatLike] = []
+    for maps, times in ((things, 1.0), (near, BEYOND), (far, BEYOND)):
+        scaled = np.rint(maps * (times * LEAST / LEAST_CONTRAST))
+        found += cv2.split(np.clip(scaled, 0, 255).astype(np.uint8))
+    return [np.asarray(one, np.uint8) for one in found]
+
+
+def small_look(look: Image, shape: tuple[int, ...]) -> list[Image]:
+    """Its colours as three planes of a shape."""
+    small = cv2.resize(look, shape[1::-1], interpolation=cv2.INTER_AREA)
+    return [np.asarray(one, np.uint8) for one in cv2.split(small)]
+
+
+def coarse_size(look: Image) -> tuple[int, int]:
+    return max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
+
+
+def detail_of(look: Image) -> Map:
+    """How much detail there is around a place; the same ground has more of it in a sharper frame."""
+    grey = cv2.cvtColor(look, cv2.COLOR_BGR2GRAY)
+    fine = cv2.absdiff(grey, cv2.blur(grey, (DETAIL, DETAIL)))
+    around = DETAIL_AROUND // TONE_SHRINK
+    mean = cv2.resize(fine.astype(np.float32), coarse_size(look), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.blur(mean, (around, around)), dtype=np.float16)
+
+
+def tone_of(look: Image, things: Sequence[Image]) -> Map:
+    """The mean colour around a place, and the log (base 2) of 1 and the greatest contrast of a thing, in the least ones."""
+    small = cv2.resize(look, coarse_size(look), interpolation=cv2.INTER_AREA).astype(np.float32)
+    side = TONE_SHRINK * TONE_BLUR // POOL | 1
+    greatest = cv2.dilate(np.max(things, axis=0), np.ones((side, side), np.uint8))
+    coloured = np.log2(1 + cv2.resize(greatest, coarse_size(look), interpolation=cv2.INTER_AREA) / np.float32(LEAST))
+    return np.dstack([cv2.blur(small, (TONE_BLUR, TONE_BLUR)), coloured]).astype(np.float16)
