@@ -7,12 +7,8 @@ import pytest
 
 from gcs_mosaic.config import Config
 from gcs_mosaic.events import DamagedFile
-from gcs_mosaic.recorder import Changes, Recorder
+from gcs_mosaic.recorder import Recorder
 from gcs_mosaic.stitch.painting.canvas import Canvas
-
-
-def test_no_changes_are_not_covered_frames():
-    assert not Changes().is_only_covered
 
 
 @pytest.mark.parametrize("damaged", [1, 2])

@@ -111,7 +111,7 @@ def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(search, bridges
 
 
 def test_a_witness_that_has_seen_enough_and_found_nothing_refutes_any_bridge(search, bridges, monkeypatch):
-    seeing(monkeypatch, MUCH_SEEN, MUCH_SEEN, Confirmed(0.0, 8))
+    seeing(monkeypatch, Confirmed(0.0, 8), MUCH_SEEN, MUCH_SEEN)
     assert not bridges.add(bridge(search, 4, 1))
 
 
