@@ -1,7 +1,7 @@
 """What moves with the camera or of itself: glitter on water, and the pattern of a thermal camera that all its frames share."""
 
 import pytest
-from adversarial_flights import assert_nothing_is_mixed_up, in_turn, shots, stitched
+from adversarial_flights import assert_nothing_is_mixed_up, in_turn, outcome, shots, stitched
 
 from sitl.thermal import ThermalCamera
 
@@ -25,11 +25,11 @@ def test_the_pattern_of_a_thermal_camera_joins_no_two_places():
     assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (6, 6)
 
 
-# Pictures that are nine tenths pattern look like one place seen again, and of one place nothing is learnt: see still.py.
+# The first five frames are matched before the pattern is known: what is left of them when it is taken for still are few matches.
 MOSTLY_PATTERN = pytest.mark.xfail(
     strict=True,
     raises=AssertionError,
-    reason="frames that show next to nothing but the pattern count as an aircraft that hovers, and join by it",
+    reason="two frames that show next to nothing but the pattern lie 7.5 px off; they say that they may lie 24 px off",
 )
 
 
@@ -38,3 +38,10 @@ def test_a_pattern_stronger_than_the_ground_joins_nothing(writing):
     camera = ThermalCamera(contrast=0.08, writing=writing)
     taken = in_turn(*(shots("country", seed, frames=4, seen=camera.picture) for seed in (1, 2)))
     assert_nothing_is_mixed_up(stitched(taken), taken)
+
+
+@pytest.mark.parametrize("writing", [False, True])
+def test_a_pattern_stronger_than_the_ground_mixes_no_two_places(writing):
+    camera = ThermalCamera(contrast=0.08, writing=writing)
+    taken = in_turn(*(shots("country", seed, frames=4, seen=camera.picture) for seed in (1, 2)))
+    assert outcome(stitched(taken), taken).mixed == 0

@@ -46,7 +46,7 @@ class Features:
 
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, 127 long; `scale`: full-resolution pixels per pixel of the picture in which they were found.
-    `faint`: of a faint picture, what all but the first `ordinary` of them were found in, until what stands still has been taken
+    `faint`: of a faint picture, what all but the first `ordinary` of them were found in, unless what stands still has been taken
     out of it. `dead`: the border, in full-resolution pixels, that they do not look at.
     """
 

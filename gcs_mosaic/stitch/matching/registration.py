@@ -22,6 +22,7 @@ from gcs_mosaic.stitch.matching.evidence import (
 )
 from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.stitch.matching.parallax import displaced_by_height
+from gcs_mosaic.stitch.matching.still import moving
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -162,6 +163,7 @@ def register(
 def _matched(a: Features, b: Features, part_a: Part, part_b: Part, ratio: float) -> _Pair:
     chosen_a, chosen_b = part_a.chosen(a), part_b.chosen(b)
     matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b], ratio)
+    matches = matches[moving(a, b, np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1))]
     return _Pair(
         all_a=a.points[chosen_a].astype(np.float64) / a.scale,
         all_b=b.points[chosen_b].astype(np.float64) / b.scale,

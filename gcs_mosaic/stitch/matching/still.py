@@ -27,6 +27,9 @@ MOST_OF_A_PIXEL = 2.0
 # Correlation of two frames above which their ground is taken for the same: over cold fields 0.6 and less between nine of ten
 # consecutive frames, 0.97 where the aircraft stood still; 0.95 when hovering over ground a third as strong as the noise.
 SAME_GROUND = 0.85
+STILL_PX = (
+    4.0  # px of the feature picture by which a match must have moved at least to be of other ground than the pattern
+)
 MOST_PATTERN = 0.25  # of a picture's energy; the mean of six different grounds alone takes a sixth
 
 
@@ -45,7 +48,7 @@ class StillPattern(Kept):
         kind = features.width, features.height
         self._learn(kind, features.faint)
         if self._counts[kind] < LEAST_FRAMES:
-            return replace(features, faint=None, ordinary=0)
+            return features  # its matches are told apart from the pattern's by `moving`
         freed = _freed(features.faint, self._patterns[kind])
         found = faint_features(freed, features, settings)
         if _energy(freed) < (1 - MOST_PATTERN) * _energy(features.faint):
@@ -64,6 +67,17 @@ class StillPattern(Kept):
         self._patterns = self._patterns | {kind: pattern + (clipped - pattern) * np.float32(1 / min(count + 1, MEMORY))}
         self._counts = self._counts | {kind: count + 1}
         self._last = self._last | {kind: blurred}
+
+
+def moving(a: Features, b: Features, matches: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which matches (k, 2) may be of the ground: all, unless what stands still is still in both frames and they show different
+    ground. Then what has not moved is the pattern."""
+    if a.faint is None or b.faint is None or a.faint.shape != b.faint.shape:
+        return np.ones(len(matches), bool)
+    if _correlation(blurred_faint(a.faint), blurred_faint(b.faint)) > SAME_GROUND:
+        return np.ones(len(matches), bool)
+    apart = np.linalg.norm(a.points[matches[:, 0]] / a.scale - b.points[matches[:, 1]] / b.scale, axis=1)
+    return np.asarray(apart > STILL_PX)
 
 
 def _freed(faint: Faint, pattern: Floats) -> Floats:

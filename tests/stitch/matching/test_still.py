@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from test_faint import motion
 
+from gcs_mosaic.stitch.matching import still
 from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
 from gcs_mosaic.stitch.matching.still import StillPattern
 
@@ -44,6 +45,26 @@ def test_hovering_takes_nothing_away(contrast):
     found = list(flown([(300, 300)] * 30, 0.0, contrast))
     assert len(found[-1]) > 0.9 * len(found[0])
     assert motion(found[0], found[-1]) == pytest.approx([0, 0], abs=0.5)
+
+
+def first_two(places):
+    """Two frames of a strong pattern, from before it is known, and matches (n, 2) of each feature with the nearest one."""
+    a, b = list(flown(places, faint_frames.fixed_pattern(3.0)))
+    apart = np.linalg.norm(a.points[:, None] / a.scale - b.points[None] / b.scale, axis=2)
+    return a, b, np.stack([np.arange(len(a)), apart.argmin(axis=1)], axis=1)
+
+
+def test_before_the_pattern_is_known_what_has_not_moved_is_the_pattern():
+    a, b, nearest = first_two(moving(2, 40))
+    moved = np.linalg.norm(a.points[nearest[:, 0]] / a.scale - b.points[nearest[:, 1]] / b.scale, axis=1)
+    kept = still.moving(a, b, nearest)
+    assert 0 < kept.sum() < len(kept)
+    assert np.array_equal(kept, moved > still.STILL_PX)
+
+
+def test_an_aircraft_that_hovers_keeps_its_matches():
+    a, b, nearest = first_two([(300, 300)] * 2)
+    assert still.moving(a, b, nearest).all()
 
 
 def test_frames_with_enough_to_see_pass_untouched(ground):
