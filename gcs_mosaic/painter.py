@@ -91,6 +91,7 @@ class Painter(Kept):
         self._levels = PaintingLevels()
         self._borders: dict[Size, BorderWatch] = {}
         self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
+        self._changed: dict[str, float] = {}  # frames that the canvas is to be told of, with how urgent each is
         self._rimmed: dict[str, None] = {}  # frames that are painted with another dead border than is known now
         self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
         # Those that moved too far, and how far in their own pixels.
@@ -99,7 +100,7 @@ class Painter(Kept):
     @property
     def has_repaints(self) -> bool:
         """Whether some frames lie, or may lie, elsewhere than where they are painted, by more than is tolerated."""
-        return bool(self._unchecked or self._stale or self._rimmed) or self.canvas.behind > 0
+        return bool(self._unchecked or self._stale or self._rimmed or self._changed) or self.canvas.behind > 0
 
     def is_painted(self, name: str) -> bool:
         return name in self._painted
@@ -129,7 +130,8 @@ class Painter(Kept):
         self._note(painted)
         if self._live:
             return self.canvas.paint(image, painted, hastily=True)
-        self.canvas.note(image, painted)
+        self.canvas.look(image, painted)
+        self._changed[painted.name] = 0.0
         return set()
 
     def follow(self, placements: Iterable[Placement]) -> None:
@@ -171,6 +173,9 @@ class Painter(Kept):
         moves = [Step(one.name, partial(self._move_finally, one), set) for one in placements]
         levels = [Step(name, partial(self._settle_level, name), set) for name in self._painted]
         yield from (looks, moves, levels)
+        while self._changed:  # once each, however often it was changed
+            names = islice(self._changed, MOVED_AT_ONCE)
+            yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
         while self.canvas.behind:
             yield [self._tiles_step(BLOCK)]
 
@@ -199,10 +204,12 @@ class Painter(Kept):
         del self._rimmed[name]
         painted = self._painted[name]
         self._change(replace(painted, dead=self._dead_of(size_of(painted))))
+        self._carry_over(name)
 
     def _move_stale(self, name: str) -> None:
         off_px, placement = self._stale.pop(name)
         self._move(placement, off_px)
+        self._carry_over(name)
 
     def _take_final_looks(self) -> set[TileKey]:
         self._forget_moves()
@@ -240,7 +247,12 @@ class Painter(Kept):
 
     def _change(self, painted: Painted, urgency: float = 0.0) -> None:
         self._note(painted)
-        self.canvas.move([painted], urgency)
+        self._changed[painted.name] = max(urgency, self._changed.get(painted.name, 0.0))
+
+    def _carry_over(self, name: str) -> set[TileKey]:
+        """Tell the canvas where a frame is to be painted."""
+        self.canvas.move([self._painted[name]], self._changed.pop(name))
+        return set()
 
     def _note(self, painted: Painted) -> None:
         self._record(painted)

@@ -93,6 +93,8 @@ def thumbnail(image: Bands) -> Bands:
     if image.shape[1] <= THUMBNAIL_WIDTH:
         return image
     height = max(1, round(image.shape[0] * THUMBNAIL_WIDTH / image.shape[1]))
+    if image.shape[1] >= 4 * THUMBNAIL_WIDTH:  # to a half, OpenCV is ten times as fast as to any other size
+        image = resized(image, (image.shape[1] // 2, image.shape[0] // 2))
     return resized(image, (THUMBNAIL_WIDTH, height))
 
 

@@ -9,7 +9,6 @@ ground and between different frames, until the evidence suffices.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +138,7 @@ class Bridges:
         odds: list[float] = []
         for witness in self._witnesses(stays, goes, stays_from_goes, known):
             pose = moved_by_similarity(network.pose_of(witness), *stays_from_goes)
-            links = dict(islice(self._search.neighbour_links(witness, pose, stays), PAIRS_PER_WITNESS))
+            links = self._search.neighbour_links(witness, pose, stays, PAIRS_PER_WITNESS)
             links |= {bridge.frame_a: bridge.registration.turned() for bridge in known if bridge.frame_b == witness}
             matched = {other: link for other, link in links.items() if link is not None}
             pixels = [link.agreeing_a for link in matched.values()]

@@ -73,7 +73,7 @@ class Placing:
         found = self._believable_pose(frame, self._rough_poses(frame, other, registration), island)
         if isinstance(found, Disbelief):
             return found
-        links = {other: registration, **dict(self._search.neighbour_links(frame, found, island))}
+        links = {other: registration, **self._search.neighbour_links(frame, found, island)}
         matched = {neighbour: link for neighbour, link in links.items() if link is not None}
         for neighbour, link in matched.items():
             self._network.link(frame, neighbour, link)

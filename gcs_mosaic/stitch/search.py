@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -20,6 +21,7 @@ View = tuple[Pose, Camera]
 
 # Frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ.
 PER_NEIGHBOUR = 4
+AT_ONCE = 2  # frames that are matched with one at a time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +48,7 @@ class Search:
         self._settings = settings
         self._registration = registration
         self._observer = observer
+        self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="register")
 
     def first_links(
         self, frame: int, last: int, compared: Mapping[int, Registration | None] = MappingProxyType({})
@@ -87,12 +90,16 @@ class Search:
         found = register(features, self._network.frames[other].features, self._registration, part_b=part)
         return self._told_of(name, other, found)
 
-    def neighbour_links(self, frame: int, pose: Pose, island: int) -> Iterator[tuple[int, Registration | None]]:
-        """Links of a frame at a rough pose with those it should overlap, spread over all directions; None where none is."""
-        camera = self._network.camera_on(island, self._network.frames[frame].camera)
-        for other in self._overlapping(frame, pose, camera, island):
-            if other not in self._network.frames[frame].inliers:
-                yield other, self._register_in_place(frame, (pose, camera), other)
+    def neighbour_links(
+        self, frame: int, pose: Pose, island: int, most: int | None = None
+    ) -> dict[int, Registration | None]:
+        """Links of a frame at a rough pose with those it should overlap, or with the `most` likely, spread over all directions;
+        None where none is."""
+        view = pose, self._network.camera_on(island, self._network.frames[frame].camera)
+        known = self._network.frames[frame].inliers
+        others = [other for other in self._overlapping(frame, *view, island) if other not in known][:most]
+        found = self._pool.map(lambda other: self._registered_in_place(frame, view, other), others)
+        return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
 
     def _nearby(self, last: int) -> list[int]:
         """The last placed frame, then those that meet its region of interest, nearest first."""
@@ -123,7 +130,7 @@ class Search:
         chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
         return [int(f) for f in members[keep][chosen]]
 
-    def _register_in_place(self, frame: int, view_a: View, other: int) -> Registration | None:
+    def _registered_in_place(self, frame: int, view_a: View, other: int) -> Registration | NotRegistered:
         """Register two frames by the features that both should see, as far as their poses are known."""
         network = self._network
         a, b = network.frames[frame].features, network.frames[other].features
@@ -132,7 +139,7 @@ class Search:
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
         part_a = Part(seen_a, network.matched_before(frame))
         part_b = Part(seen_b, network.matched_before(other))
-        return self._told(frame, other, register(a, b, self._registration, part_a, part_b))
+        return register(a, b, self._registration, part_a, part_b)
 
     def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
         return self._told_of(self._network.frames[frame].name, other, found)

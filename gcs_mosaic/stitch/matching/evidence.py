@@ -78,6 +78,14 @@ def log_odds(found: Confirmed, true_share: float) -> float:
     return found.cells / CORRELATED_CELLS * (for_it + against)
 
 
+def cell_numbers(points: Array, side: float) -> NDArray[np.int64]:
+    """A number (n,) for the square of this side in which each of the points (n, 2) lies."""
+    if not len(points):
+        return np.empty(0, np.int64)
+    column, row = (points // side).astype(np.int64).T
+    return np.asarray((column - column.min()) * (np.ptp(row) + 1) + row - row.min())
+
+
 def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirmed:
     """In how much of the overlap, by area, matches bear it out.
 
@@ -91,8 +99,8 @@ def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirme
     hull = cv2.contourArea(cv2.convexHull(features_a.astype(np.float32)))
     side = math.sqrt(max(hull, 1.0) * PER_CELL / fewer)
     both = np.concatenate([features_a, features_b, agreeing])
-    cells, cell = np.unique((both // side).astype(np.int64), axis=0, return_inverse=True)
+    cells, cell = np.unique(cell_numbers(both, side), return_inverse=True)
     ends = np.cumsum([len(features_a), len(features_b)])
-    of_a, of_b, matched = (np.bincount(part, minlength=len(cells)) for part in np.split(cell.ravel(), ends))
+    of_a, of_b, matched = (np.bincount(part, minlength=len(cells)) for part in np.split(cell, ends))
     counts = np.minimum(of_a, of_b) >= LEAST_IN_CELL
     return Confirmed(float((matched[counts] > 0).mean()) if counts.any() else 1.0, int(counts.sum()))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -48,7 +48,7 @@ def displaced_by_height(mapped: Array, matched: Array, on_plane: Mask, diagonal:
     best = agree[agree.sum(axis=1).argmax()]
     # A match that is displaced any way lies within the band around its line by this chance.
     chance = 4 * EPIPOLAR_PX / (np.pi * LARGEST * diagonal / 2)
-    accident = HYPOTHESES * binom.sf(int(best.sum()) - SAMPLE - 1, len(displaced) - SAMPLE, min(chance, 1.0))
+    accident = HYPOTHESES * bdtrc(int(best.sum()) - SAMPLE - 1, len(displaced) - SAMPLE, min(chance, 1.0))
     found[displaced[best]] = accident < LEAST_CHANCE
     return found
 

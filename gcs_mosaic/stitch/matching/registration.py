@@ -15,6 +15,7 @@ from gcs_mosaic.stitch.matching.descriptors import match
 from gcs_mosaic.stitch.matching.evidence import (
     SAMPLE,
     Confirmed,
+    cell_numbers,
     chance_of_agreement,
     confirmed,
     log_evidence,
@@ -197,7 +198,7 @@ def robust_homography(a: Array, b: Array, threshold: float) -> tuple[Array | Non
 
 def independent_count(a: Array, b: Array, cell: float) -> int:
     """Number of inliers that no other one lies next to, in either frame: features pile up on one spot."""
-    return min(len(np.unique((points // cell).astype(np.int64), axis=0)) for points in (a, b))
+    return min(len(np.unique(cell_numbers(points, cell))) for points in (a, b))
 
 
 def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, settings: RegistrationSettings) -> float:

@@ -131,12 +131,10 @@ class Canvas(Kept):
         told = made.keys() | self._lay_on_top(frame, picture, {**left, **dict.fromkeys(keys & self._behind.keys())})
         return self._refresh(told, {painted.island} | {island for island, _ in told})
 
-    def note(self, image: Bands, painted: Painted) -> None:
-        """Add a frame that is to be painted by `repaint`: its tiles are behind. ValueError as for `paint`."""
-        frame = self._gallery.placed(painted)
-        if frame is not None:
-            self._gallery.take(painted, image)
-        self._fall_behind(self._frames.remove(painted.name) | self._register(painted, frame))
+    def look(self, image: Bands, painted: Painted) -> None:
+        """See what a frame looks like that is to come by `move`, so that it need not be loaded for that. ValueError as for
+        `paint`."""
+        self._gallery.take(painted, image)
 
     def resume(self, frames: Iterable[Painted]) -> None:
         """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
@@ -146,7 +144,7 @@ class Canvas(Kept):
             self._stack.expect(keys)
 
     def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
-        """Frames have new poses, gains, levels or islands; their old and new tiles are behind. Returns how many changed.
+        """Frames have new poses, gains, levels or islands, or are new; their old and new tiles are behind. Returns how many.
 
         `repaint` takes the most urgent tiles first.
         """

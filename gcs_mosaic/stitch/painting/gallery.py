@@ -31,7 +31,7 @@ class Gallery:
         """The frame on the tiles of its level; None where it sees no ground. ValueError if that would be absurdly fine for it."""
         known = self._lattices.get(painted.name)
         if known is None or known[0] != painted:
-            known = painted, placed(painted)
+            known = painted, placed(painted, None if known is None else known[1])
         self._lattices[painted.name] = known
         self._lattices.move_to_end(painted.name)
         while len(self._lattices) > 1 and self._points() > LATTICE_POINTS:

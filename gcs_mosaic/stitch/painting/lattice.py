@@ -42,6 +42,7 @@ LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; n
 USEFUL_RATIO = 4.0  # ground sampling distance at most, relative to the frame's best (oblique frames)
 RIM = 1.5  # lattice steps inside a frame's border where its weight is 0, so that no interpolated weight ends in a step
 OBLIQUE_SHARE = 0.8  # a frame's level resolves this much of its root mean square ground sampling distance, and no finer
+COARSE = 8  # lattice steps; heights are told apart over no less than that
 MOST_TILES_PER_PIXEL = 20 / TILE_SIZE**2  # far above what any honest pose needs at its own level
 
 Array = NDArray[np.float64]
@@ -154,9 +155,22 @@ def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | Non
         canvas_from_level(first.z, np.arange(a * TILE_SIZE, (b + 1) * TILE_SIZE + 1, LATTICE_STEP, dtype=np.float64))
         for a, b in ((first.x, last.x), (first.y, last.y))
     )
-    places = np.stack(np.meshgrid(x, y), axis=-1)
-    pixels = as_seen(relief, camera, pixels_from_canvas(pose, camera, places.reshape(-1, 2)))
-    return pixels.reshape(places.shape).astype(np.float32)
+    planar = pixels_from_canvas(pose, camera, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    planar = planar.reshape(len(y), len(x), 2)
+    if relief is None:
+        return planar.astype(np.float32)
+    # Heights shift neighbours by nearly as much, so some points tell about where the others are, and few steps lead there.
+    some = planar[::COARSE, ::COARSE]
+    shifts = np.nan_to_num(as_seen(relief, camera, some.reshape(-1, 2)).reshape(some.shape) - some)
+    down, across = (_between(count) for count in some.shape[:2])
+    guess = planar + np.stack([down @ shifts[..., k] @ across.T for k in (0, 1)], axis=-1)
+    return as_seen(relief, camera, planar.reshape(-1, 2), guess.reshape(-1, 2)).reshape(planar.shape).astype(np.float32)
+
+
+def _between(count: int) -> Array:
+    """What is multiplied with values at every `COARSE`th of lattice points in a row for those at all of them, linear."""
+    at = np.arange((count - 1) * COARSE + 1)[:, None] / COARSE
+    return np.asarray(np.maximum(1 - np.abs(at - np.arange(count)), 0))
 
 
 def _border_weight(pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float) -> Lattice:

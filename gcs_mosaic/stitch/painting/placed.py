@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,12 +35,22 @@ class PlacedFrame:
         return [bright * gain for gain in gains]
 
 
-def placed(painted: Painted) -> PlacedFrame | None:
-    """None where the frame sees no ground. ValueError if the level is absurdly fine for it."""
-    camera = painted.camera
-    lattice = frame_lattice(painted.pose, camera, painted.level, painted.relief, painted.dead)
+def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame | None:
+    """None where the frame sees no ground. `before`: the frame as it was painted before, whose lattice may be the same.
+    ValueError if the level is absurdly fine for it."""
+    known = before is not None and _lies_as(painted, before.painted)
+    lattice = before.lattice if before is not None and known else _lattice(painted)
     if lattice is None:
         return None
-    flat = painted.vignetting == FLAT
+    flat, camera = painted.vignetting == FLAT, painted.camera
     factor = None if flat else brightening(painted.vignetting, lattice.pixels, camera.width, camera.height)
     return PlacedFrame(painted, lattice, factor)
+
+
+def _lies_as(one: Painted, other: Painted) -> bool:
+    alike = replace(other, gain=one.gain, vignetting=one.vignetting, display=one.display)
+    return alike == one
+
+
+def _lattice(painted: Painted) -> FrameLattice | None:
+    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)

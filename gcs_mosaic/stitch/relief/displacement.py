@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from gcs_mosaic.stitch.geometry import Camera
 
@@ -64,13 +63,19 @@ class ReliefDisplacement:
     def at(self, camera: Camera, pixels: Array) -> Array:
         """Shifts (n, 2) in pixels at pixels (n, 2); beyond the frame they are those of its border."""
         across, down = (
-            pixels[:, k] / max(size - 1, 1) * (nodes - 1)
+            np.clip(np.nan_to_num(pixels[:, k]) * ((nodes - 1) / max(size - 1, 1)), 0, nodes - 1)
             for k, (size, nodes) in enumerate(((camera.width, self.columns), (camera.height, self.rows)))
         )
-        grid = self.grid.astype(np.float64) * camera.half_diagonal
-        return np.stack(
-            [map_coordinates(grid[..., k], [down, across], order=1, mode="nearest") for k in (0, 1)], axis=1
-        )
+        # Complex numbers are taken from memory together, x and y.
+        nodes = self.grid.astype(np.float64).view(np.complex128)[..., 0] * camera.half_diagonal
+        nodes = np.pad(nodes, ((0, 1), (0, 1)), mode="edge").ravel()
+        column, row = across.astype(np.intp), down.astype(np.intp)
+        right, below, corner = across - column, down - row, row * (self.columns + 1) + column
+        upper = nodes[corner] * (1 - right) + nodes[corner + 1] * right
+        corner += self.columns + 1
+        lower = nodes[corner] * (1 - right) + nodes[corner + 1] * right
+        shifts = upper * (1 - below) + lower * below
+        return np.asarray(shifts.view(np.float64).reshape(-1, 2))
 
 
 def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -> Array:
@@ -78,18 +83,22 @@ def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -
     return pixels if relief is None else pixels + relief.at(camera, pixels)
 
 
-def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -> Array:
-    """Inverse of `on_plane`; NaN stays NaN."""
+def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array, guess: Array | None = None) -> Array:
+    """Inverse of `on_plane`; NaN stays NaN. `guess` (n, 2): about what it is, if that is known."""
     if relief is None:
         return pixels
-    nowhere = np.asarray(np.isnan(pixels).any(axis=1))
-    found = np.where(nowhere[:, None], np.nan, pixels)
-    going = np.flatnonzero(~nowhere)
-    for _ in range(STEPS):
-        better = pixels[going] - relief.at(camera, found[going])
-        far = np.logical_or(*(np.abs(better - found[going]) > CONVERGED_PX).T)
-        found[going] = better
-        going = going[far]
+    before = pixels if guess is None else guess
+    found = pixels - relief.at(camera, before)
+    going = np.flatnonzero(_far(found, before))
+    for _ in range(STEPS - 1):
+        before = found[going]
+        found[going] = pixels[going] - relief.at(camera, before)
+        going = going[_far(found[going], before)]
         if not going.size:
             break
     return found
+
+
+def _far(points: Array, others: Array) -> NDArray[np.bool_]:
+    apart = np.abs(points - others) > CONVERGED_PX
+    return np.asarray(apart[:, 0] | apart[:, 1])

@@ -309,8 +309,8 @@ def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas) -> None:
         np.testing.assert_array_equal(picture_of_part.colour[inside], before[tile].colour[inside])
 
 
-@pytest.mark.parametrize("way", ["hastily", "noted"])
-def test_what_was_painted_in_haste_or_only_noted_ends_up_the_same(canvas, way: str) -> None:
+@pytest.mark.parametrize("way", ["hastily", "seen"])
+def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas, way: str) -> None:
     rng = random.Random(9)
     frames = [random_frame(rng, order) for order in range(8)]
     whole, other = canvas(), canvas()
@@ -320,7 +320,8 @@ def test_what_was_painted_in_haste_or_only_noted_ends_up_the_same(canvas, way: s
         if way == "hastily":
             assert other.paint(originals(frame.name), frame, hastily=True)
         else:
-            other.note(originals(frame.name), frame)
+            other.look(originals(frame.name), frame)
+            other.move([frame])
     assert other.behind > 0
     list(other.repaint())
     assert_same(all_tiles(other), all_tiles(whole))
