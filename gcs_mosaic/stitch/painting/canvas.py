@@ -35,7 +35,7 @@ from gcs_mosaic.stitch.painting.territory import Territory
 from gcs_mosaic.stitch.transaction import Kept
 
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
-BLOCK = 64  # tiles a side that are repainted together: so many that most frames are decoded once
+BLOCK = 96  # tiles a side that are repainted together: so many that most frames are decoded once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +96,7 @@ class Canvas(Kept):
         self._stack = TileStack(self._store, self._pool, load_tile)
         self._frames = PaintedFrames()
         mode = MODES[self._settings.blend]
-        self._gallery = Gallery(load_image, self._store, mode, keep_bands)
+        self._gallery = Gallery(load_image, self._store, mode, keep_bands, self._pool)
         self._territory = Territory(self._store, mode, self._gallery, self._frames)
         flag = INTERPOLATIONS[self._settings.interpolation]
         self._maker = Maker(self._gallery, self._frames, self._store, self._pool, flag, keep_bands)
@@ -134,7 +134,7 @@ class Canvas(Kept):
     def look(self, image: Bands, painted: Painted) -> None:
         """See what a frame looks like that is to come by `move`, so that it need not be loaded for that. ValueError as for
         `paint`."""
-        self._gallery.take(painted, image)
+        self._gallery.look_ahead(painted, image)
 
     def resume(self, frames: Iterable[Painted]) -> None:
         """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
@@ -290,11 +290,14 @@ class Canvas(Kept):
     def _next_block(self, side: int) -> set[TileKey]:
         """Tiles that are behind and close together, so that they share frames; the most urgent one is among them."""
 
-        def block(key: TileKey) -> tuple[int, int, int, int]:
-            return key[0], key[1].z, key[1].y // side, key[1].x // side
-
         waiting = {**self._due, **self._behind}
         ready = waiting.keys() - self._kept() or waiting.keys()
+        # Counted from where the waiting tiles begin: a map that fits into one block is not cut in two.
+        top, left = min(key[1].y for key in ready), min(key[1].x for key in ready)
+
+        def block(key: TileKey) -> tuple[int, int, int, int]:
+            return key[0], key[1].z, (key[1].y - top) // side, (key[1].x - left) // side
+
         _, chosen = min((-waiting[key], block(key)) for key in ready)
         return {key for key in ready if block(key) == chosen}
 
@@ -354,6 +357,8 @@ class Canvas(Kept):
         painted = self._frames.get(name)
         if any(painted not in plan.recipe[1] for plan in work.plans.values() if name in plan.parts):
             return self._unmade(work, name, due=True)  # it has moved meanwhile
+        for following in work.left[1:2]:
+            self._gallery.expect(following)
         if not self._maker.step(work.plans, name):
             self.gone.add(name)
             return self._unmade(work, name)

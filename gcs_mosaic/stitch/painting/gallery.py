@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from concurrent.futures import Executor, Future
 
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.layers import Store
@@ -14,17 +15,20 @@ from gcs_mosaic.stitch.painting.placed import PlacedFrame, placed
 from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS, Sight
 from gcs_mosaic.stitch.painting.warping import shrunk
 
+LOOKS_AHEAD = 2  # frames that are being looked at while others are placed
 LATTICE_POINTS = 3_000_000  # that are kept at hand, 16 bytes each: of 25 frames of 12 MP
 
 
 class Gallery:
     """All of it can be had again at any time, from `load_image`, so nothing here is ever put back. Sights are in the store."""
 
-    def __init__(self, load_image: LoadImage, store: Store, mode: Mode, keep: KeepBands) -> None:
-        self._originals = Originals(load_image)
+    def __init__(self, load_image: LoadImage, store: Store, mode: Mode, keep: KeepBands, pool: Executor) -> None:
+        self._originals = Originals(load_image, pool)
+        self._pool = pool
         self._store = store
         self._mode = mode
         self._keep: KeepBands = keep
+        self._looking: dict[str, Future[Sight]] = {}
         self._lattices: OrderedDict[str, tuple[Painted, PlacedFrame | None]] = OrderedDict()
 
     def placed(self, painted: Painted) -> PlacedFrame | None:
@@ -45,6 +49,19 @@ class Gallery:
         self._look(painted, picture)
         return picture
 
+    def look_ahead(self, painted: Painted, image: Bands) -> None:
+        """Keep a frame's picture at hand, and begin to look at it while other things are done. ValueError if it does not fit."""
+        picture = frame_picture(image, painted, self._keep)
+        self._originals.put(painted.name, image)
+        while len(self._looking) >= LOOKS_AHEAD:
+            self._take_look(next(iter(self._looking)))
+        if self._mode.look is not None:
+            self._looking[painted.name] = self._pool.submit(self._looked, painted, picture)
+
+    def expect(self, name: str) -> None:
+        """Begin to load the original that is wanted next, while other things are done."""
+        self._originals.expect(name)
+
     def is_at_hand(self, name: str) -> bool:
         """Whether the frame's original need not be loaded."""
         return name in self._originals
@@ -56,6 +73,7 @@ class Gallery:
 
     def sight(self, painted: Painted) -> Sight | None:
         """What the frame looks like, as far as that is known."""
+        self._take_look(painted.name)
         sight: Sight | None = self._store.get(("sight", painted.name))
         return sight
 
@@ -72,11 +90,21 @@ class Gallery:
     def clear(self) -> None:
         self._originals.clear()
         self._lattices.clear()
+        self._looking.clear()
 
     def _points(self) -> int:
         return sum(frame.lattice.weight.size for _, frame in self._lattices.values() if frame is not None)
 
     def _look(self, painted: Painted, picture: FramePicture) -> None:
+        self._looking.pop(painted.name, None)
         if self._mode.look is not None:
-            sight = self._mode.look(shrunk(picture.image, LOOK_PIXELS), (painted.display, painted.dead))
-            self._store.put(("sight", painted.name), sight)
+            self._store.put(("sight", painted.name), self._looked(painted, picture))
+
+    def _looked(self, painted: Painted, picture: FramePicture) -> Sight:
+        assert self._mode.look is not None
+        return self._mode.look(shrunk(picture.image, LOOK_PIXELS), (painted.display, painted.dead))
+
+    def _take_look(self, name: str) -> None:
+        """What a look has found, if one was begun; whatever goes wrong with it, the frame can be looked at again."""
+        if name in self._looking:
+            self._store.put(("sight", name), self._looking.pop(name).result())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
 
 from gcs_mosaic.stitch.bands import Bands
 
@@ -12,17 +13,31 @@ LoadImage = Callable[[str], Bands | None]
 MOST_BYTES = 160 << 20  # that are kept, but for the last one: four frames of 12 MP
 
 
-class Originals:
-    """The pictures used last. `load(name)` gives a frame's original, or None if it is gone for good."""
+MOST_COMING = 2  # that are being loaded; what nobody has taken by then is not wanted any more
 
-    def __init__(self, load: LoadImage) -> None:
+
+class Originals:
+    """The pictures used last. `load(name)` gives a frame's original, or None if it is gone for good; any thread may call it."""
+
+    def __init__(self, load: LoadImage, pool: Executor) -> None:
         self.load = load
+        self._pool = pool
         self._kept: OrderedDict[str, Bands] = OrderedDict()
         self._bytes = 0
+        self._coming: dict[str, Future[Bands | None]] = {}  # what is wanted next
+
+    def expect(self, name: str) -> None:
+        """Begin to load what is wanted next, while other things are done."""
+        if name not in self._kept and name not in self._coming:
+            self._coming[name] = self._pool.submit(self.load, name)
+            while len(self._coming) > MOST_COMING:
+                self._coming.pop(next(iter(self._coming)))
 
     def get(self, name: str) -> Bands | None:
         image = self._kept.get(name)
-        image = self.load(name) if image is None else image
+        if image is None:
+            coming = self._coming.pop(name, None)
+            image = self.load(name) if coming is None else coming.result()
         if image is not None:
             self.put(name, image)
         return image
@@ -39,4 +54,5 @@ class Originals:
 
     def clear(self) -> None:
         self._kept.clear()
+        self._coming.clear()
         self._bytes = 0
