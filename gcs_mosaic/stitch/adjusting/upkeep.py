@@ -26,7 +26,7 @@ class UpkeepSettings:
 
     per_doubling: int = 16  # an island is adjusted whenever it has grown by one part in so many
     # frames of an island that is adjusted in the background: smaller ones take no longer than a frame
-    background_from: int = 100
+    background_from: int = 24
     # a folder's island of n frames takes in its adjustment n / meanwhile frames later, on any machine
     meanwhile: int = 64
 

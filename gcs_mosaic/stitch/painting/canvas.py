@@ -45,7 +45,7 @@ class CanvasSettings:
     # Which frame shows where several do: seam (the one that sees best), edge (the paper's mixture), newest or first.
     blend: str = "seam"
     interpolation: str = "cubic"  # keeps 97 % of a frame's finest detail; "linear" 70-88 % in two thirds of the time
-    memory_mb: int = 512  # tiles kept in memory, about 2,000; the others wait in a scratch file
+    memory_mb: int = 160  # tiles and looks kept in memory, about 500; the others wait in a scratch file
     threads: int = 2  # how many tiles are painted at a time
 
     def __post_init__(self) -> None:

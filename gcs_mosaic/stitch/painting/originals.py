@@ -10,7 +10,7 @@ from gcs_mosaic.stitch.bands import Bands
 
 LoadImage = Callable[[str], Bands | None]
 
-MOST_BYTES = 160 << 20  # that are kept, but for the last one: four frames of 12 MP
+MOST_BYTES = 80 << 20  # that are kept, but for the last one: two frames of 12 MP
 
 
 MOST_COMING = 2  # that are being loaded; what nobody has taken by then is not wanted any more
