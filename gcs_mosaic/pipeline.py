@@ -20,6 +20,7 @@ from gcs_mosaic.painting import Painting
 from gcs_mosaic.paper import PaperPainter
 from gcs_mosaic.prepare import Prepared, Unprepared
 from gcs_mosaic.recorder import Recorder
+from gcs_mosaic.stages import stage
 from gcs_mosaic.stitch.adjusting.background import WorkerProcess
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.journal import Journal
@@ -178,13 +179,17 @@ class Pipeline(Kept):
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
         self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
-        outcome = self.mosaic.place(self._painter.in_sight(prepared.features, prepared.image), name, self._orders[name])
-        self._adjusted(self.mosaic.adjust)
+        with stage("place", name):
+            in_sight = self._painter.in_sight(prepared.features, prepared.image)
+            outcome = self.mosaic.place(in_sight, name, self._orders[name])
+        with stage("adjust", name):
+            self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         self._settle(name, state, reason)
         covered_by = self.recorder.changes.cover(outcome) if isinstance(outcome, Covered) else None
-        found = self._paint_moved(prepared)
+        with stage("paint", name):
+            found = self._paint_moved(prepared)
         seconds = {"place": placed - start, "paint": time.perf_counter() - placed}
         island = outcome.island if isinstance(outcome, Placement) else None
         on_map = (*found, name) if covered_by else found
@@ -192,7 +197,8 @@ class Pipeline(Kept):
 
     def repaint_some(self) -> bool:
         """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
-        some = self._painting.repaint_some()
+        with stage("repaint", ""):
+            some = self._painting.repaint_some()
         self._say_problem("canvas", self._painter.canvas.problem)
         return some
 

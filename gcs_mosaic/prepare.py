@@ -12,6 +12,7 @@ from typing import Protocol
 
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.load import Unreadable, load_frame
+from gcs_mosaic.stages import stage
 from gcs_mosaic.stitch.bands import Bands, resized
 from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.turns import AHEAD, AsTheyCame, Turns
@@ -71,7 +72,8 @@ def _prepared(
     frame: Frame, find: FindFeatures, reduction: int, least_pixels: float, known: Features | None
 ) -> Prepared | Unprepared:
     start = time.perf_counter()
-    image = load_frame(frame, reduction=reduction)
+    with stage("decode", frame.name):
+        image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):
         return Unprepared(frame, image.reason)
     if known is not None:
@@ -81,7 +83,8 @@ def _prepared(
     if isinstance(looked_at, Unreadable):
         return Unprepared(frame, looked_at.reason)
     decoded = time.perf_counter()
-    features = find(looked_at, reduction=finer)
+    with stage("features", frame.name):
+        features = find(looked_at, reduction=finer)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
     return Prepared(frame, image, features, thumbnail(image), seconds)
 
