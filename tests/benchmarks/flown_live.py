@@ -62,7 +62,7 @@ class FlownLive:
 
 
 def pictures_in(folder: Path, most: int | None = None) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURES)[:most]
+    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in PICTURES)[:most]
 
 
 def fly(pictures: list[Path], interval_s: float, home: Path, settings: str = "", *, page: bool = True) -> FlownLive:
