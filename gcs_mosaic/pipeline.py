@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -25,7 +25,7 @@ from gcs_mosaic.stitch.adjusting.background import WorkerProcess
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.journal import Journal
 from gcs_mosaic.stitch.matching.features import Features, extract
-from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.observer import Observer, Observers
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.paper.mosaic import PaperMosaic
@@ -35,6 +35,9 @@ from gcs_mosaic.stitch.transaction import Kept, transaction
 logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
+
+# Frames of an island that is adjusted in the background while somebody waits for the newest: smaller ones take 0.1 s.
+LIVE_BACKGROUND_FROM = 25
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +90,8 @@ class Pipeline(Kept):
             self._painter = PaperPainter(self.mosaic)
         else:
             observers = Observers(Journal(), observer)
-            self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
+            settings = config.stitch if punctual else _unhurried(config.stitch)
+            self.mosaic = Mosaic(settings, self._worker, punctual=punctual, observer=observers)
             note = self._note_painted
             self._painter = Painter(self.load_original, note, config.paint, scratch=out, live=paint_live)
         self.taken_in = 0  # files, whatever became of them
@@ -324,6 +328,12 @@ class Pipeline(Kept):
         self._worker.close()
         self._painter.close()
         self.recorder.close()
+
+
+def _unhurried(settings: StitchSettings) -> StitchSettings:
+    """The same, but in a live flight a frame waits for the adjustment of small islands only."""
+    upkeep = settings.upkeep
+    return replace(settings, upkeep=replace(upkeep, background_from=min(upkeep.background_from, LIVE_BACKGROUND_FROM)))
 
 
 def _state_of(outcome: Outcome) -> tuple[FrameState, str | None]:

@@ -21,6 +21,7 @@ ALLOWED = {
     "flight": {"flight", "stages", "stitch", "events", "errors"},
     "web": {"web", "flight", "stitch", "errors"},
     "debug": {"debug", "stitch", "errors"},
+    "heap": set(),
     "stages": set(),
     "turns": set(),
     "prepare": {"stages", "turns", "frames", "stitch", "events"},
@@ -86,7 +87,7 @@ ALLOWED = {
     "choices": {"config", "link", "frames", "stitch", "errors"},
     "cli": {
         *("daemon", "batch", "replay", "benchmark", "tiffexport", "config", "frames", "flight", "web", "options"),
-        *("choices", "listening"),
+        *("choices", "listening", "heap"),
         *("ending", "errors"),
     },
     "__main__": {"cli"},
