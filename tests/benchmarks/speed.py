@@ -1,6 +1,6 @@
 """How fast the program is on this machine, in one run.
 
-    python -m tests.benchmarks.speed FOLDER [--part stitch live overload start ...] [--most 75] [--interval 2]
+    python -m tests.benchmarks.speed FOLDER [--part stitch live overload growth start ...] [--most 75] [--interval 2]
 
 FOLDER holds the frames of a flight. Wall time on a machine that may do other things as well, so what counts are ratios to the
 floor of the same run: decoding, one warp of the whole frame and the JPEG encoding of the tiles under its footprint, on one
@@ -9,7 +9,8 @@ thread (`floors`).
 stitch: the command, at 100, 50 and 25 % of the size, its start and its final painting included. live: a frame each --interval
 seconds over real UDP, with the page open in a browser; the time from a file being whole to its last tile, and from Ctrl-C to
 the end. overload: frames at three times the rate at which they can be worked off; how long it takes until a
-frame, or a newer one, is on the map. start: see `start`. *cores*: seconds of all cores over seconds on the wall. *resident*:
+frame, or a newer one, is on the map. growth: a long simulated flight, its last frames
+against early ones (`long_growth`). start: see `start`. *cores*: seconds of all cores over seconds on the wall. *resident*:
 of all processes together.
 """
 
@@ -30,9 +31,10 @@ from gcs_mosaic.config import Config
 from tests.benchmarks import start
 from tests.benchmarks.floors import Floor, floor_of
 from tests.benchmarks.flown_live import FlownLive, fly, pictures_in
+from tests.benchmarks.long_growth import growth_lines
 from tests.benchmarks.processes import Watched
 
-PARTS = ("stitch", "live", "overload", "start")
+PARTS = ("stitch", "live", "overload", "growth", "start")
 SCALES = (1.0, 0.5, 0.25)
 OVERLOAD = 3  # frames come in the time in which one can be worked off
 
@@ -44,6 +46,7 @@ class Task:
     pictures: list[Path]
     interval_s: float
     runs: int
+    long: int  # frames of a long flight
 
 
 def main() -> None:
@@ -53,12 +56,14 @@ def main() -> None:
     parser.add_argument("--most", type=int, help="frames; all if not given")
     parser.add_argument("--interval", type=float, default=2.0, metavar="SECONDS")
     parser.add_argument("--runs", type=int, default=5, help="starts")
+    parser.add_argument("--long", type=int, default=2000, metavar="FRAMES")
     given = parser.parse_args()
-    task = Task(pictures_in(given.folder, given.most), given.interval, given.runs)
+    task = Task(pictures_in(given.folder, given.most), given.interval, given.runs, given.long)
     measures: dict[str, Callable[[Task], Iterator[str]]] = {
         "stitch": stitch,
         "live": live,
         "overload": overload,
+        "growth": growth,
         "start": starts,
     }
     for part in given.part:
@@ -108,6 +113,11 @@ def overload(task: Task) -> Iterator[str]:
     each = flown.seconds_a_frame
     yield f"all filled in after {max(flown.latencies):.1f} s, {lost} lost; {each:.2f} s, {each / floor.all:.2f} floors each"
     yield from ending(flown)
+
+
+def growth(task: Task) -> Iterator[str]:
+    with TemporaryDirectory() as scratch:
+        yield from growth_lines(task.long, Path(scratch))
 
 
 def starts(task: Task) -> Iterator[str]:

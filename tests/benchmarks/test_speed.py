@@ -17,6 +17,7 @@ from gcs_mosaic.stages import Stage, stages_in
 from sitl.path import Plan
 from tests.benchmarks.floors import floor_of
 from tests.benchmarks.flown_live import FlownLive, fly, pictures_in
+from tests.benchmarks.long_growth import costs_of_flight
 from tests.benchmarks.processes import Watched
 from tests.benchmarks.speed import ending, quantiles
 from tests.benchmarks.timeline import COLOURS, LEFT, ROW, TOP, draw
@@ -62,6 +63,13 @@ def test_how_late_the_newest_is_counts_newer_ones() -> None:
     assert flown.latencies == [9.0, 4.0, 1.0]
     assert flown.seconds_a_frame == 3.0
     assert quantiles(flown.newest_late) == "p50 2.00 s, p95 2.90 s, max 3.00 s"
+
+
+def test_every_frame_of_a_long_flight_costs_something(tmp_path: Path) -> None:
+    costs = list(costs_of_flight(5, tmp_path))
+    assert len(costs) == 5
+    assert all(cost.frame > 0 for cost in costs)
+    assert len(list((tmp_path / "mosaic" / "tiles").rglob("*.jpg"))) > 10
 
 
 def test_a_process_and_its_children_are_watched() -> None:
