@@ -25,8 +25,9 @@ from gcs_mosaic.flight.log import log_notice
 from gcs_mosaic.flightlog import flight_log
 from gcs_mosaic.frames.given import Given, frames_in
 from gcs_mosaic.pipeline import Done, Pipeline
-from gcs_mosaic.prepare import AHEAD, Preparation, Prepared, Unprepared
+from gcs_mosaic.prepare import Preparation, Prepared, Unprepared
 from gcs_mosaic.stitch.painting.display import display_of
+from gcs_mosaic.turns import AHEAD
 
 if TYPE_CHECKING:
     from gcs_mosaic.debug.pictures import DebugPictures

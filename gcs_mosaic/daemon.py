@@ -18,7 +18,7 @@ from gcs_mosaic.events import DamagedFile, DroppedFrame, Frame, LinkReport, Noti
 from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.flight.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.flight.records import FrameState
-from gcs_mosaic.flight.status import DaemonState, LastFrame
+from gcs_mosaic.flight.status import Behind, DaemonState, LastFrame
 from gcs_mosaic.flightlog import flight_log
 from gcs_mosaic.frames.directory import FIRST_LOOK
 from gcs_mosaic.listening import Item, Links
@@ -28,6 +28,7 @@ from gcs_mosaic.pipeline import Done, Pipeline
 from gcs_mosaic.prepare import Preparation
 from gcs_mosaic.reporting import Reporter
 from gcs_mosaic.sources import Inbox, at_first, record, watching, with_stream
+from gcs_mosaic.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -89,7 +90,14 @@ class _Daemon:
         self._inbox = Inbox(ending.stop)
         self._patience = Patience(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
-        self._preparation = Preparation(self._pipeline.features_of, config.reduction, self._pipeline.feature_pixels)
+        self._preparation = Preparation(
+            self._pipeline.features_of,
+            config.reduction,
+            self._pipeline.feature_pixels,
+            # The paper's recipe refuses for good what does not overlap the frame before.
+            AsTheyCame() if config.method == "paper" else NewestFirst(),
+            self._inbox.wake,
+        )
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
         self._reporter.watch = at_first(config)
         self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
@@ -170,11 +178,14 @@ class _Daemon:
         return not len(self._preparation) and self._pipeline.has_repaints
 
     def _work(self) -> None:
-        """The newest frame first; repainting only when there is none."""
+        """Frames first; repainting only when there is none."""
         if self._preparation.is_ready:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
             done = self._pipeline.work_off(prepared)
+            self._preparation.worked_off(done.name, done.on_map, waits=done.state is FrameState.WAITING)
+            self._take_in(0.0)
+            self._preparation.begin()  # with the newest, while this one is written
             done.seconds["write"] = self._patience.write(self._pipeline.save)
             self._note_done(done)
         elif self._repainting() and self._pipeline.repaint_some():
@@ -292,6 +303,7 @@ class _Daemon:
     # Saying
 
     def _report(self, *, now: bool = False) -> None:
-        pipeline, queue = self._pipeline, len(self._preparation)
+        pipeline, waiting = self._pipeline, self._preparation
+        behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
         counted, revision = pipeline.accounts, pipeline.recorder.revision
-        self._reporter.write(self._state, queue, revision, counted, pipeline.mosaic.held_out, now=now)
+        self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)

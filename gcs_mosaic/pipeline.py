@@ -20,6 +20,7 @@ from gcs_mosaic.painting import Painting
 from gcs_mosaic.paper import PaperPainter
 from gcs_mosaic.prepare import Prepared, Unprepared
 from gcs_mosaic.recorder import Recorder
+from gcs_mosaic.stages import stage
 from gcs_mosaic.stitch.adjusting.background import WorkerProcess
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.journal import Journal
@@ -46,6 +47,7 @@ class Done:
     island: int | None
     seconds: dict[str, float]
     covered_by: str | None = None
+    on_map: tuple[str, ...] = ()  # frames that have their place since: this one, and such as waited for it
 
 
 class Pipeline(Kept):
@@ -177,20 +179,26 @@ class Pipeline(Kept):
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
         self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
-        outcome = self.mosaic.place(self._painter.in_sight(prepared.features, prepared.image), name)
-        self._adjusted(self.mosaic.adjust)
+        with stage("place", name):
+            in_sight = self._painter.in_sight(prepared.features, prepared.image)
+            outcome = self.mosaic.place(in_sight, name, self._orders[name])
+        with stage("adjust", name):
+            self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         self._settle(name, state, reason)
         covered_by = self.recorder.changes.cover(outcome) if isinstance(outcome, Covered) else None
-        self._paint_moved(prepared)
+        with stage("paint", name):
+            found = self._paint_moved(prepared)
         seconds = {"place": placed - start, "paint": time.perf_counter() - placed}
         island = outcome.island if isinstance(outcome, Placement) else None
-        return Done(name, state, reason, island, prepared.seconds | seconds, covered_by)
+        on_map = (*found, name) if covered_by else found
+        return Done(name, state, reason, island, prepared.seconds | seconds, covered_by, on_map)
 
     def repaint_some(self) -> bool:
         """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
-        some = self._painting.repaint_some()
+        with stage("repaint", ""):
+            some = self._painting.repaint_some()
         self._say_problem("canvas", self._painter.canvas.problem)
         return some
 
@@ -251,14 +259,15 @@ class Pipeline(Kept):
         """Bring everything to its final place and brightness, step by step; to be left off whenever time is over."""
         yield from self._painting.repaint_all(self.mosaic.placements())
 
-    def _paint_moved(self, prepared: Prepared | None) -> None:
-        """Paint what has found its place; note what must be painted elsewhere."""
+    def _paint_moved(self, prepared: Prepared | None) -> tuple[str, ...]:
+        """Paint what has found its place, and return the names; note what must be painted elsewhere."""
         moved = self.mosaic.moved()
         self.recorder.changes.placements |= {placement.name: placement for placement in moved}
-        for placement in moved:
-            if not self._painter.is_painted(placement.name):
-                self._settle(placement.name, FrameState.PLACED, None)
+        found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
+        for name in found:
+            self._settle(name, FrameState.PLACED, None)
         self._painting.follow(moved, prepared)
+        return found
 
     def _adjusted(self, adjust: Callable[[], T]) -> T | None:
         """What goes wrong here is not the fault of the frame that has just been placed: a map is a map, bettered or not."""

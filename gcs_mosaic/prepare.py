@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import deque
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from itertools import count
 from typing import Protocol
 
 from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.load import Unreadable, load_frame
+from gcs_mosaic.stages import stage
 from gcs_mosaic.stitch.bands import Bands, resized
 from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.turns import AHEAD, AsTheyCame, Turns
 
 logger = logging.getLogger(__name__)
 
@@ -25,7 +28,6 @@ class FindFeatures(Protocol):
 
 
 THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
-AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 MP
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,30 +49,42 @@ class Unprepared:
     reason: str
 
 
-def prepare(frame: Frame, find: FindFeatures, reduction: int = 1, least_pixels: float = 0.0) -> Prepared | Unprepared:
-    """Decode a frame, at full size or reduced by a whole factor, and find its features; never raises.
+def prepare(
+    frame: Frame,
+    find: FindFeatures,
+    reduction: int = 1,
+    least_pixels: float = 0.0,
+    known: Features | None = None,
+) -> Prepared | Unprepared:
+    """Decode a frame, at full size or reduced by a whole factor, and find its features unless they are known; never raises.
 
     least_pixels: in how many pixels features are sought. A frame that has fewer once it is reduced is looked at less reduced, so
     that it lies where it would at full size, however coarsely it is painted.
     """
     try:
-        return _prepared(frame, find, reduction, least_pixels)
+        return _prepared(frame, find, reduction, least_pixels, known)
     except Exception as error:  # one picture that OpenCV or the memory cannot cope with must not end a flight
         logger.exception("%s could not be prepared", frame.name)
         return Unprepared(frame, f"could not be decoded ({error!r})")
 
 
-def _prepared(frame: Frame, find: FindFeatures, reduction: int, least_pixels: float) -> Prepared | Unprepared:
+def _prepared(
+    frame: Frame, find: FindFeatures, reduction: int, least_pixels: float, known: Features | None
+) -> Prepared | Unprepared:
     start = time.perf_counter()
-    image = load_frame(frame, reduction=reduction)
+    with stage("decode", frame.name):
+        image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):
         return Unprepared(frame, image.reason)
+    if known is not None:
+        return Prepared(frame, image, known, thumbnail(image), {"decode": time.perf_counter() - start})
     finer = finer_reduction(image.shape[0] * image.shape[1], reduction, least_pixels)
     looked_at = image if finer == reduction else load_frame(frame, reduction=finer)
     if isinstance(looked_at, Unreadable):
         return Unprepared(frame, looked_at.reason)
     decoded = time.perf_counter()
-    features = find(looked_at, reduction=finer)
+    with stage("features", frame.name):
+        features = find(looked_at, reduction=finer)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
     return Prepared(frame, image, features, thumbnail(image), seconds)
 
@@ -99,45 +113,102 @@ def thumbnail(image: Bands) -> Bands:
 
 
 class Preparation:
-    """Frames in a row, the first few of them prepared ahead."""
+    """Frames that wait for their turn, those whose turn is next prepared ahead. Used by one thread.
 
-    def __init__(self, find: FindFeatures, reduction: int = 1, least_pixels: float = 0.0) -> None:
+    `turns` says whose turn it is, else frames are in a row; `woken()` is called, from any thread, when a frame is ready.
+    """
+
+    def __init__(
+        self,
+        find: FindFeatures,
+        reduction: int = 1,
+        least_pixels: float = 0.0,
+        turns: Turns | None = None,
+        woken: Callable[[], None] = lambda: None,
+    ) -> None:
         self._find, self._reduction, self._least_pixels = find, reduction, least_pixels
+        self._turns = turns or AsTheyCame()
+        self._woken = woken
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
-        self._ahead: deque[Future[Prepared | Unprepared]] = deque()
-        self._behind: deque[Frame] = deque()
+        self._numbers = count()
+        self._waiting: dict[int, Frame] = {}  # in the order in which they came
+        self._ahead: dict[int, Future[Prepared | Unprepared]] = {}
+        self._features: dict[int, Features] = {}  # of frames that were ready when another one's turn came
+        self._orders: dict[str, int] = {}  # of frames whose turn it was, by name
 
     def __len__(self) -> int:
-        return len(self._ahead) + len(self._behind)
+        return len(self._waiting)
 
     @property
     def is_ready(self) -> bool:
-        """Whether the first frame of the row can be taken without waiting."""
-        return bool(self._ahead) and self._ahead[0].done()
+        """Whether the frame whose turn it is can be taken without waiting."""
+        self.begin()
+        number = self._turns.next(self._ahead)
+        return number is not None and self._ahead[number].done()
+
+    def behind_s(self, now: float) -> float:
+        """How long the oldest frame that waits has waited, `now` being a moment like `Frame.received`; 0 if none does."""
+        return max(0.0, now - min((frame.received for frame in self._waiting.values()), default=now))
 
     def append(self, frame: Frame) -> None:
-        """Put a frame at the end of the row."""
-        self._behind.append(frame)
-        self._fill()
+        """A frame has come, later than all before; `begin` is to follow, or whatever asks for a frame."""
+        number = next(self._numbers)
+        self._waiting[number] = frame
+        self._turns.add(number)
 
     def next(self) -> Prepared | Unprepared | None:
-        """The first frame of the row, taken from it as soon as it is ready; None if the row is empty."""
-        if not self._ahead:
+        """The frame whose turn it is, as soon as it is ready; None if none waits."""
+        if not self._waiting:
             return None
-        prepared = self._ahead.popleft().result()
-        self._fill()
+        self.begin()
+        while (number := self._turns.next(self._ahead)) is None:
+            self._wait_for_any(None)
+        prepared = self._ahead[number].result()
+        self._turns.remove(number)
+        self._orders[self._waiting.pop(number).name] = number
+        self._ahead.pop(number)
+        self._features.pop(number, None)
+        self.begin()
         return prepared
 
+    def worked_off(self, name: str, on_map: Collection[str], *, waits: bool) -> None:
+        """What became of the frame that was taken last: which ones found their place with it, or that it matches nothing."""
+        found = [self._orders[other] for other in on_map if other in self._orders]
+        self._turns.worked_off(self._orders[name], found, waits=waits)
+
+    def begin(self) -> None:
+        """Prepare those whose turn is next, of all that have come; at most AHEAD pictures are in memory or on the way there."""
+        soon = self._turns.soon()
+        for number in soon:
+            if number not in self._ahead and self._made_room(soon):
+                self._begin(number)
+
     def wait(self, timeout_s: float) -> None:
-        """Wait until the first frame of the row is ready, but not longer than this."""
-        wait(list(self._ahead)[:1], timeout_s)
+        """Wait until any more frames are ready, but not longer than this."""
+        self.begin()
+        self._wait_for_any(timeout_s)
 
     def close(self) -> None:
         """Stop; frames still in the row stay where they came from."""
         self._pool.shutdown(cancel_futures=True)
 
-    def _fill(self) -> None:
-        while self._behind and len(self._ahead) < AHEAD:
-            self._ahead.append(
-                self._pool.submit(prepare, self._behind.popleft(), self._find, self._reduction, self._least_pixels)
-            )
+    def _ready(self) -> list[int]:
+        return [number for number, future in self._ahead.items() if future.done()]
+
+    def _wait_for_any(self, timeout_s: float | None) -> None:
+        wait([future for future in self._ahead.values() if not future.done()], timeout_s, FIRST_COMPLETED)
+        self.begin()
+
+    def _made_room(self, soon: Sequence[int]) -> bool:
+        """Whether there is room for another picture, once those are put back whose turn is not next."""
+        for number in self._ready():
+            if len(self._ahead) >= AHEAD and number not in soon:
+                prepared = self._ahead.pop(number).result()
+                if isinstance(prepared, Prepared):
+                    self._features[number] = prepared.features
+        return len(self._ahead) < AHEAD
+
+    def _begin(self, number: int) -> None:
+        given = self._waiting[number], self._find, self._reduction, self._least_pixels, self._features.get(number)
+        self._ahead[number] = self._pool.submit(prepare, *given)
+        self._ahead[number].add_done_callback(lambda _: self._woken())

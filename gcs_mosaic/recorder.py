@@ -21,6 +21,7 @@ from gcs_mosaic.flight.originals import NotKept, Originals
 from gcs_mosaic.flight.records import Accounts, CoveredRecord, Estimate, FlightRecord, FrameState
 from gcs_mosaic.flight.tiles import TileWriter
 from gcs_mosaic.paper import PaperCanvas
+from gcs_mosaic.stages import stage
 from gcs_mosaic.stitch.islands import Island
 from gcs_mosaic.stitch.painting.canvas import Canvas
 from gcs_mosaic.stitch.painting.painted import Extent, Painted, TileKey
@@ -152,9 +153,25 @@ class Recorder(Kept):
             if self.in_a_pause:
                 self._manifest.catch_up()
             return
-        self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
-        estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
-        self._save_ledger(islands, estimates)
+        of = ", ".join(self.changes.states)
+        with stage("tiles", of):
+            self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
+        with stage("ledger", of):
+            estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
+            self._save_ledger(islands, estimates)
+        with stage("documents", of):
+            self._tell(canvas, islands, frames_on, held_out, estimates)
+        self.changes = Changes()
+
+    def _tell(
+        self,
+        canvas: Canvas | PaperCanvas,
+        islands: Sequence[Island],
+        frames_on: Mapping[int, int],
+        held_out: Callable[[], Mapping[int, HeldOut]],
+        estimates: Sequence[Estimate],
+    ) -> None:
+        """Write the documents, if they are to tell of anything new."""
         accounts = self.ledger.accounts()
         if self.changes.is_public or accounts != self._told:
             entries = list(self._entries(canvas, islands, frames_on, held_out()))
@@ -162,7 +179,6 @@ class Recorder(Kept):
             self._told = accounts
             for changed in self.changes.tiles:
                 self._published(revision, changed)
-        self.changes = Changes()
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""

@@ -30,7 +30,8 @@ from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.link.recorded import RecordedLink, read_recording
 from gcs_mosaic.logbook import Logbook
 from gcs_mosaic.pipeline import Done, Pipeline
-from gcs_mosaic.prepare import AHEAD, FindFeatures, Preparation, Prepared, Unprepared
+from gcs_mosaic.prepare import FindFeatures, Preparation, Prepared, Unprepared
+from gcs_mosaic.turns import AHEAD
 
 _FOUND_AFTER = 1.5  # looks: a file is taken at the second that finds it unchanged
 

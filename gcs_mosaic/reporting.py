@@ -22,7 +22,7 @@ from gcs_mosaic.flight.heldout import Figures, held_out_lines, largest
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.log import log_notice
 from gcs_mosaic.flight.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.flight.status import DaemonState, LastFrame, Status, status_document
+from gcs_mosaic.flight.status import Behind, DaemonState, LastFrame, Status, status_document
 
 logger = logging.getLogger(__name__)
 
@@ -78,7 +78,7 @@ class Reporter:
     def write(
         self,
         state: DaemonState,
-        queue: int,
+        behind: Behind,
         revision: int,
         accounts: Callable[[], Accounts],
         held_out: Callable[[], Figures] = dict,
@@ -101,7 +101,7 @@ class Reporter:
             revision=revision,
             mavlink=tuple(self._links.values()),
             watch=self.watch,
-            frames_in_queue=queue,
+            behind=behind,
             last_frame=self.last_frame,
             accounts=counted,
             held_out=largest(held_out(), ISLANDS_SHOWN),

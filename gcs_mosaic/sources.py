@@ -65,7 +65,7 @@ class Inbox:
 
     def __init__(self, stop: threading.Event) -> None:
         self._stop = stop
-        self._items: queue.Queue[Item] = queue.Queue(ROOM)
+        self._items: queue.Queue[Item | None] = queue.Queue(ROOM)  # None only wakes who waits
         self._threads: list[threading.Thread] = []
         self._pictures = threading.BoundedSemaphore(PICTURES)
 
@@ -80,13 +80,20 @@ class Inbox:
             self._threads[-1].start()
 
     def next(self, timeout_s: float) -> Item | None:
-        """The oldest item; None if there is none for so long."""
+        """The oldest item; None if there is none for so long, or until `wake` is called."""
         with suppress(queue.Empty):
             item = self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
+            while item is None:
+                item = self._items.get_nowait()
             if isinstance(item, Frame) and item.data is not None:
                 self._pictures.release()
             return item
         return None
+
+    def wake(self) -> None:
+        """Let `next` wait no longer; from any thread."""
+        with suppress(queue.Full):
+            self._items.put_nowait(None)
 
     def join(self) -> None:
         """Wait until the sources have ended, which they do when `stop` is set; one that hangs is left to itself."""

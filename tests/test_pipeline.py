@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rebuilt import assert_explained, painted_of
 from rich.console import Console
 
 import sitl.flight
@@ -14,11 +15,8 @@ from gcs_mosaic.config import Config
 from gcs_mosaic.flight.folder import LEDGER_NAME
 from gcs_mosaic.flight.ledger import Ledger
 from gcs_mosaic.flight.records import FrameState
-from gcs_mosaic.flight.tiles import TileSettings, TileWriter
-from gcs_mosaic.frames.load import load_image
 from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.painting.canvas import Canvas
 from sitl.path import Plan
 
 QUIET = Console(quiet=True)
@@ -58,21 +56,8 @@ def test_the_originals_are_kept_as_they_came(stitched):
 
 def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched, tmp_path):
     """What was painted step by step, adjusted and repainted, is byte for byte what a rebuild writes."""
-    with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
-        painted = ledger.painted(0)
-        originals = {frame.name: stitched / frame.original for frame in ledger.frames() if frame.original}
-    assert {one.dead for one in painted} == {DeadBorder(right=2, bottom=2)}
-    canvas, writer = Canvas(lambda name: load_image(originals[name])), TileWriter(tmp_path, TileSettings())
-    for one in painted:
-        writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile)
-    canvas.close()
-    writer.close()
-    assert len(list((stitched / "tiles").rglob("*.jpg"))) > 20
-    for folder in ("tiles", "masks"):
-        here, there = (
-            {p.relative_to(r): p.read_bytes() for p in (r / folder).rglob("*.*")} for r in (stitched, tmp_path)
-        )
-        assert here == there
+    assert {one.dead for one in painted_of(stitched)} == {DeadBorder(right=2, bottom=2)}
+    assert_explained(stitched, tmp_path)
 
 
 def test_a_second_flight_goes_beside_the_first(stitched):
@@ -104,10 +89,10 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(tmp_path, stitched
     """A surprise inside one frame's work costs that frame, not the flight."""
     place = Mosaic.place
 
-    def break_on_the_third(self, features, name):
+    def break_on_the_third(self, features, name, order):
         if "0003" in name:
             raise RuntimeError("surprise")
-        return place(self, features, name)
+        return place(self, features, name, order)
 
     monkeypatch.setattr(Mosaic, "place", break_on_the_third)
     out = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], tmp_path / "out", Config(), QUIET)

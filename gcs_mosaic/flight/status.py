@@ -38,6 +38,14 @@ class LastFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Behind:
+    """How far the map is behind: frames that wait to be worked off, and how long ago the first of them came."""
+
+    frames: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """Everything in status.json. Written at least each two seconds: an old `updated` means a daemon that hangs."""
 
@@ -48,7 +56,7 @@ class Status:
     revision: int = 0
     mavlink: tuple[LinkReport, ...] = ()
     watch: SourceReport | None = None
-    frames_in_queue: int = 0
+    behind: Behind = field(default_factory=Behind)
     last_frame: LastFrame | None = None
     accounts: Accounts = field(default_factory=Accounts)
     held_out: Figures = field(default_factory=dict)  # how good islands are, by number
@@ -66,7 +74,8 @@ def status_document(status: Status) -> Document:
         "revision": status.revision,
         "mavlink": [link_entry(link) for link in status.mavlink],
         "watch": watch_entry(status.watch) if status.watch else None,
-        "frames_in_queue": status.frames_in_queue,
+        "frames_in_queue": status.behind.frames,
+        "seconds_behind": round(status.behind.seconds, 1),
         "last_frame": last_frame_entry(status.last_frame) if status.last_frame else None,
         "events": asdict(status.accounts.events),
         "frames": asdict(status.accounts.frames),
@@ -147,7 +156,7 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
     return [
         f"{document['flight']}: {document['state']}, revision {document['revision']}, {document['updated']}",
         *warning,
-        f"frames: {counted(document['frames'])}; {document['frames_in_queue']} in the queue",
+        f"frames: {counted(document['frames'])}; {behind_words(document)}",
         f"triggers: {counted(document['events'])}",
         *[held_out_words(island, entry) for island, entry in document.get("held_out_px", {}).items()],
         *([last_frame_words(last)] if last else []),
@@ -155,6 +164,14 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
+
+
+def behind_words(document: dict[str, Any]) -> str:
+    """How far the map is behind; an older document does not tell the seconds."""
+    frames, seconds = document["frames_in_queue"], document.get("seconds_behind")
+    if not frames:
+        return "none waits"
+    return f"the map is {frames} frames{'' if seconds is None else f', {seconds:.0f} s'} behind"
 
 
 def last_frame_words(last: dict[str, Any]) -> str:

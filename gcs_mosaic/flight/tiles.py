@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.flight.disk import make_folder, write_beside
+from gcs_mosaic.stages import stage
 from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.painting.layers import full_coverage
 from gcs_mosaic.stitch.painting.painted import TileKey
@@ -77,7 +78,8 @@ class TileWriter:
         if picture is None:
             remove_tile(self._root, island, tile)
         else:
-            write_tile(self._root, island, tile, picture, self._settings.jpeg_quality)
+            with stage("encode", f"{island}/{tile.z}/{tile.x}/{tile.y}"):
+                write_tile(self._root, island, tile, picture, self._settings.jpeg_quality)
         return picture is not None
 
 

@@ -34,6 +34,10 @@ class Candidate:
         """The file is not wanted as it is now."""
         self._signature, self._settled = look.signature, True
 
+    def is_changed(self, look: Look) -> bool:
+        """Whether the file is not as it was at the last look; new ones are not."""
+        return look.signature != self._signature
+
     def is_ready(self, look: Look, now: float) -> bool:
         """Whether it is time to read the file: it has not changed since the last look, and is not known to be done."""
         if look.signature != self._signature:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Iterator
@@ -22,6 +23,8 @@ FIRST_LOOK = "first look"
 """`Notice.source` of the notice that says that every file that was there at the start has been looked at."""
 
 REPORT_EACH_S = 1.0
+AGAIN_S = 0.08  # until the next look after one that has found a file new or changed: most are whole by then
+LOOKING_SHARE = 0.2  # of the time, at most, that such looks may take where there are many files
 
 Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
 
@@ -44,7 +47,7 @@ def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event, pol
             yield item
             if stop.is_set():
                 return
-        stop.wait(poll_s)
+        stop.wait(min(poll_s, watched.look_again_s))
 
 
 def _make_folder(folder: Path) -> list[Item]:
@@ -67,18 +70,22 @@ class FolderWatch:
         self._oldest_ns = (started_utc - settings.from_age_s) * 1e9
         self._candidates: dict[Path, Candidate] = {}
         self._versions: dict[str, int] = {}
-        self._polls = self._left = self._taken = self._damaged = self._gaps = 0
+        self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
         self._said: set[str] = set()
         self._missing = False
         self._since_utc = started_utc
         self._last_utc: float | None = None
         self._reported: tuple[SourceReport, float] | None = None
+        self.look_again_s = math.inf  # until a next look is worth while before it is due
 
     def poll(self, now: float) -> Iterator[Item]:
         """What has become ready, or must be said, at the monotonic time `now`."""
+        start, changed = time.perf_counter(), self._changed
         found = scan(self._folder)
         self._polls += 1
         ready = [look for look in found.images if self._is_ready(look, now)]
+        took_s = time.perf_counter() - start
+        self.look_again_s = max(AGAIN_S, took_s / LOOKING_SHARE) if self._changed > changed else math.inf
         self._forget_vanished(found)
         yield from self._presence(found)
         yield from self._remarks(found)
@@ -95,6 +102,7 @@ class FolderWatch:
             if self._polls == 1 and look.modified_ns < self._oldest_ns:
                 self._left += 1
                 candidate.leave(look)
+        self._changed += candidate.is_changed(look)
         return candidate.is_ready(look, now)
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:

@@ -17,7 +17,8 @@ class FolderSettings:
     """How a folder is watched. Times are in seconds."""
 
     poll_s: float = 0.25
-    """Time between two looks; a file is taken at the second look that finds it unchanged. 5,000 files cost 34 ms."""
+    """Time between two looks, less after one that has found a file new or changed; a file is taken at the second look that
+    finds it unchanged. 5,000 files cost 34 ms."""
     from_age_s: float = 1800.0
     """Files that are older than this when the watch starts are left alone: half an hour of setting up."""
     damaged_after_s: float = 5.0

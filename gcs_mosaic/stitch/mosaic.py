@@ -91,9 +91,10 @@ class Mosaic(Kept):
         """Find the features of an image (h, w[, bands]) uint8 or uint16 and place it."""
         return self.place(extract(image, self.settings.features), name)
 
-    def place(self, features: Features, name: str) -> Outcome:
-        """Place a frame by its features."""
+    def place(self, features: Features, name: str, order: int | None = None) -> Outcome:
+        """Place a frame by its features. `order`: its number in the order of capture; none: frames are placed in that order."""
         with transaction(self):
+            self._network.turn_to(self._network.order + 1 if order is None else order)
             features = self._still.without(features, self.settings.features)
             if len(features) < self.settings.plausibility.least_features:
                 return Rejection(name, f"too little to see: {len(features)} features")

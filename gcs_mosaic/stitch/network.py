@@ -118,7 +118,9 @@ class Network(Kept):
         self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex()
-        self.last_placed = 0
+        self.last_placed = 0  # where the next frame is looked for first
+        self.order = -1  # of the frame that was looked at last, in the order of capture
+        self._seen_at: dict[int, int] = {}  # by the order of frames looked at before: the placed frame that is nearest
         self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
@@ -137,6 +139,15 @@ class Network(Kept):
         self.boxes = np.concatenate([self.boxes, np.full((1, 4), np.nan)])
         self.retrieval.add(features)
         return number
+
+    def turn_to(self, order: int) -> None:
+        """The frame with this number in the order of capture is placed next. One that is not the next in that order is first
+        looked for where the frame was that is nearest to it in time."""
+        self._seen_at[self.order] = self.last_placed
+        if order != self.order + 1:
+            nearest = min(self._seen_at, key=lambda other: (abs(other - order), other))
+            self.last_placed = self._seen_at[nearest]
+        self.order = order
 
     def found_island(self) -> int:
         """A new island without frames; returns its number, which is never used again."""

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
@@ -10,7 +11,7 @@ from image_files import encoded, picture
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import DamagedFile, Frame, Notice, SourceReport
-from gcs_mosaic.frames.directory import FIRST_LOOK, FolderWatch, Item, watch
+from gcs_mosaic.frames.directory import AGAIN_S, FIRST_LOOK, FolderWatch, Item, watch
 from gcs_mosaic.frames.settings import FolderSettings
 
 JPEG, OTHER = encoded(".jpg"), encoded(".jpg", picture(seed=1))
@@ -57,6 +58,17 @@ def test_a_file_is_taken_at_the_second_look_and_once(watched: Watched) -> None:
     assert watched.names(1) == []
     assert watched.names(1) == ["a.jpg"]
     assert watched.names(5) == []
+
+
+def test_after_a_file_has_come_or_changed_the_next_look_comes_soon(watched: Watched) -> None:
+    watched.look(1)
+    assert watched.watch.look_again_s == math.inf
+    for end in (len(JPEG) // 2, len(JPEG)):
+        watched.write("a.jpg", JPEG[:end])
+        watched.look(1)
+        assert AGAIN_S <= watched.watch.look_again_s < 10
+    assert watched.names(1) == ["a.jpg"]
+    assert watched.watch.look_again_s == math.inf
 
 
 def test_a_file_that_still_changes_is_waited_for(watched: Watched) -> None:

@@ -84,8 +84,8 @@ class PaperMosaic(Kept):
         """A. Features of the frame."""
         return frame_features(image, self.settings.features, self._reduction)
 
-    def place(self, features: Features, name: str) -> Placement | Rejection:
-        """Where a frame belongs; `paint` is to follow."""
+    def place(self, features: Features, name: str, order: int | None = None) -> Placement | Rejection:
+        """Where a frame belongs; `paint` is to follow. The recipe knows no order but that in which frames are given."""
         self.seconds = {}
         with transaction(self):
             return self._place(features, name)

@@ -38,10 +38,10 @@ function nothingYet() {
   return { kind: "calm", title: "Waiting", detail: "nothing is written yet" };
 }
 
-function runningState({ state, frames_in_queue: queue, mavlink, last_frame: last, watch }) {
+function runningState({ state, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
   const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
   const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
-  const queued = queue ? `${queue} in the queue` : "";
+  const queued = queue ? `${queue === 1 ? "1 frame" : `${queue} frames`}, ${duration(behind ?? 0)} behind` : "";
   const trouble = silent ? `MAVLink ${silent.state}: ${silent.address}` : away && watchLine(watch);
   const warning = trouble && { kind: "warn", detail: trouble };
   const texts = {

@@ -1,0 +1,34 @@
+"""A flight's tiles made again from its ledger and its originals, which know nothing of how it went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gcs_mosaic.flight.folder import LEDGER_NAME
+from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.flight.tiles import TileSettings, TileWriter
+from gcs_mosaic.frames.load import load_image
+from gcs_mosaic.stitch.painting.canvas import Canvas
+from gcs_mosaic.stitch.painting.painted import Painted
+
+
+def painted_of(out: Path) -> Sequence[Painted]:
+    """How the ledger says that the frames of the first island are painted."""
+    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+        return ledger.painted(0)
+
+
+def assert_explained(out: Path, scratch: Path) -> None:
+    """The tiles and masks of a flight are byte for byte what its ledger and originals say; `scratch` is an empty folder."""
+    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+        originals = {frame.name: out / frame.original for frame in ledger.frames() if frame.original}
+    canvas, writer = Canvas(lambda name: load_image(originals[name])), TileWriter(scratch, TileSettings())
+    for one in painted_of(out):
+        writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile)
+    canvas.close()
+    writer.close()
+    assert len(list((out / "tiles").rglob("*.jpg"))) > 20
+    for folder in ("tiles", "masks"):
+        here, there = ({p.relative_to(r): p.read_bytes() for p in (r / folder).rglob("*.*")} for r in (out, scratch))
+        assert here == there
