@@ -91,7 +91,7 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], 
     usable = ((there >= 0) & (there <= limits)).all(axis=-1) & _unclipped(small_i) & _unclipped(seen_from_i)
     if not usable.any():
         return None
-    log_ratio = np.log(small_i[usable].mean(axis=1) / seen_from_i[usable].mean(axis=1))
+    log_ratio = np.log(small_i[usable] / seen_from_i[usable])
     at_i, at_j = (
         radii(grid[usable], width, height),
         radii(there[usable].astype(np.float64), small_j.shape[1], small_j.shape[0]),

@@ -51,7 +51,7 @@ def brightness_apart(one: Painted, other: Painted) -> float:
         log_brightness(other.vignetting, at) - log_brightness(one.vignetting, at)
         for at in ((0, 0), (0.5, 0.25), (1, 1))
     ]
-    return float(np.abs(gains[:, None] + falls).max())
+    return float(np.abs(gains + falls).max())
 
 
 class Extent(NamedTuple):
