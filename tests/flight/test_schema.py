@@ -62,7 +62,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
         assert ledger.flight() == FlightRecord(name="old", started_utc=1.0, canvas=canvas)
 
 
-@pytest.mark.parametrize(("stored", "known"), [((-0.2, 0.03), ((-0.2, 0.03),) * 3), ((0.0, 0.0), FLAT)])
+@pytest.mark.parametrize(("stored", "known"), [((-0.2, 0.03), ((0.0, -0.2, 0.03),) * 3), ((0.0, 0.0), FLAT)])
 def test_one_curve_of_vignetting_is_that_of_all_bands(tmp_path: Path, stored, known) -> None:
     """Version 6."""
     path, painted = tmp_path / "flight.sqlite", a_painted("a.jpg")

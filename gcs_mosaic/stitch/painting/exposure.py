@@ -64,7 +64,10 @@ class OverlapMeans:
 
     def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:
         """The same with the vignetting of both frames taken out."""
-        fall_i, fall_j = log_brightness(of_i, self.radial.mean_i), log_brightness(of_j, self.radial.mean_j)
+        (fall_i,), (fall_j,) = (
+            log_brightness(curves, np.array([at]))
+            for curves, at in ((of_i, self.radial.mean_i), (of_j, self.radial.mean_j))
+        )
         flat_i, flat_j = (
             tuple((np.array(mean) * np.exp(-fall)).tolist())
             for mean, fall in ((self.mean_i, fall_i), (self.mean_j, fall_j))
