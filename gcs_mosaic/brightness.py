@@ -20,6 +20,7 @@ from gcs_mosaic.stitch.painting.vignetting import Vignetting, VignettingEstimate
 from gcs_mosaic.stitch.transaction import Kept
 
 Size = tuple[int, int]  # width, height of frames as they are painted
+Camera = tuple[Size, int]  # and how many bands they have
 
 
 class Brightness(Kept):
@@ -39,7 +40,7 @@ class Brightness(Kept):
         self._thumbnails: dict[str, Levels] = {}
         self._false_colour: set[str] = set()  # a palette that follows each frame's own range says nothing of brightness
         self._overlaps: list[Overlap] = []
-        self._estimates: dict[Size, VignettingEstimate] = {}  # each size is one camera
+        self._estimates: dict[Camera, VignettingEstimate] = {}
 
     def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted]) -> Painted:
         """A frame at the brightness that fits those beside it which are painted; it counts for others from now on."""
@@ -47,9 +48,9 @@ class Brightness(Kept):
         if is_false_colour(thumbnail):
             self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
-        curve = self.curve_of(new)
-        shares = [(means.flattened(curve, other.vignetting), other.gain) for means, other in found]
-        return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curve)
+        curves = self.curves_of(new)
+        shares = [(means.flattened(curves, other.vignetting), other.gain) for means, other in found]
+        return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
 
     def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
         """What overlaps of these frames told included their dead borders, or left out too much.
@@ -65,13 +66,13 @@ class Brightness(Kept):
 
     def final(self, painted: Mapping[str, Painted]) -> dict[str, tuple[Gain, Vignetting]]:
         """Gain and vignetting of each frame by all that is known."""
-        curves = {name: self.curve_of(one) for name, one in painted.items()}
+        curves = {name: self.curves_of(one) for name, one in painted.items()}
         gains = agreed_gains(painted.values(), self._overlaps, curves, self._exposure)
         return {name: (gains[name], curves[name]) for name in painted}
 
-    def curve_of(self, painted: Painted) -> Vignetting:
+    def curves_of(self, painted: Painted) -> Vignetting:
         """The vignetting of a frame's camera, as far as it is known."""
-        return self._estimates.get(size_of(painted), self._no_estimate).curve
+        return self._estimates.get(_camera_of(painted), self._no_estimate).curves
 
     def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
         """What a new frame has in common with others of the same kind; kept for the end, and told the vignetting."""
@@ -82,8 +83,8 @@ class Brightness(Kept):
                 if means is not None:
                     self._overlaps.append((new.name, painted.name, means))
                     found.append((means, painted))
-                    size = size_of(painted)
-                    self._estimates[size] = self._estimates.get(size, self._no_estimate).after(means.radial)
+                    camera = _camera_of(painted)
+                    self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)
         return found
 
     def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
@@ -96,3 +97,7 @@ class Brightness(Kept):
 
 def size_of(painted: Painted) -> Size:
     return painted.camera.width, painted.camera.height
+
+
+def _camera_of(painted: Painted) -> Camera:
+    return size_of(painted), len(painted.display.black)

@@ -14,6 +14,7 @@ from gcs_mosaic.stitch.dead_border import FRAMES, NO_BORDER
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.matching.features import Features
 from gcs_mosaic.stitch.painting.grid import tiles_over
+from gcs_mosaic.stitch.painting.vignetting import FLAT
 from gcs_mosaic.stitch.placement import Placement
 
 APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
@@ -223,10 +224,10 @@ def test_brightness_is_not_told_from_bars(recorded, pair):
 
 @pytest.mark.parametrize("palette", [None, cv2.COLORMAP_INFERNO])
 def test_only_frames_in_false_colour_keep_their_tones(painter, recorded, palette):
-    """Two frames of one place, the second half as bright."""
+    """Two frames of one place, the second half as bright: those in false colour are painted as they came."""
     grey = np.random.default_rng(2).integers(0, 256, (*picture(0).shape[:2], 1))
     for number, brightness in enumerate([1.0, 0.5]):
         image = np.repeat((grey * brightness).astype(np.uint8), 3, axis=2)
         shown = image if palette is None else cv2.applyColorMap(image, palette)
         painter.paint_new(shown, shown[::4, ::4], replace(placement(number, 0.0), neighbours=("0",) * number), number)
-    assert (recorded[-1].gain == (1.0, 1.0, 1.0)) == (palette is not None)
+    assert ((recorded[-1].gain, recorded[-1].vignetting) == ((1.0, 1.0, 1.0), FLAT)) == (palette is not None)

@@ -165,8 +165,10 @@ def vignetting_of(row: sqlite3.Row) -> Vignetting:
     stored = row["vignetting"] if "vignetting" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
     if stored is None:
         return FLAT
-    a, b = np.frombuffer(stored, "<f8").tolist()
-    return a, b
+    values = np.frombuffer(stored, "<f8").tolist()
+    if len(values) == 2:  # one curve for all bands, of even powers, before each had its own
+        return ((0.0, *values),) * len(gain_of(row)) if any(values) else FLAT
+    return tuple(zip(*(values[k::3] for k in range(3)), strict=True))
 
 
 def dead_border_of(row: sqlite3.Row) -> DeadBorder:

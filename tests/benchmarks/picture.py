@@ -42,6 +42,7 @@ from tests.benchmarks.picture_places import CORE, Frames, Sight, frames_alone, s
 from tests.benchmarks.picture_references import REFERENCES
 
 Colours = NDArray[Any]
+SOFT = 3.0  # px that a target's edge is blurred by at most, in its frame and on the way to the map
 SQUARES = 40  # of 512 px: enough that another choice of them changes no figure's second digit by much
 
 
@@ -189,14 +190,21 @@ def moving(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -
     best: dict[int, float] = {}
     half = transparent = 0
     for sight in seen:
-        frame = dict(frames.by_window[sight.window])[sight.frame].colour
-        parts = maps[sight.window], frame, frames.bare[sight].colour
+        parts = maps[sight.window], *with_and_without(frames, sight)
         share = shown_share(*parts)
         best[sight.target] = max(share, best.get(sight.target, 0.0))
         if sight.alone:
             half += HALF_SHOWN[0] < share < HALF_SHOWN[1]
             transparent += transparent_share(*parts) > 0.5
     return best, half, transparent
+
+
+def with_and_without(frames: Frames, sight: Sight) -> tuple[Colours, Colours]:
+    """A sight's frame in its window, (h, w, 3), with the target alone of all that may stand there, and without."""
+    frame, bare = dict(frames.by_window[sight.window])[sight.frame].colour, frames.bare[sight].colour
+    y, x = np.mgrid[: sight.window.height, : sight.window.width]
+    its_own = np.hypot(x - sight.middle[0], y - sight.middle[1]) <= sight.reach + SOFT
+    return np.where(its_own[..., None], frame, bare), bare
 
 
 def still(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -> NDArray[np.float64]:

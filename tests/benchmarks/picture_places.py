@@ -28,7 +28,8 @@ CORE = 2.0  # px of the frame around the middle of a mark of 6x6 px where all is
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """A target as one frame saw it: where it is in the window (px), how large a frame's pixel is there (px).
+    """A target as one frame saw it: where it is in the window (px), how far it may reach from there (px), how large a frame's
+    pixel is there (px).
 
     alone: no other target was seen so near, then or at another time, that the two could be mixed up.
     """
@@ -38,6 +39,7 @@ class Sight:
     kind: str
     window: Window
     middle: tuple[float, float]
+    reach: float
     frame_pixel: float
     alone: bool
 
@@ -71,9 +73,12 @@ def sights(truth: Truth, painted: dict[str, Painted]) -> list[Sight]:
             continue
         for one in frame.sightings:
             target = truth.targets[one.target]
-            window, middle, pixel = _around(painted[frame.name], one.px, _reach(target) / frame.gsd)
+            reach_px = _reach(target) / frame.gsd
+            window, middle, pixel = _around(painted[frame.name], one.px, reach_px)
             alone = _is_alone(one.target, one.ground, places, truth.targets)
-            found.append(Sight(frame.name, one.target, target.kind, window, middle, pixel, alone))
+            found.append(
+                Sight(frame.name, one.target, target.kind, window, middle, APART * reach_px * pixel, pixel, alone)
+            )
     return found
 
 

@@ -74,7 +74,7 @@ def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float
         pose=Pose(0.1 + order, -1 / 3, 0.01, 3.1, -0.02, 1e-17),
         camera=Camera(4000, 3000, focal, -0.031),
         gain=(1.0, 0.97, 1.03),
-        vignetting=(-0.2, 0.03),
+        vignetting=((0.1, -0.2, 0.03), (0.0, -0.1, 0.0), (0.0, -0.3, 0.1)),
         dead=DeadBorder(0, 12, 1, 13),
         level=16,
     )

@@ -62,6 +62,17 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
         assert ledger.flight() == FlightRecord(name="old", started_utc=1.0, canvas=canvas)
 
 
+@pytest.mark.parametrize(("stored", "known"), [((-0.2, 0.03), ((0.0, -0.2, 0.03),) * 3), ((0.0, 0.0), FLAT)])
+def test_one_curve_of_vignetting_is_that_of_all_bands(tmp_path: Path, stored, known) -> None:
+    """Version 6."""
+    path, painted = tmp_path / "flight.sqlite", a_painted("a.jpg")
+    with Ledger(path) as ledger:
+        ledger.record_island(painted.island)
+        ledger.record_frame(a_frame("a.jpg"))
+        ledger.record_painted(replace(painted, vignetting=(stored,)))
+        assert ledger.painted(painted.island) == [replace(painted, vignetting=known)]
+
+
 @pytest.mark.parametrize("read_only", [True, False])
 def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path, read_only: bool) -> None:
     """Version 5: no covered frames, and frames of that state are refused."""

@@ -19,11 +19,14 @@ from gcs_mosaic.stitch.painting.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells,
 from gcs_mosaic.stitch.painting.lattice import Lattice
 
 Image = NDArray[np.uint8]
+Places = NDArray[np.intp]
+Steady = list[Lattice]
+Pulls = list[tuple[Places, Lattice, Lattice]]
 
 USUAL = 6.0  # grey levels that two pictures of the same ground differ by, from noise and what light and places leave
 MOST = 400.0  # times as strong as on even ground two cells hold together at most
 BAND = 10  # cells from where it would be that a seam is moved at most
-STEPS = 20  # of relaxation, of one cell each
+STEPS = 20  # of relaxation, each of every second cell by those beside it
 assert BAND + STEPS < CELLS, "a tile's owners follow from the tiles around it"
 
 
@@ -53,30 +56,43 @@ def hard(cells: Cells, taken: NDArray[np.bool_]) -> Owned:
 
 def _relaxed(held: Lattice, free: NDArray[np.bool_], cells: Cells, looks: tuple[Image, Image]) -> Lattice:
     """How likely each cell is to show its first, beginning with what is `held`. Only free cells are looked at, one after the
-    other in memory: they are few."""
+    other in memory: they are few. Each second one at a time, as on a chessboard: all at once, two that hold together strongly
+    would change places for ever."""
     wide = np.pad(held, 1)
-    p, here = wide.ravel(), np.flatnonzero(np.pad(free, 1))
-    strength, first, second = (
-        np.pad(one, 1, constant_values=NOBODY).ravel() for one in (_strength(looks), cells.first, cells.second)
-    )
-    mine, steady = (first[here], second[here]), [np.zeros(here.shape, np.float32) for _ in range(2)]
-    pulls = []
-    for step in (-wide.shape[1], wide.shape[1], -1, 1):
+    p, strength = wide.ravel(), np.pad(_strength(looks), 1).ravel()
+    first, second = (np.pad(one, 1, constant_values=NOBODY).ravel() for one in (cells.first, cells.second))
+    row, column = np.nonzero(np.pad(free, 1))
+    here = row * wide.shape[1] + column
+    halves = [_pulls(here[(row + column) % 2 == colour], wide.shape[1], strength, first, second) for colour in (0, 1)]
+    for step in range(STEPS):
+        _relax(p, *halves[step % 2])
+    return np.asarray(wide[1:-1, 1:-1])
+
+
+def _pulls(
+    here: Places, width: int, strength: Lattice, first: Numbers, second: Numbers
+) -> tuple[Places, Steady, Pulls]:
+    """What draws these cells to their first and second: the same whatever others show, and by how likely those show theirs."""
+    mine, steady, pulls = (first[here], second[here]), [np.zeros(here.shape, np.float32) for _ in range(2)], []
+    for step in (-width, width, -1, 1):
         there = here + step
         tie = (strength[there] + strength[here]) / 2
         by_first, by_second = ([tie * (other[there] == one) for one in mine] for other in (first, second))
         for total, one in zip(steady, by_second, strict=True):
             total += one
         pulls.append((there, by_first[0] - by_second[0], by_first[1] - by_second[1]))
-    for _ in range(STEPS):
-        to_first, to_second = steady[0].copy(), steady[1].copy()
-        for there, for_first, for_second in pulls:
-            beside = p[there]
-            to_first += beside * for_first
-            to_second += beside * for_second
-        total = to_first + to_second
-        p[here] = np.where(total > 0, to_first / np.maximum(total, np.float32(1e-6)), p[here])
-    return np.asarray(wide[1:-1, 1:-1])
+    return here, steady, pulls
+
+
+def _relax(p: Lattice, here: Places, steady: Steady, pulls: Pulls) -> None:
+    """Bring these of all cells `p` in line with those around them."""
+    to_first, to_second = steady[0].copy(), steady[1].copy()
+    for there, for_first, for_second in pulls:
+        beside = p[there]
+        to_first += beside * for_first
+        to_second += beside * for_second
+    total = to_first + to_second
+    p[here] = np.where(total > 0, to_first / np.maximum(total, np.float32(1e-6)), p[here])
 
 
 def _strength(looks: tuple[Image, Image]) -> Lattice:

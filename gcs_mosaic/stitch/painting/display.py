@@ -52,9 +52,9 @@ class Display:
         return np.stack(bands, axis=-1)
 
     def times(self, image: Bands, factor: NDArray[np.float32]) -> Bands:
-        """All bands (h, w, bands) with what they have above black times a factor (h, w), at their own depth."""
+        """All bands (h, w, bands) with what they have above black times a factor (h, w, bands), at their own depth."""
         black = np.array(self.black, np.float32)
-        counts = black + (image - black) * factor[..., None]
+        counts = black + (image - black) * factor
         return np.clip(np.rint(counts), 0, np.iinfo(image.dtype).max).astype(image.dtype)
 
     def of_shown(self, gain: tuple[float, ...]) -> tuple[float, float, float]:

@@ -64,7 +64,10 @@ class OverlapMeans:
 
     def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:
         """The same with the vignetting of both frames taken out."""
-        fall_i, fall_j = log_brightness(of_i, self.radial.mean_i), log_brightness(of_j, self.radial.mean_j)
+        (fall_i,), (fall_j,) = (
+            log_brightness(curves, np.array([at]))
+            for curves, at in ((of_i, self.radial.mean_i), (of_j, self.radial.mean_j))
+        )
         flat_i, flat_j = (
             tuple((np.array(mean) * np.exp(-fall)).tolist())
             for mean, fall in ((self.mean_i, fall_i), (self.mean_j, fall_j))
@@ -91,7 +94,7 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], 
     usable = ((there >= 0) & (there <= limits)).all(axis=-1) & _unclipped(small_i) & _unclipped(seen_from_i)
     if not usable.any():
         return None
-    log_ratio = np.log(small_i[usable].mean(axis=1) / seen_from_i[usable].mean(axis=1))
+    log_ratio = np.log(small_i[usable] / seen_from_i[usable])
     at_i, at_j = (
         radii(grid[usable], width, height),
         radii(there[usable].astype(np.float64), small_j.shape[1], small_j.shape[0]),

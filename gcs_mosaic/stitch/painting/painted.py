@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
 from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
-from gcs_mosaic.stitch.painting.vignetting import FLAT, Vignetting, log_brightness
+from gcs_mosaic.stitch.painting.vignetting import FLAT, OUTWARDS, Vignetting, log_brightness
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 from gcs_mosaic.stitch.transaction import Kept
 
@@ -47,11 +47,8 @@ class Painted:
 def brightness_apart(one: Painted, other: Painted) -> float:
     """The greatest difference in log brightness, anywhere in the frame and in any band."""
     gains = np.log(np.array(one.gain) / np.array(other.gain))
-    falls = [
-        log_brightness(other.vignetting, at) - log_brightness(one.vignetting, at)
-        for at in ((0, 0), (0.5, 0.25), (1, 1))
-    ]
-    return float(np.abs(gains[:, None] + falls).max())
+    falls = log_brightness(other.vignetting, OUTWARDS) - log_brightness(one.vignetting, OUTWARDS)
+    return float(np.abs(gains + falls).max())
 
 
 class Extent(NamedTuple):

@@ -108,16 +108,17 @@ def piece(
     if picture.bands is not None:
         bands = tile_picture(frame.lattice, picture.bands, tile, interpolation, place)[0]
     bright = None if frame.brightening is None else upscale(frame.brightening[window])[place]
-    gain = frame.painted.display.of_shown(frame.painted.gain)
+    display = frame.painted.display
+    gain = display.of_shown(frame.painted.gain)
     shift = (
         None
         if part is None or part.shift is None
         else enlarged(np.moveaxis(part.shift, 0, 2).astype(np.float32) / FINE)[place]
     )
-    colour = _lit(colour, gain, bright, shift)
+    colour = _lit(colour, gain, None if bright is None else bright[..., display.shown], shift)
     if bands is not None and keep == "gained":
-        bands = frame.painted.display.gained(bands, frame.painted.gain)
-        bands = bands if bright is None else frame.painted.display.times(bands, bright)
+        bands = display.gained(bands, frame.painted.gain)
+        bands = bands if bright is None else display.times(bands, bright)
     if coverage is not None:
         colour = np.asarray(cv2.copyTo(colour, coverage), np.uint8)
         if bands is not None:
@@ -133,11 +134,12 @@ def enlarged(patch: NDArray[Any]) -> NDArray[Any]:
 
 
 def _lit(colour: Image, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> Image:
-    """A picture (h, w, 3) times its gains and a factor (h, w), and shifted (h, w, 3)."""
+    """A picture (h, w, 3) times its gains and a factor (h, w, 3), and shifted (h, w, 3)."""
     lit: Any = colour
     if bright is not None:
-        factor = cv2.merge([bright * np.float32(one) for one in gain])
-        lit = cv2.multiply(colour, factor, dtype=cv2.CV_8U if shift is None else cv2.CV_32F)
+        lit = cv2.multiply(
+            colour, bright * np.array(gain, np.float32), dtype=cv2.CV_8U if shift is None else cv2.CV_32F
+        )
     elif gain != (1.0, 1.0, 1.0):
         if shift is None:
             return apply_gain(colour, gain)

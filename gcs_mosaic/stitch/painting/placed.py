@@ -16,7 +16,7 @@ from gcs_mosaic.stitch.painting.vignetting import FLAT, brightening
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedFrame:
-    """`brightening`: at the lattice points, what takes the vignetting out; None: nothing has to."""
+    """`brightening`: at the lattice points, by band, what takes the vignetting out; None: nothing has to."""
 
     painted: Painted
     lattice: FrameLattice
@@ -32,7 +32,7 @@ class PlacedFrame:
         if self.brightening is None:
             return list(gains)
         bright = at(self.brightening[lattice_part(self.lattice, window)])
-        return [bright * gain for gain in gains]
+        return [bright[..., band] * gain for band, gain in zip(self.painted.display.shown, gains, strict=True)]
 
 
 def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame | None:

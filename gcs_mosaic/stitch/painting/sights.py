@@ -28,6 +28,7 @@ TONE_SHRINK = (
     8  # the size of a pixel of the maps of tone and detail, in pixels of the picture that a frame is looked at in
 )
 TONE_BLUR = 7  # pixels of that map, a side, that make a tone: so wide that no person changes it
+LEAST_GROUND = 0.02  # what a thing counts for in a tone beside ground, which counts 1
 BEYOND = 1.5  # times the contrast of anything around that a thing must have for the other frame not to have it
 LEAST = 20  # in the contrasts kept here: those of L, a and b are scaled so that this is the least of each
 
@@ -88,9 +89,14 @@ def detail_of(look: Image) -> Map:
 
 
 def tone_of(look: Image, things: Sequence[Image]) -> Map:
-    """The mean colour around a place, and the log (base 2) of 1 and the greatest contrast of a thing, in the least ones."""
-    small = cv2.resize(look, coarse_size(look), interpolation=cv2.INTER_AREA).astype(np.float32)
-    side = TONE_SHRINK * TONE_BLUR // POOL | 1
-    greatest = cv2.dilate(np.max(things, axis=0), np.ones((side, side), np.uint8))
-    coloured = np.log2(1 + cv2.resize(greatest, coarse_size(look), interpolation=cv2.INTER_AREA) / np.float32(LEAST))
-    return np.dstack([cv2.blur(small, (TONE_BLUR, TONE_BLUR)), coloured]).astype(np.float16)
+    """The mean colour of the ground around a place, of things only where there is nothing else, and the log (base 2) of 1 and
+    the greatest contrast of a thing, in the least ones."""
+    size, box, side = coarse_size(look), (TONE_BLUR, TONE_BLUR), TONE_SHRINK * TONE_BLUR // POOL | 1
+    small, contrast = cv2.resize(look, size, interpolation=cv2.INTER_AREA).astype(np.float32), np.max(things, axis=0)
+    ground = cv2.resize((contrast == 0).astype(np.float32), size, interpolation=cv2.INTER_AREA) + np.float32(
+        LEAST_GROUND
+    )
+    mean = cv2.blur(small * ground[..., None], box) / cv2.blur(ground, box)[..., None]
+    greatest = cv2.dilate(contrast, np.ones((side, side), np.uint8))
+    coloured = np.log2(1 + cv2.resize(greatest, size, interpolation=cv2.INTER_AREA) / np.float32(LEAST))
+    return np.dstack([mean, coloured]).astype(np.float16)

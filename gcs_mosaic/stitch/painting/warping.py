@@ -40,9 +40,10 @@ def upscale(values: Lattice) -> Lattice:
     """
     step = TILE_SIZE // (len(values) - 1)
     size, rim = len(values) * step, step // 2
-    scratch = (_scratch.one if values.ndim == 2 else _scratch.two) if step == LATTICE_STEP else None
+    known = {(): _scratch.one, (2,): _scratch.two} if step == LATTICE_STEP else {}
+    scratch = known.get(values.shape[2:])
     wide = np.asarray(cv2.resize(values, (size, size), dst=scratch, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
-    return wide[rim:-rim, rim:-rim]
+    return wide.reshape(size, size, *values.shape[2:])[rim:-rim, rim:-rim]
 
 
 def refined(values: Lattice) -> Lattice:

@@ -12,6 +12,7 @@ from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
 from gcs_mosaic.stitch.painting.modes import MODES
 from gcs_mosaic.stitch.painting.stack import TilePicture
+from gcs_mosaic.stitch.painting.vignetting import FLAT
 
 MIDDLE = 1 << 15
 
@@ -37,7 +38,7 @@ def random_frame(rng: random.Random, order: int):
     x, y, gsd = rng.uniform(-400, 400), rng.uniform(-300, 300), rng.choice([1.0, 1.0, 2.2, 5.0])
     gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
     relief = rng.choice([None, hilly(rng.randrange(9))])
-    vignetting = rng.choice([(0.0, 0.0), (-0.3, 0.05)])
+    vignetting = rng.choice([FLAT, ((0.1, -0.3, 0.05), (0.0, -0.2, 0.0), (0.0, -0.4, 0.1))])
     yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
     dead = rng.choice([NO_BORDER, DeadBorder(0, 12, 1, 3)])
     looks = {"gain": gain, "vignetting": vignetting, "relief": relief, "dead": dead}

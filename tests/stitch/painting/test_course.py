@@ -79,3 +79,11 @@ def test_three_frames_meet():
     assert set(np.unique(owned.first)) == {1, 2, 3}
     assert ((owned.first == known.first) | (owned.first == known.second)).all()
     assert (owned.second == NOBODY).all()
+
+
+def test_cells_that_hold_together_do_not_change_places_for_ever():
+    """A thing that frame 1 alone has, on cells each of which was decided by a hair, one so and the next otherwise."""
+    row, column = np.indices((SIDE, SIDE))
+    decided = np.where(abs(column - MIDDLE) <= 1, np.where((row + column) % 2, 0.1, -0.1), ACROSS).astype(np.float32)
+    on_thing = shown(decided, with_thing(MIDDLE - 1, MIDDLE + 2))[MIDDLE - 3 : MIDDLE + 3, MIDDLE - 1 : MIDDLE + 2]
+    assert len(np.unique(on_thing)) == 1

@@ -11,7 +11,14 @@ from gcs_mosaic.stitch.painting.sampling import at_cells, at_middles, inside, la
 from gcs_mosaic.stitch.painting.warping import tile_picture
 
 FLAG = 1
-FRAME = {"gsd": 0.3, "yaw": 0.4, "pitch": 0.2, "relief": hilly(1), "gain": (1.1, 0.9, 1.0), "vignetting": (-0.3, 0.0)}
+FRAME = {
+    "gsd": 0.3,
+    "yaw": 0.4,
+    "pitch": 0.2,
+    "relief": hilly(1),
+    "gain": (1.1, 0.9, 1.0),
+    "vignetting": ((0.2, -0.3, 0.0), (0.0, -0.2, 0.0), (0.0, -0.1, 0.0)),
+}
 
 
 @pytest.mark.parametrize("mode", MODES)
