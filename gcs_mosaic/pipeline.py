@@ -36,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-# Frames of an island that is adjusted in the background while somebody waits for the newest: smaller ones take 0.1 s.
+# Frames of an island that is adjusted in the background while somebody waits for the newest.
 LIVE_BACKGROUND_FROM = 25
 
 
