@@ -29,7 +29,7 @@ class Stage:
 
 @contextmanager
 def stage(name: str, of: str) -> Iterator[None]:
-    """What happens meanwhile is this stage, also when it raises. Costs a microsecond where the log leaves out details."""
+    """What happens meanwhile is this stage, also when it raises. Costs next to nothing where the log leaves out details."""
     if not logger.isEnabledFor(logging.DEBUG):
         yield
         return

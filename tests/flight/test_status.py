@@ -11,7 +11,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import LinkReport, Refusals, SourceReport
 from gcs_mosaic.flight.documents import write_json
 from gcs_mosaic.flight.records import Accounts, EventAccount, FrameAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, Status, read_status, status_document, status_lines
+from gcs_mosaic.flight.status import Behind, LastFrame, Status, read_status, status_document, status_lines
 from gcs_mosaic.stitch.tearing import HeldOut
 
 STATUS = Status(
@@ -54,6 +54,14 @@ def test_status_is_read_for_people(tmp_path: Path) -> None:
     assert "triggers: 1 missing" in text
     assert "MAVLink udp:14550: heard" in text
     assert "killed" not in text
+
+
+def test_how_far_behind_the_map_is_is_told() -> None:
+    document = status_document(replace(STATUS, behind=Behind(frames=12, seconds=40.25)))
+    assert (document["frames_in_queue"], document["seconds_behind"]) == (12, 40.2)
+    assert any("the map is 12 frames, 40 s behind" in line for line in status_lines(document, STATUS.updated_utc))
+    del document["seconds_behind"]  # as an older program wrote it
+    assert any("the map is 12 frames behind" in line for line in status_lines(document, STATUS.updated_utc))
 
 
 def test_how_good_the_map_is_is_told() -> None:

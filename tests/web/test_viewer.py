@@ -13,7 +13,7 @@ from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 from gcs_mosaic.events import LinkReport, Refusals
 from gcs_mosaic.flight.manifest import IslandEntry
 from gcs_mosaic.flight.records import Accounts, FrameAccount
-from gcs_mosaic.flight.status import LastFrame
+from gcs_mosaic.flight.status import Behind, LastFrame
 from gcs_mosaic.stitch.geometry import Pose
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.tearing import HeldOut
@@ -244,6 +244,15 @@ def test_silent_daemon_is_not_shown_as_flying(page: Page, url: str, flight: Smal
     page.open(url)
     page.wait_for(f"{TEXT}.includes('has not shown a sign of life for')")
     assert not page.evaluate(f"{TEXT}.includes('Flying')")
+
+
+def test_how_far_behind_the_map_is_is_told(page: Page, url: str, flight: SmallFlight) -> None:
+    flight.write()
+    flight.status(behind=Behind(frames=12, seconds=40.2))
+    page.open(url)
+    page.wait_for(f"{TEXT}.includes('12 frames, 40 s behind')")
+    flight.status()
+    page.wait_for(f"!{TEXT}.includes('behind')")
 
 
 def test_what_a_link_left_out_is_shown(page: Page, url: str, flight: SmallFlight) -> None:
