@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gcs_mosaic.stitch import neighbours
 from gcs_mosaic.stitch.geometry import Camera, Pose
@@ -98,7 +98,8 @@ class Search:
         view = pose, self._network.camera_on(island, self._network.frames[frame].camera)
         known = self._network.frames[frame].inliers
         others = [other for other in self._overlapping(frame, *view, island) if other not in known][:most]
-        found = self._pool.map(lambda other: self._registered_in_place(frame, view, other), others)
+        again = self._network.matched_before(frame)
+        found = self._pool.map(lambda other: self._registered_in_place(frame, view, again, other), others)
         return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
 
     def _nearby(self, last: int) -> list[int]:
@@ -130,14 +131,17 @@ class Search:
         chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
         return [int(f) for f in members[keep][chosen]]
 
-    def _registered_in_place(self, frame: int, view_a: View, other: int) -> Registration | NotRegistered:
-        """Register two frames by the features that both should see, as far as their poses are known."""
+    def _registered_in_place(
+        self, frame: int, view_a: View, again: NDArray[np.bool_], other: int
+    ) -> Registration | NotRegistered:
+        """Register two frames by the features that both should see, as far as their poses are known; `again`: those of the first
+        that were matched before."""
         network = self._network
         a, b = network.frames[frame].features, network.frames[other].features
         view_b = network.pose_of(other), network.camera_of(other)
         seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
-        part_a = Part(seen_a, network.matched_before(frame))
+        part_a = Part(seen_a, again)
         part_b = Part(seen_b, network.matched_before(other))
         return register(a, b, self._registration, part_a, part_b)
 

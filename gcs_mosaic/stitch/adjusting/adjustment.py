@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gcs_mosaic.stitch.adjusting.lens import believable
-from gcs_mosaic.stitch.adjusting.normal import assembled, solve, unknowns
+from gcs_mosaic.stitch.adjusting.normal import Normal, assembled, solve, unknowns
 from gcs_mosaic.stitch.adjusting.problem import Problem
 from gcs_mosaic.stitch.adjusting.residuals import parts, weighed, whitenings
 from gcs_mosaic.stitch.projection import LENS_TERMS
@@ -65,7 +65,9 @@ def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
     excess = _excess(state)
     if problem.lens_free and excess > 1:
         state = _converged(_with_firmer_lens_prior(state, settings, excess), settings)
-    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, state.steps)
+    return Solution(
+        state.problem.poses, state.problem.lenses, state.residuals_px, sparse.csc_matrix(state.normal), state.steps
+    )
 
 
 def _converged(state: _State, settings: AdjustmentSettings) -> _State:
@@ -131,7 +133,7 @@ class _State:
     problem: Problem
     whitenings: list[Array]  # of each of its parts; they hold for the whole adjustment, see `residuals.whitenings`
     cost: float
-    normal: sparse.csc_matrix  # over the free unknowns
+    normal: Normal  # over the free unknowns
     gradient: Array
     residuals_px: Array
     steps: int = 0  # that led here
@@ -173,13 +175,13 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Arra
     blocks = np.concatenate([part.blocks for part in some])
     slopes = np.concatenate([part.slopes for part in some])
     residuals_px = np.concatenate([part.residuals_px for part in some])
-    normal, gradient = assembled(problem, blocks, slopes)
     prior_cost, prior_normal, prior_gradient = _priors(problem, settings)
+    normal, gradient = assembled(problem, blocks, slopes, prior_normal)
     return _State(
         problem=problem,
         whitenings=by_part,
         cost=sum(part.cost for part in some) + prior_cost,
-        normal=normal + sparse.diags(prior_normal, format="csc"),
+        normal=normal,
         gradient=gradient + prior_gradient,
         residuals_px=residuals_px,
     )

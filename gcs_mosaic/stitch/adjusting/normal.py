@@ -6,6 +6,8 @@ at its end.
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
@@ -17,8 +19,11 @@ from gcs_mosaic.stitch.projection import LENS_TERMS
 Array = NDArray[np.float64]
 
 
-def assembled(problem: Problem, blocks: Array, slopes: Array) -> tuple[sparse.csc_matrix, Array]:
-    """Normal matrix and gradient over the free unknowns from one block and slope (COLUMNS) per pair."""
+Normal: TypeAlias = Array | sparse.csc_matrix  # dense where there are few unknowns
+
+
+def assembled(problem: Problem, blocks: Array, slopes: Array, diagonal: Array) -> tuple[Normal, Array]:
+    """Normal matrix and gradient over the free unknowns from one block and slope (COLUMNS) per pair; `diagonal` is added."""
     first, pose_unknowns = unknowns(problem)
     size = pose_unknowns + (LENS_TERMS * len(problem.lenses) if problem.lens_free else 0)
     index = np.full((len(problem.pairs), COLUMNS), -1)
@@ -32,21 +37,34 @@ def assembled(problem: Problem, blocks: Array, slopes: Array) -> tuple[sparse.cs
             index[:, begin : begin + LENS_TERMS] = lens[:, None] + np.arange(LENS_TERMS)
     rows, columns = np.broadcast_arrays(index[:, :, None], index[:, None, :])
     kept = (rows >= 0) & (columns >= 0)
-    normal = sparse.coo_matrix((blocks[kept], (rows[kept], columns[kept])), shape=(size, size)).tocsc()
+    normal = _summed(rows[kept], columns[kept], blocks[kept], diagonal)
     gradient = np.bincount(index[index >= 0], weights=slopes[index >= 0], minlength=size)
     return normal, np.asarray(gradient, dtype=np.float64)
 
 
-def solve(normal: sparse.csc_matrix, gradient: Array, damping: float) -> Array:
+def _summed(rows: NDArray[np.intp], columns: NDArray[np.intp], values: Array, diagonal: Array) -> Normal:
+    size = len(diagonal)
+    if size >= DENSE_BELOW:
+        matrix = sparse.coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
+        return matrix + sparse.diags(diagonal, format="csc")
+    dense = np.bincount(rows * size + columns, weights=values, minlength=size**2).astype(np.float64)
+    dense[:: size + 1] += diagonal
+    return dense.reshape(size, size)
+
+
+def solve(normal: Normal, gradient: Array, damping: float) -> Array:
     """Damped Gauss-Newton step. Unknowns are scaled to a unit diagonal first: canvas units and radians differ by 10^4."""
     scale = 1 / np.sqrt(np.maximum(normal.diagonal(), 1e-12))
-    scaling = sparse.diags(scale)
     # What the matches leave open (position, heading, scale of the whole) is held by the damping alone.
-    damped = (scaling @ normal @ scaling + sparse.identity(len(scale)) * max(damping, 1e-7)).tocsc()
-    if len(gradient) < DENSE_BELOW:
-        step = linalg.solve(damped.toarray(), scale * gradient, assume_a="pos", check_finite=False)
+    held = max(damping, 1e-7)
+    if isinstance(normal, np.ndarray):
+        damped = normal * scale * scale[:, None]
+        damped[np.diag_indices_from(damped)] += held
+        step = linalg.solve(damped, scale * gradient, assume_a="pos", check_finite=False)
     else:
-        factor = splu(damped, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        scaling = sparse.diags(scale)
+        matrix = (scaling @ normal @ scaling + sparse.identity(len(scale)) * held).tocsc()
+        factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         step = factor.solve(scale * gradient)
     return np.asarray(-scale * step)
 

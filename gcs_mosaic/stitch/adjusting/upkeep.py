@@ -24,7 +24,7 @@ from gcs_mosaic.stitch.transaction import EachWhole, Kept
 class UpkeepSettings:
     """When islands are adjusted as a whole."""
 
-    per_doubling: int = 16  # an island is adjusted whenever it has grown by one part in so many
+    per_doubling: int = 8  # an island is adjusted whenever it has grown by one part in so many
     # frames of an island that is adjusted in the background: smaller ones take no longer than a frame
     background_from: int = 24
     # a folder's island of n frames takes in its adjustment n / meanwhile frames later, on any machine
