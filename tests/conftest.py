@@ -1,5 +1,6 @@
 """What tests of several rooms share."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -7,6 +8,9 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# As the program does when it is started: sums of several threads differ in their last digits from those of one.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # A busy machine is no fault of what is tested.
 settings.register_profile("patient", deadline=None)

@@ -64,7 +64,9 @@ def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_tra
     frames, tmp_path, monkeypatch, capfd
 ):
     place = Mosaic.place
-    monkeypatch.setattr(Mosaic, "place", lambda self, f, name: surprise() if name == "3.jpg" else place(self, f, name))
+    monkeypatch.setattr(
+        Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
+    )
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.5"]) == 0
     said, log = capfd.readouterr(), log_of(tmp_path / "out")
     assert "error: 3.jpg: it could not be worked off (RuntimeError('surprise'))" in said.out.replace("\n", " ")
@@ -97,7 +99,9 @@ def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_pat
 
 def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monkeypatch, capfd):
     place = Mosaic.place
-    monkeypatch.setattr(Mosaic, "place", lambda self, f, name: surprise() if name == "3.jpg" else place(self, f, name))
+    monkeypatch.setattr(
+        Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
+    )
     said = {}
     for out, more in (("a", []), ("b", ["--verbose"])):
         assert cli.main(["stitch", str(frames), "--out", str(tmp_path / out), "--scale", "0.25", *more]) == 0
@@ -125,9 +129,9 @@ def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(folder, tmp_path, ca
     reporter = Reporter(tmp_path, FlightRecord(name="flight", started_utc=0.0), None, console)
     with flight_log(folder, replace(Config(), log=LogSettings(verbose=True))):
         reporter.judge({0: HeldOut(matches=50, median_px=1.25, p95_px=6.5)})
-    (line,) = (line for line in console.file.getvalue().splitlines() if "6.5" in line)
+    (line,) = (line for line in console.file.getvalue().splitlines() if "6.5 px" in line)
     assert line.partition(" ")[2] in log_of(folder.path)
-    assert "6.5" not in capfd.readouterr().err
+    assert "6.5 px" not in capfd.readouterr().err
 
 
 def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatch, capfd):
@@ -137,10 +141,10 @@ def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatc
         (odd / "[" / f"b]{number}.jpg").write_bytes((frames / f"{number}.jpg").read_bytes())
     place = Mosaic.place
 
-    def fails(self, features, name):
+    def fails(self, features, name, *more):
         if name == "[/b]2.jpg":
             raise RuntimeError("[/bold] is no tag")
-        return place(self, features, name)
+        return place(self, features, name, *more)
 
     monkeypatch.setattr(Mosaic, "place", fails)
     words = ["stitch", str(odd), "--out", str(tmp_path / "[/o]"), "--scale", "0.25", "--debug", str(tmp_path / "[/d]")]

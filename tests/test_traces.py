@@ -13,6 +13,8 @@ BROAD = {"", "Exception", "BaseException", "OSError"}
 # Handlers that neither log nor raise nor tell what they caught, by module and function: how many there are, and why.
 SILENT = {
     ("cli.py", "_flush_or_let_go"): (1, "the reader of the terminal is gone: nobody is there to be told"),
+    ("heap.py", "share_heap"): (1, "another system, which has no such thing"),
+    ("stages.py", "_tells_core"): (1, "another system, which has no such thing"),
     ("flight/folder.py", "FlightFolder.close"): (1, "tidying up; the log is closed already"),
     ("flight/lock.py", "try_lock"): (1, "a network folder without locks, before there is a log"),
     ("flight/lock.py", "is_still_there"): (1, "it is not there, which is the answer"),
