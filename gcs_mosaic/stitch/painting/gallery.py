@@ -105,6 +105,8 @@ class Gallery:
         return self._mode.look(shrunk(picture.image, LOOK_PIXELS), (painted.display, painted.dead))
 
     def _take_look(self, name: str) -> None:
-        """What a look has found, if one was begun; whatever goes wrong with it, the frame can be looked at again."""
-        if name in self._looking:
-            self._store.put(("sight", name), self._looking.pop(name).result())
+        """Keep what a look has found, if one was begun. If it has raised, that is left to the next look at the frame: whoever is
+        here may be at work on another one."""
+        coming = self._looking.pop(name, None)
+        if coming is not None and coming.exception() is None:
+            self._store.put(("sight", name), coming.result())

@@ -328,6 +328,26 @@ def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas, way: st
     assert_same(all_tiles(other), all_tiles(whole))
 
 
+def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkeypatch) -> None:
+    frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
+    paint(whole, *frames)
+    looked, failing = c._gallery._looked, {"0.jpg"}
+
+    def look(one, picture):
+        if one.name in failing:
+            failing.remove(one.name)
+            raise MemoryError("no room to look")
+        return looked(one, picture)
+
+    monkeypatch.setattr(c._gallery, "_looked", look)
+    for frame in frames:
+        c.look(originals(frame.name), frame)
+        c.move([frame])
+    list(c.repaint())
+    assert not failing
+    assert_same(all_tiles(c), all_tiles(whole))
+
+
 def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas) -> None:
     asked = []
     c = canvas(lambda name: asked.append(name) or originals(name))
