@@ -21,6 +21,7 @@ Vignetting = tuple[Curve, ...]  # one for each band
 
 FLAT: Vignetting = ()  # whatever bands there are
 OUTWARDS: Array = np.linspace(0, 1, 33)[:, None] ** [1, 2, 4]  # `radii` from the middle to a corner
+USUAL: Array = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0])  # their mean over a disc
 UNLIKE = 0.25  # log brightness; pixels that differ by more from what is usual in an overlap show something else
 
 
@@ -93,10 +94,10 @@ def radial_sums(at_i: Array, at_j: Array, log_ratio: Array) -> RadialSums:
 
 
 def log_brightness(vignetting: Vignetting, at: Array) -> Array:
-    """Of places whose `radii` (n, 3) these are, against the brightest ones of a frame, so that nothing is made darker:
-    (n, bands), or (n, 1) for all bands."""
+    """Of places whose `radii` (n, 3) these are, (n, bands), or (n, 1) for all bands. Against the mean of each band over a frame,
+    so that frames keep their colours, and then against the brightest of all, so that nothing is made darker."""
     curves = np.array(vignetting or [(0.0, 0.0, 0.0)]).T
-    return np.asarray(at @ curves - (OUTWARDS @ curves).max(axis=0))
+    return np.asarray((at - USUAL) @ curves - ((OUTWARDS - USUAL) @ curves).max())
 
 
 def brightening(vignetting: Vignetting, pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
