@@ -180,14 +180,15 @@ def test_the_list_of_all_frames_is_read_once(page: Page, url: str, feed: Feed, f
     feed.publish(flight.write(), None)
     page.open(url)
     page.wait_for(f"{OUTLINE} > 0")
-    page.requests.clear()
     for name, x in (("b.jpg", 200), ("c.jpg", 300)):
         page.evaluate(f"window.before = {OUTLINE}")
         flight.place(name, x, 128)
         feed.publish(flight.write(), [])
         page.wait_for(f"{OUTLINE} > window.before + 20")
     read = [urlsplit(address) for address in page.requests]
-    assert [part.query for part in read if part.path == "/placements.jsonl"][-2:] == ["after=1", "after=2"]
+    asked = [part.query for part in read if part.path == "/placements.jsonl"]
+    assert asked.count("after=0") == 1
+    assert {"after=1", "after=2"} <= set(asked)  # a late event may make it ask twice for the same
     assert "/placements.json" not in [part.path for part in read]
 
 
