@@ -20,7 +20,6 @@ from rich.console import Console
 from gcs_mosaic.ending import Ending
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.flight.disk import CannotWrite
-from gcs_mosaic.heap import share_heap
 from gcs_mosaic.options import (
     add_announce,
     add_blend,
@@ -45,9 +44,6 @@ result is the same every time, at any speed."""
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit code."""
-    share_heap()
-    # Two threads that wait for each other take twice the time of one; what is to go on side by side has threads of its own.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = COMMANDS.get(words[0]) if words else None
     try:

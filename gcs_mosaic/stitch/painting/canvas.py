@@ -97,7 +97,7 @@ class Canvas(Kept):
         self._frames = PaintedFrames()
         mode = MODES[self._settings.blend]
         self._gallery = Gallery(load_image, self._store, mode, keep_bands, self._pool)
-        self._territory = Territory(self._store, mode, self._gallery, self._frames)
+        self._territory = Territory(self._store, mode, self._gallery, self._frames, self._pool)
         flag = INTERPOLATIONS[self._settings.interpolation]
         self._maker = Maker(self._gallery, self._frames, self._store, self._pool, flag, keep_bands)
         self._behind: dict[TileKey, float] = {}  # tiles whose cells do not follow their frames, with how urgent each is
@@ -138,8 +138,8 @@ class Canvas(Kept):
 
     def resume(self, frames: Iterable[Painted]) -> None:
         """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
-        for painted in frames:
-            keys = self._register(painted, self._gallery.placed(painted))
+        for painted, frame in self._gallery.all_placed(list(frames)):
+            keys = self._register(painted, frame)
             self._fall_behind(keys)
             self._stack.expect(keys)
 
@@ -149,9 +149,9 @@ class Canvas(Kept):
         `repaint` takes the most urgent tiles first.
         """
         changed = [p for p in frames if p.name not in self._frames or self._frames[p.name] != p]
-        for painted in changed:
+        for painted, frame in self._gallery.all_placed(changed):
             old = self._frames.remove(painted.name)
-            self._fall_behind(old | self._register(painted, self._gallery.placed(painted)), urgency)
+            self._fall_behind(old | self._register(painted, frame), urgency)
             elsewhere = frozenset(key for key in old if (key[0], key[1].z) != (painted.island, painted.level))
             if elsewhere:
                 self._left[painted.name] = self._left.get(painted.name, frozenset()) | elsewhere
@@ -272,10 +272,13 @@ class Canvas(Kept):
 
     def _show(self, key: TileKey, layer: Layer | None, recipe: Recipe) -> None:
         self._stack.set_own(key, layer)
-        self._recipes[key] = recipe
+        self._note_shown(key, layer is not None, recipe)
+
+    def _note_shown(self, key: TileKey, anything: bool, recipe: Recipe) -> None:
         self._due.pop(key, None)
-        if layer is None:
-            del self._recipes[key]
+        self._recipes.pop(key, None)
+        if anything:
+            self._recipes[key] = recipe
 
     def _refresh(self, keys: set[TileKey], islands: Iterable[int]) -> set[TileKey]:
         return self._stack.refresh(keys, {island: self._frames.extent(island) for island in islands})
@@ -327,6 +330,9 @@ class Canvas(Kept):
             self.gone.add(painted.name)
             rest = self._without(fold, keys)
             return None if rest is None else replace(rest, turn=painted.turn)
+        following = self._frames.next_after(painted.turn, fold.tiles)
+        if following is not None and (next_frame := self._gallery.placed(following)) is not None:
+            self._territory.expect(next_frame, self._shared(following, fold))
         self._territory.lay_over(frame, keys, anew=True)
         return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
 
@@ -380,7 +386,7 @@ class Canvas(Kept):
         now = work.plans if self._changes == work.changes else self._territory.plans(keys)
         shown = {key for key in keys if now[key].recipe == work.plans[key].recipe}
         for key in shown:
-            self._show(key, self._maker.finished(key), work.plans[key].recipe)
+            self._note_shown(key, self._stack.take_own(key, self._maker.finished(key)), work.plans[key].recipe)
         self._maker.drop(work.plans)
         self._work = None
         return self._refresh(shown, {island for island, _ in shown})

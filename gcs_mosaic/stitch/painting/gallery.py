@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.painting.layers import Store
@@ -16,11 +17,24 @@ from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS, Sight
 from gcs_mosaic.stitch.painting.warping import shrunk
 
 LOOKS_AHEAD = 2  # frames that are being looked at while others are placed
-LATTICE_POINTS = 3_000_000  # that are kept at hand, 16 bytes each: of 25 frames of 12 MP
+PLACED_TOGETHER = 8  # frames whose places are worked out side by side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """A frame as it was placed last; `frame` None where it sees no ground."""
+
+    painted: Painted
+    frame: PlacedFrame | None
+
+    @property
+    def nbytes(self) -> int:
+        return 0 if self.frame is None else self.frame.nbytes
 
 
 class Gallery:
-    """All of it can be had again at any time, from `load_image`, so nothing here is ever put back. Sights are in the store."""
+    """All of it can be had again at any time, from `load_image`, so nothing here is ever put back. Places and sights are in the
+    store."""
 
     def __init__(self, load_image: LoadImage, store: Store, mode: Mode, keep: KeepBands, pool: Executor) -> None:
         self._originals = Originals(load_image, pool)
@@ -29,18 +43,29 @@ class Gallery:
         self._mode = mode
         self._keep: KeepBands = keep
         self._looking: dict[str, Future[Sight]] = {}
-        self._lattices: OrderedDict[str, tuple[Painted, PlacedFrame | None]] = OrderedDict()
 
     def placed(self, painted: Painted) -> PlacedFrame | None:
         """The frame on the tiles of its level; None where it sees no ground. ValueError if that would be absurdly fine for it."""
-        known = self._lattices.get(painted.name)
-        if known is None or known[0] != painted:
-            known = painted, placed(painted, None if known is None else known[1])
-        self._lattices[painted.name] = known
-        self._lattices.move_to_end(painted.name)
-        while len(self._lattices) > 1 and self._points() > LATTICE_POINTS:
-            self._lattices.popitem(last=False)
-        return known[1]
+        ((_, frame),) = self.all_placed([painted])
+        return frame
+
+    def all_placed(self, frames: Sequence[Painted]) -> Iterator[tuple[Painted, PlacedFrame | None]]:
+        """Each of these frames with its place as in `placed`, in their order."""
+        for first in range(0, len(frames), PLACED_TOGETHER):
+            some = frames[first : first + PLACED_TOGETHER]
+            known: list[_Placed | None] = [self._store.get(("placed", painted.name)) for painted in some]
+            for painted, before, now in zip(some, known, self._each_placed(some, known), strict=True):
+                if now is not before:
+                    self._store.put(("placed", painted.name), now)
+                yield painted, now.frame
+
+    def _each_placed(self, frames: Sequence[Painted], known: Sequence[_Placed | None]) -> Iterator[_Placed]:
+        def place(painted: Painted, before: _Placed | None) -> _Placed:
+            if before is not None and before.painted == painted:
+                return before
+            return _Placed(painted, placed(painted, None if before is None else before.frame))
+
+        return (map if len(frames) == 1 else self._pool.map)(place, frames, known)
 
     def take(self, painted: Painted, image: Bands) -> FramePicture:
         """Keep a frame's picture at hand, and what it looks like. ValueError if it does not fit."""
@@ -77,10 +102,14 @@ class Gallery:
         sight: Sight | None = self._store.get(("sight", painted.name))
         return sight
 
+    def has_seen(self, painted: Painted) -> bool:
+        """Whether it is known what the frame looks like, or nobody wants to know."""
+        sight = self.sight(painted)
+        return self._mode.look is None or (sight is not None and sight.fits(painted))
+
     def can_see(self, painted: Painted) -> bool:
         """Whether it is known, or can be, what the frame looks like."""
-        sight = self.sight(painted)
-        if self._mode.look is None or (sight is not None and sight.fits(painted)):
+        if self.has_seen(painted):
             return True
         picture = self.picture(painted)
         if picture is not None:
@@ -89,11 +118,7 @@ class Gallery:
 
     def clear(self) -> None:
         self._originals.clear()
-        self._lattices.clear()
         self._looking.clear()
-
-    def _points(self) -> int:
-        return sum(frame.lattice.weight.size for _, frame in self._lattices.values() if frame is not None)
 
     def _look(self, painted: Painted, picture: FramePicture) -> None:
         self._looking.pop(painted.name, None)

@@ -158,6 +158,15 @@ class Store(Kept):
             held = self._held[key] = _Held(value)
             self._keep(key, held, value)
 
+    def take_over(self, key: Key, old: Key) -> None:
+        """Keep what is under the old key under this one, in place of what was there; nothing has to be written again."""
+        self.put(key, None)
+        held = self._held.pop(old, None)
+        if held is not None:
+            self._held[key] = held
+            if self._cached.pop(old, None) is not None:
+                self._cached[key] = held
+
     @property
     def bytes_on_disk(self) -> int:
         return self._end
@@ -191,13 +200,13 @@ class Store(Kept):
 
     def _write(self, value: Sized) -> _Place:
         data = pickle.dumps(value, protocol=5)
-        data += bytes(-len(data) % ROOM)
-        holes = self._holes.get(len(data))
-        place = _Place(holes.pop() if holes else self._end, len(data), self._holes)
+        size = -(-len(data) // ROOM) * ROOM
+        holes = self._holes.get(size)
+        place = _Place(holes.pop() if holes else self._end, size, self._holes)
         self._end = max(self._end, place.offset + place.size)
-        written = os.pwrite(self._file.fileno(), data, place.offset)
-        if written != len(data):
-            raise OSError(f"only {written} of {len(data)} bytes of a tile could be written")
+        written = os.pwritev(self._file.fileno(), [data, bytes(size - len(data))], place.offset)
+        if written != size:
+            raise OSError(f"only {written} of {size} bytes of a tile could be written")
         return place
 
     def _read(self, held: _Held) -> Any:

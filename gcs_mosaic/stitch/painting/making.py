@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from concurrent.futures import Executor
 
 from gcs_mosaic.stitch.painting.gallery import Gallery
@@ -73,18 +73,18 @@ class Maker:
         parts = [self._parts(key, plans[key]) for key in last]
         for key, layer in zip(last, spread(self._pool, mixed, parts), strict=True):
             self.drop({key: plans[key]})
-            self._store.put((key, "fresh"), layer)
+            self._store.put(self.finished(key), layer)
         return True
 
-    def finished(self, key: TileKey) -> Layer | None:
-        """What the steps have made of a tile."""
-        layer: Layer | None = self._store.get((key, "fresh"))
-        return layer
+    @staticmethod
+    def finished(key: TileKey) -> Hashable:
+        """Where in the store is what the steps have made of a tile; nothing is, if nothing is on it."""
+        return key, "fresh"
 
     def drop(self, plans: Plans) -> None:
         """Forget what the steps have made."""
         for key, plan in plans.items():
-            self._store.put((key, "fresh"), None)
+            self._store.put(self.finished(key), None)
             for name in plan.parts:
                 self._store.put((key, "piece", name), None)
 

@@ -23,6 +23,12 @@ class PlacedFrame:
     brightening: Lattice | None
 
     @property
+    def nbytes(self) -> int:
+        """Of its arrays."""
+        parts = (self.lattice.pixels, self.lattice.weight, self.lattice.useful, self.brightening)
+        return sum(part.nbytes for part in parts if part is not None)
+
+    @property
     def window(self) -> Window:
         return window_of(self.painted.island, self.lattice)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -67,6 +67,12 @@ class TileStack(Kept):
     def set_own(self, key: TileKey, layer: Layer | None) -> None:
         self._earlier_own.discard(key)
         self._store.put((key, "own"), layer)
+
+    def take_own(self, key: TileKey, under: Hashable) -> bool:
+        """What the store keeps under a key of another's becomes the tile's own; False if that is nothing."""
+        self._earlier_own.discard(key)
+        self._store.take_over((key, "own"), under)
+        return (key, "own") in self._store
 
     def expect(self, keys: Iterable[TileKey]) -> None:
         """An earlier run painted frames on these tiles, and wrote them and all above them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from concurrent.futures import Executor, Future
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from gcs_mosaic.stitch.painting.cells import (
     Cells,
     Owned,
+    Seen,
     Window,
     alike,
     around,
@@ -36,13 +38,15 @@ from gcs_mosaic.stitch.transaction import Kept
 class Territory(Kept):
     """The cells of tiles, and who owns them, in a store that is kept by whoever gave it, like the frames."""
 
-    FIXED = frozenset({"_store", "_mode", "_gallery", "_frames"})
+    FIXED = frozenset({"_store", "_mode", "_gallery", "_frames", "_pool", "_coming"})
 
-    def __init__(self, store: Store, mode: Mode, gallery: Gallery, frames: PaintedFrames) -> None:
+    def __init__(self, store: Store, mode: Mode, gallery: Gallery, frames: PaintedFrames, pool: Executor) -> None:
         self._store = store
         self._mode = mode
         self._gallery = gallery
         self._frames = frames
+        self._pool = pool
+        self._coming: tuple[Painted, Window, Future[Seen]] | None = None  # what comes next
         self._numbers: dict[str, int] = {}  # of all frames there ever were, by name
         self._names: list[str] = []  # by number
 
@@ -53,12 +57,18 @@ class Territory(Kept):
             return set()
         window, kind = window_around(keys), "fresh cells" if anew else "cells"
         known = self._cells(keys, window, kind)
-        seen = self._mode.see(frame, self._gallery.sight(frame.painted), window)
+        seen = self._seen(frame, window)
         after, other = lay_over(known, seen, self._number(frame.painted.name), self._mode.decide(known, seen))
         changed = touched(other, window).intersection(keys)
         for key in changed:
             self._store.put((key, kind), part(after, window.place(key)))
         return changed
+
+    def expect(self, frame: PlacedFrame, keys: Collection[TileKey]) -> None:
+        """Begin to see what a frame brings to the cells of these tiles, while another one is laid over them."""
+        if self._gallery.has_seen(frame.painted):
+            window, sight = window_around(keys), self._gallery.sight(frame.painted)
+            self._coming = frame.painted, window, self._pool.submit(self._mode.see, frame, sight, window)
 
     def drop_fresh(self, keys: Iterable[TileKey]) -> None:
         """Forget what was laid over anew."""
@@ -106,6 +116,12 @@ class Territory(Kept):
         reach = 2 * (REACH + 1) + 1 if self._mode.toned else 3
         near = cv2.dilate(other.astype(np.uint8), np.ones((reach, reach), np.uint8))
         return touched(near > 0, window) & there
+
+    def _seen(self, frame: PlacedFrame, window: Window) -> Seen:
+        coming, self._coming = self._coming, None
+        if coming is not None and coming[:2] == (frame.painted, window):
+            return coming[2].result()
+        return self._mode.see(frame, self._gallery.sight(frame.painted), window)
 
     def _cells(self, keys: Iterable[TileKey], window: Window, kind: str) -> Cells:
         known = {key: one for key in keys if (one := self._store.get((key, kind))) is not None}
