@@ -29,6 +29,7 @@ LoadImage = Callable[[str], Bands | None]
 
 CHECKED_AT_ONCE = 64  # frames whose displacement is looked at between two new frames: some hundredths of a second
 MOVED_AT_ONCE = 2  # frames whose tiles are found anew between two new frames: a tenth of a second each at 12 MP
+MOVED_TOGETHER = 8  # in the end, their places are worked out side by side
 LIVE_BLOCK = 12  # tiles a side that are repainted together during a flight: a new frame waits 0.2 s for their writing
 
 
@@ -110,6 +111,12 @@ class Painter(Kept):
         height, width = image.shape[:2]
         return without_border(features, self._dead_of((width, height)).scaled(features.width / width))
 
+    def begin_look(self, name: str, image: Bands) -> None:
+        """A frame's place is sought now: see meanwhile what it looks like."""
+        display = self._displays.get(_kind_of(image))
+        if self._live and display is not None:
+            self.canvas.begin_look(name, image, display, self._dead_of((image.shape[1], image.shape[0])))
+
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that look different now."""
         display = self._display_of(image)
@@ -174,7 +181,8 @@ class Painter(Kept):
         levels = [Step(name, partial(self._settle_level, name), set) for name in self._painted]
         yield from (looks, moves, levels)
         while self._changed:  # once each, however often it was changed
-            names = islice(self._changed, MOVED_AT_ONCE)
+            names = list(islice(self._changed, MOVED_TOGETHER))
+            self.canvas.expect([self._painted[name] for name in names])
             yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
         while self.canvas.behind:
             yield [self._tiles_step(BLOCK)]
@@ -259,7 +267,7 @@ class Painter(Kept):
         self._painted[painted.name] = painted
 
     def _display_of(self, image: Bands) -> Display:
-        kind = image.shape[2], str(image.dtype)
+        kind = _kind_of(image)
         if kind not in self._displays:
             self._displays[kind] = display_of(image, self._settings.bands)
         return self._displays[kind]
@@ -277,3 +285,8 @@ class Painter(Kept):
             self._rimmed |= dict.fromkeys(name for name, painted in self._painted.items() if size_of(painted) == size)
             self._brightness.compare_again(self._painted, self._rimmed)
         return self._dead_of(size)
+
+
+def _kind_of(image: Bands) -> tuple[int, str]:
+    """Number of bands and depth."""
+    return image.shape[2], str(image.dtype)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 from gcs_mosaic.painter import Step
 from gcs_mosaic.stitch.bands import Bands
@@ -30,6 +31,10 @@ class PaperCanvas:
         """A tile as it is shown; None if there is nothing on it."""
         return self._raster.tile(tile) if island == ISLAND else None
 
+    def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]:
+        """What gives a tile as it is shown now."""
+        return partial(lambda picture: picture, self.tile(island, tile))
+
     def extent(self, island: int) -> Extent | None:
         """The canvas box of the picture and the levels it has tiles of; None while it is empty."""
         return self._raster.extent() if island == ISLAND else None
@@ -53,6 +58,9 @@ class PaperPainter(Kept):
     def in_sight(self, features: Features, image: Bands) -> Features:
         """The paper's method takes all features."""
         return features
+
+    def begin_look(self, name: str, image: Bands) -> None:
+        """The paper's method looks at nothing but what it matches."""
 
     def paint_new(self, image: Bands, thumbnail: object, placement: Placement, order: int) -> set[TileKey]:
         """Blend a frame into the picture; returns the tiles that look different now."""

@@ -179,6 +179,7 @@ class Pipeline(Kept):
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
         self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
+        self._painter.begin_look(name, prepared.image)
         with stage("place", name):
             in_sight = self._painter.in_sight(prepared.features, prepared.image)
             outcome = self.mosaic.place(in_sight, name, self._orders[name])

@@ -155,7 +155,7 @@ class Recorder(Kept):
             return
         of = ", ".join(self.changes.states)
         with stage("tiles", of):
-            self._tiles.write(set().union(*self.changes.tiles), canvas.tile)
+            self._tiles.write(set().union(*self.changes.tiles), canvas.tile_later)
         with stage("ledger", of):
             estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
             self._save_ledger(islands, estimates)

@@ -25,7 +25,7 @@ def assert_explained(out: Path, scratch: Path) -> None:
         originals = {frame.name: out / frame.original for frame in ledger.frames() if frame.original}
     canvas, writer = Canvas(lambda name: load_image(originals[name])), TileWriter(scratch, TileSettings())
     for one in painted_of(out):
-        writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile)
+        writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile_later)
     canvas.close()
     writer.close()
     assert len(list((out / "tiles").rglob("*.jpg"))) > 20

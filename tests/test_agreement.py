@@ -71,7 +71,7 @@ def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarra
     )
     with Canvas(images.get) as canvas, closing(TileWriter(scratch, TileSettings())) as writer:
         for one in painted:
-            writer.write(canvas.paint(images[one.name], one), canvas.tile)
+            writer.write(canvas.paint(images[one.name], one), canvas.tile_later)
     for kind in ("tiles", "masks"):
         here, there = ({p.relative_to(r): p.read_bytes() for p in (r / kind).rglob("*.*")} for r in (out, scratch))
         assert len(there) >= len(painted)

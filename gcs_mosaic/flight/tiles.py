@@ -23,6 +23,7 @@ from gcs_mosaic.stitch.painting.stack import TilePicture
 logger = logging.getLogger(__name__)
 
 Image = NDArray[np.uint8]
+Shown = Callable[[], TilePicture | None]
 MCU = 8  # px; the blocks of a JPEG without chroma subsampling
 QUEUE = 32  # tiles waiting to be encoded; each holds 256 kB
 PATIENCE_S = 60.0  # for the disk to take one tile
@@ -54,9 +55,12 @@ class TileWriter:
         self._settings = settings or TileSettings()
         self._pool = ThreadPoolExecutor(self._settings.writers, thread_name_prefix="tiles")
 
-    def write(self, keys: Iterable[TileKey], shown: Callable[[int, Tile], TilePicture | None]) -> int:
-        """Write the tiles of these keys as `shown` gives them (`Canvas.tile`), remove those that show nothing, and come back
-        when all is on the disk; returns how many tiles there are now. DiskFull if there is no room."""
+    def write(self, keys: Iterable[TileKey], shown: Callable[[int, Tile], Shown]) -> int:
+        """Write the tiles of these keys, remove those that show nothing, and come back when all is on the disk; returns how many
+        tiles there are now. DiskFull if there is no room.
+
+        `shown` (`Canvas.tile_later`) is called here, what it returns in one of the threads.
+        """
         pending: deque[Future[bool]] = deque()
         present = 0
         try:
@@ -74,7 +78,8 @@ class TileWriter:
     def close(self) -> None:
         self._pool.shutdown()
 
-    def _write_one(self, island: int, tile: Tile, picture: TilePicture | None) -> bool:
+    def _write_one(self, island: int, tile: Tile, shown: Shown) -> bool:
+        picture = shown()
         if picture is None:
             remove_tile(self._root, island, tile)
         else:

@@ -77,7 +77,9 @@ def report(image: Image, camera: Camera, zoom: float, settings: CanvasSettings) 
             plain,
         )
         show("whole frame onto others, with ancestors", best(lambda: canvas.paint(image, next(rest))), plain)
-        show(f"encoding and writing {len(changed)} tiles", best(lambda: writer.write(changed, canvas.tile)), plain)
+        show(
+            f"encoding and writing {len(changed)} tiles", best(lambda: writer.write(changed, canvas.tile_later)), plain
+        )
         writer.close()
 
 

@@ -9,7 +9,7 @@ has made it anew.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +19,9 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.bands import Bands
+from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.painting.blending import mix, mix_pixels
+from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.gallery import Gallery
 from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.layers import Layer, Store
@@ -131,6 +133,10 @@ class Canvas(Kept):
         told = made.keys() | self._lay_on_top(frame, picture, {**left, **dict.fromkeys(keys & self._behind.keys())})
         return self._refresh(told, {painted.island} | {island for island, _ in told})
 
+    def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
+        """Begin to see, while its place is sought, what a frame looks like that may come by `paint`."""
+        self._gallery.begin_look(name, image, display, dead)
+
     def look(self, image: Bands, painted: Painted) -> None:
         """See what a frame looks like that is to come by `move`, so that it need not be loaded for that. ValueError as for
         `paint`."""
@@ -156,6 +162,10 @@ class Canvas(Kept):
             if elsewhere:
                 self._left[painted.name] = self._left.get(painted.name, frozenset()) | elsewhere
         return len(changed)
+
+    def expect(self, frames: Sequence[Painted]) -> None:
+        """Begin to work out where a few frames lie that are to come by `move` next."""
+        self._gallery.expect_places(frames)
 
     def remove(self, names: Iterable[str]) -> None:
         """Take frames out; their tiles are behind."""
@@ -210,6 +220,10 @@ class Canvas(Kept):
 
     def tile(self, island: int, tile: Tile) -> TilePicture | None:
         """A tile as it is shown; None if there is nothing on it. Its arrays are not to be changed."""
+        return self.tile_later(island, tile)()
+
+    def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]:
+        """What gives a tile as it is shown now, whenever it is called and in whatever thread."""
         return self._stack.shown((island, tile))
 
     def extent(self, island: int) -> Extent | None:

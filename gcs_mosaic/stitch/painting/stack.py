@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import cv2
@@ -85,10 +86,9 @@ class TileStack(Kept):
                 self._earlier.add((island, tile))
                 tile = tile.parent
 
-    def shown(self, key: TileKey) -> TilePicture | None:
-        """All there is of a tile."""
-        layer = composite(self.own(key), assemble(self._quarters(key)))
-        return None if layer is None else TilePicture(layer.colour, layer.coverage, layer.bands)
+    def shown(self, key: TileKey) -> Callable[[], TilePicture | None]:
+        """All there is of a tile, put together when it is called, in any thread."""
+        return partial(_shown, self.own(key), self._quarters(key))
 
     def refresh(self, painted: Iterable[TileKey], extents: dict[int, Extent | None]) -> set[TileKey]:
         """Bring what is above the painted tiles up to date; returns all tiles that may show something else now.
@@ -158,6 +158,11 @@ def top_level(extent: Extent) -> int:
 
 def chunks(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
     return (items[i : i + size] for i in range(0, len(items), size))
+
+
+def _shown(own: Layer | None, quarters: Sequence[Layer | None]) -> TilePicture | None:
+    layer = composite(own, assemble(quarters))
+    return None if layer is None else TilePicture(layer.colour, layer.coverage, layer.bands)
 
 
 def _quarter_of(parts: tuple[Layer | None, list[Layer | None]]) -> Layer | None:

@@ -348,6 +348,34 @@ def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkey
     assert_same(all_tiles(c), all_tiles(whole))
 
 
+@pytest.mark.parametrize("other", ["nothing", "another frame", "another border", "an image that does not fit"])
+def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_as_it_is_painted(
+    canvas, monkeypatch, other
+):
+    frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
+    paint(whole, *frames)
+    looked, looks = c._gallery._looked, []
+    monkeypatch.setattr(c._gallery, "_looked", lambda *of: looks.append(of[0].name) or looked(*of))
+    for frame in frames:
+        image = originals(frame.name)
+        name = "99.jpg" if other == "another frame" else frame.name
+        dead = DeadBorder(0, 5, 0, 0) if other == "another border" else frame.dead
+        c.begin_look(name, image[..., :2] if other == "an image that does not fit" else image, frame.display, dead)
+        c.paint(image, frame)
+    assert looks == ([] if other == "nothing" else [frame.name for frame in frames])
+    assert_same(all_tiles(c), all_tiles(whole))
+
+
+def test_places_that_were_expected_are_those_that_are_used(canvas) -> None:
+    frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(12)], canvas(), canvas()
+    paint(whole, *frames)
+    paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(12)])
+    c.expect(frames)
+    c.move(frames[::-1])
+    list(c.repaint())
+    assert_same(all_tiles(c), all_tiles(whole))
+
+
 def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas) -> None:
     asked = []
     c = canvas(lambda name: asked.append(name) or originals(name))

@@ -53,6 +53,26 @@ def test_layers_come_back_as_they_were_from_memory_and_disk(new_store) -> None:
     assert store.get(key(99)) is None
 
 
+def test_a_layer_that_gets_another_key_is_not_written_again(new_store) -> None:
+    store = new_store(600_000)
+    for i in range(9):
+        store.put(key(i), layer(i))
+    store.put("other", layer(9))
+    written = store.bytes_on_disk
+    before = store.snapshot()
+    store.take_over("other", key(0))
+    store.take_over("nothing", "none")
+    assert store.get(key(0)) is None
+    assert "nothing" not in store
+    assert same(store.get("other"), layer(0))
+    for i in range(1, 9):
+        assert same(store.get(key(i)), layer(i))
+    assert store.bytes_on_disk <= written + 2 * 270_000  # those that had never been written
+    store.restore(before)
+    assert same(store.get(key(0)), layer(0))
+    assert same(store.get("other"), layer(9))
+
+
 def test_the_newest_layer_under_a_key_counts(new_store) -> None:
     store = new_store(300_000)
     for i in range(8):
