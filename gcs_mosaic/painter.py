@@ -27,6 +27,7 @@ from gcs_mosaic.stitch.transaction import Kept
 
 LoadImage = Callable[[str], Bands | None]
 
+BRIGHTNESS = ("as_taken", "auto")
 CHECKED_AT_ONCE = 64  # frames whose displacement is looked at between two new frames: some hundredths of a second
 MOVED_AT_ONCE = 2  # frames whose tiles are found anew between two new frames: a tenth of a second each at 12 MP
 MOVED_TOGETHER = 8  # in the end, their places are worked out side by side
@@ -41,11 +42,15 @@ class PaintSettings:
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
     vignetting: VignettingSettings = field(default_factory=VignettingSettings)
     bands: tuple[int, ...] = ()  # shown as red, green, blue, or one as grey, counted from 1; none: told by their number
+    # "as_taken", or "auto": if the first frame is dark, tiles are shown lighter. What is matched stays as it is.
+    brightness: str = "as_taken"
     repaint_px: float = 1.0  # how far a corner may be off, in the frame's own pixels, before the frame is repainted
     final_px: float = 0.25  # the same at the end of a flight, when there is time
     final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
 
     def __post_init__(self) -> None:
+        if self.brightness not in BRIGHTNESS:
+            raise ValueError(f"brightness: {self.brightness!r} is not one of {', '.join(BRIGHTNESS)}")
         if len(self.bands) not in (0, 1, 3) or min(self.bands, default=1) < 1:
             raise ValueError(
                 f"bands: expected one, or three as red, green, blue, counted from 1, got {list(self.bands)}"
@@ -269,7 +274,7 @@ class Painter(Kept):
     def _display_of(self, image: Bands) -> Display:
         kind = _kind_of(image)
         if kind not in self._displays:
-            self._displays[kind] = display_of(image, self._settings.bands)
+            self._displays[kind] = display_of(image, self._settings.bands, lighten=self._settings.brightness == "auto")
         return self._displays[kind]
 
     def _dead_of(self, size: Size) -> DeadBorder:

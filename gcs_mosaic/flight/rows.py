@@ -191,7 +191,8 @@ def display_of(row: sqlite3.Row) -> Display:
     if "display" not in row.keys():  # noqa: SIM118
         return PLAIN
     blue, green, red = (values := json.loads(row["display"]))["shown"]
-    return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]))
+    light = values.get("factor", 1.0), values.get("gamma", 1.0)
+    return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]), *light)
 
 
 def homography_row(homography: Homography | None) -> bytes | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.flight.disk import telling_disk_full
 
-VERSION = 7  # PRAGMA user_version; raise it with every change to the tables below, and migrate
+VERSION = 8  # PRAGMA user_version; raise it with every change to the tables below, and migrate
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
 BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
 
@@ -142,6 +142,7 @@ ALTER TABLE new_frames RENAME TO frames;
 {COVERED}
 """,
     6: "",  # one curve of vignetting for all bands is read as one for each
+    7: "",  # a display without factor and gamma is read as with 1
 }
 
 

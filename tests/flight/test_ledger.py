@@ -104,7 +104,9 @@ def test_damaged_file_that_becomes_whole_is_a_frame(ledger: Ledger) -> None:
     values=st.lists(finite, min_size=7, max_size=12),
     lens=st.lists(finite, min_size=5, max_size=5),
     shifts=st.binary(max_size=9),
-    display=st.sampled_from([PLAIN, Display((4, 4, 4), (0, 3, 65_000), (65_535, 99, 65_100))]),
+    display=st.sampled_from(
+        [PLAIN, Display(factor=1.7, gamma=0.437), Display((4, 4, 4), (0, 3, 65_000), (65_535, 99, 65_100))]
+    ),
     dead=st.sampled_from([NO_BORDER, DeadBorder(1, 0, 250, 2)]),
 )
 def test_painted_frame_comes_back_to_the_last_bit(

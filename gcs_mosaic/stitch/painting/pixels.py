@@ -115,7 +115,7 @@ def piece(
         if part is None or part.shift is None
         else enlarged(np.moveaxis(part.shift, 0, 2).astype(np.float32) / FINE)[place]
     )
-    colour = _lit(colour, gain, None if bright is None else bright[..., display.shown], shift)
+    colour = display.lightened(_lit(colour, gain, None if bright is None else bright[..., display.shown], shift))
     if bands is not None and keep == "gained":
         bands = display.gained(bands, frame.painted.gain)
         bands = bands if bright is None else display.times(bands, bright)

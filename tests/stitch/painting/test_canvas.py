@@ -1,5 +1,6 @@
 import random
 from contextlib import ExitStack
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ from painting_parts import hilly, painted, picture
 from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import Camera
 from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
 from gcs_mosaic.stitch.painting.modes import MODES
 from gcs_mosaic.stitch.painting.stack import TilePicture
@@ -374,6 +376,17 @@ def test_places_that_were_expected_are_those_that_are_used(canvas) -> None:
     c.move(frames[::-1])
     list(c.repaint())
     assert_same(all_tiles(c), all_tiles(whole))
+
+
+def test_a_dark_map_that_is_shown_lighter_is_the_same_map(canvas) -> None:
+    frames = [painted(order, 100 + 60 * order, 100) for order in range(4)]
+    plain, lighter = canvas(), canvas()
+    paint(plain, *frames)
+    paint(lighter, *[replace(frame, display=Display(factor=1.2, gamma=0.6)) for frame in frames])
+    here, there = all_tiles(plain), all_tiles(lighter)
+    assert here.keys() == there.keys()
+    apart = [cv2.absdiff(Display(factor=1.2, gamma=0.6).lightened(here[key].colour), there[key].colour) for key in here]
+    assert np.mean([one.mean() for one in apart]) < 0.2  # but where two frames are mixed, or pixels are
 
 
 def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas) -> None:

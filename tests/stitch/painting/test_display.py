@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,26 @@ def test_levels_are_what_is_shown_before_it_is_rounded_and_clipped() -> None:
     image = np.array([[[0], [1000], [2000], [4000]]], np.uint16)
     np.testing.assert_allclose(display.levels(image)[0, :, 0], [-127.5, 0, 127.5, 382.5])
     assert display.picture(image)[0, :, 0].tolist() == [0, 0, 128, 255]
+
+
+@pytest.mark.parametrize(("low", "high", "kind"), [(0, 60, np.uint8), (0, 12, np.uint8), (0, 4000, np.uint16)])
+def test_a_dark_frame_is_shown_lighter_if_asked_for(low, high, kind) -> None:
+    dark = counts(low, high, 3, kind)
+    if kind is np.uint16:
+        dark[50, 50] = 60_000
+        dark[100:110] = 30_000  # lamps, which set the stretch
+    display, plain = display_of(dark, lighten=True), display_of(dark)
+    assert 0.4 <= display.gamma <= 1 <= display.factor <= 6
+    assert replace(display, factor=1.0, gamma=1.0) == plain
+    picture = plain.picture(dark)
+    assert (display.picture(dark) == picture).all()  # what is matched and looked at stays as it is
+    shown = display.lightened(picture)
+    assert (shown >= picture).all()
+    assert 75 < np.median(shown) < 106  # as far as what there is of it lets it
+    assert (shown == 255).mean() < (picture == 255).mean() + 0.01
+
+
+def test_what_is_light_enough_stays_as_it_is() -> None:
+    image = counts(60, 256, 3, np.uint8)
+    assert display_of(image, lighten=True) == PLAIN
+    assert PLAIN.lightened(image) is image
