@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import threading
 import time
 from collections.abc import Iterator
@@ -24,7 +23,7 @@ FIRST_LOOK = "first look"
 
 REPORT_EACH_S = 1.0
 AGAIN_S = 0.08  # until the next look after one that has found a file new or changed: most are whole by then
-LOOKING_SHARE = 0.2  # of the time, at most, that such looks may take where there are many files
+AGAIN_SHARE, LOOKING_SHARE = 0.2, 0.1  # of the time, at most, that such looks and all others may take of many files
 
 Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
 
@@ -37,17 +36,17 @@ def watch(folder: Path, stop: threading.Event, settings: FolderSettings | None =
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
-    return _watching(FolderWatch(folder, settings, time.time()), made, stop, settings.poll_s)
+    return _watching(FolderWatch(folder, settings, time.time()), made, stop)
 
 
-def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event, poll_s: float) -> Iterator[Item]:
+def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event) -> Iterator[Item]:
     yield from made
     while not stop.is_set():
         for item in watched.poll(time.monotonic()):
             yield item
             if stop.is_set():
                 return
-        stop.wait(min(poll_s, watched.look_again_s))
+        stop.wait(watched.look_again_s)
 
 
 def _make_folder(folder: Path) -> list[Item]:
@@ -76,7 +75,7 @@ class FolderWatch:
         self._since_utc = started_utc
         self._last_utc: float | None = None
         self._reported: tuple[SourceReport, float] | None = None
-        self.look_again_s = math.inf  # until a next look is worth while before it is due
+        self.look_again_s = settings.poll_s  # until the next look
 
     def poll(self, now: float) -> Iterator[Item]:
         """What has become ready, or must be said, at the monotonic time `now`."""
@@ -85,7 +84,7 @@ class FolderWatch:
         self._polls += 1
         ready = [look for look in found.images if self._is_ready(look, now)]
         took_s = time.perf_counter() - start
-        self.look_again_s = max(AGAIN_S, took_s / LOOKING_SHARE) if self._changed > changed else math.inf
+        self.look_again_s = self._wait_s(took_s, changed=self._changed > changed)
         self._forget_vanished(found)
         yield from self._presence(found)
         yield from self._remarks(found)
@@ -94,6 +93,10 @@ class FolderWatch:
         if self._polls == 2:
             yield self._first_look()
         yield from self._report(len(found.images), now)
+
+    def _wait_s(self, took_s: float, *, changed: bool) -> float:
+        poll_s = self._settings.poll_s
+        return max(min(AGAIN_S, poll_s), took_s / AGAIN_SHARE) if changed else max(poll_s, took_s / LOOKING_SHARE)
 
     def _is_ready(self, look: Look, now: float) -> bool:
         candidate = self._candidates.get(look.path)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import math
 import os
 import threading
 import time
@@ -12,6 +11,7 @@ from image_files import encoded, picture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.events import DamagedFile, Frame, Notice, SourceReport
 from gcs_mosaic.frames.directory import AGAIN_S, FIRST_LOOK, FolderWatch, Item, watch
+from gcs_mosaic.frames.scan import Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 
 JPEG, OTHER = encoded(".jpg"), encoded(".jpg", picture(seed=1))
@@ -62,13 +62,13 @@ def test_a_file_is_taken_at_the_second_look_and_once(watched: Watched) -> None:
 
 def test_after_a_file_has_come_or_changed_the_next_look_comes_soon(watched: Watched) -> None:
     watched.look(1)
-    assert watched.watch.look_again_s == math.inf
+    assert watched.watch.look_again_s >= FolderSettings().poll_s > AGAIN_S
     for end in (len(JPEG) // 2, len(JPEG)):
         watched.write("a.jpg", JPEG[:end])
         watched.look(1)
         assert AGAIN_S <= watched.watch.look_again_s < 10
     assert watched.names(1) == ["a.jpg"]
-    assert watched.watch.look_again_s == math.inf
+    assert watched.watch.look_again_s >= FolderSettings().poll_s
 
 
 def test_a_file_that_still_changes_is_waited_for(watched: Watched) -> None:
@@ -246,3 +246,13 @@ def test_a_path_that_can_be_no_folder_is_refused_at_once(tmp_path: Path) -> None
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(UsageError, match="give a folder"):
         watch(tmp_path / "file" / "frames", threading.Event())
+
+
+def test_many_files_are_looked_at_less_often(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    def slow(folder: Path) -> Scan:
+        time.sleep(0.05)
+        return scan(folder)
+
+    monkeypatch.setattr("gcs_mosaic.frames.directory.scan", slow)
+    watched.look(1)
+    assert watched.watch.look_again_s >= 0.5
