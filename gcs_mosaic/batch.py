@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from rich.table import Table
 
 from gcs_mosaic.config import Config
+from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.events import DamagedFile, Frame, Notice
 from gcs_mosaic.flight.folder import open_flight_folder
 from gcs_mosaic.flight.heldout import held_out_lines, largest
@@ -38,8 +39,12 @@ STAGES = ("decode", "features", "place", "paint", "write")
 
 
 def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console, debug: Path | None = None) -> Path:
-    """Stitch frames in the order of `frames_in`; returns the folder that holds the flight. `debug`: folder for pictures."""
-    given = frames_in(sources, config.frames)  # refused before anything is written
+    """Stitch frames in the order of `frames_in`; returns the folder that holds the flight. `debug`: folder for pictures.
+
+    Raises UsageError before anything is written, and NothingPlaced in the end.
+    """
+    _refuse_one_of(sources, out)  # before anything is written
+    given = frames_in(sources, config.frames)
     pictures = _debug_pictures(debug) if debug else None
     folder = open_flight_folder(out)
     with closing(folder), flight_log(folder, config):
@@ -55,10 +60,23 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
         pipeline = Pipeline(folder.path, linking, told, punctual=True, paint_live=False, observer=pictures)
         with closing(pipeline):
             _stitch_into(pipeline, given, config, console)
+            placed = pipeline.accounts().frames.placed
             if pictures:
                 pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
                 tell(console, f"debug pictures: {debug}")
+    if not placed:
+        raise NothingPlaced(
+            f"none of {given.count} frames found a place: there is no map, {folder.path} has the reasons"
+        )
     return folder.path
+
+
+def _refuse_one_of(sources: Sequence[Path], out: Path) -> None:
+    """Raises UsageError if the map would be written among the frames."""
+    if any(source.is_dir() and source.resolve() == out.resolve() for source in sources):
+        raise UsageError(
+            f"--out {out} is the folder of the frames: choose another one, or the map would lie among them"
+        )
 
 
 def _introduce(given: Given, console: Console) -> None:
@@ -149,9 +167,16 @@ def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
     yield from (f"  {count} {state}" for state, count in counts.items() if count and state != "placed")
     reasons = Counter(frame.reason for frame in pipeline.recorder.ledger.frames() if frame.reason)
     yield from (f"    {count} x {reason}" for reason, count in reasons.most_common(8))
-    islands = sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1])
-    yield "islands: " + ", ".join(f"{number} ({count} frames)" for number, count in islands[:12])
+    yield _islands_in_words(sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1]))
     yield from held_out_lines(largest(pipeline.mosaic.held_out(), 12))
+
+
+def _islands_in_words(islands: Sequence[tuple[int, int]]) -> str:
+    """Of numbers and how many frames each has, the largest first."""
+    if len(islands) == 1:
+        return f"one island, {islands[0][1]} frames"
+    sizes = ", ".join(f"number {number} with {count} frames" for number, count in islands[:12])
+    return f"{len(islands)} islands: {sizes}{', ...' if len(islands) > 12 else ''}" if islands else "no island"
 
 
 def _counts(account: object) -> dict[str, int]:

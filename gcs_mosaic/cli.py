@@ -1,6 +1,6 @@
 """The command line: arguments -> settings -> what was asked for; exit codes.
 
-0: done. 1: something failed that should not have. 2: bad usage, told in one sentence.
+0: done. 1: something failed that should not have. 2: bad usage, told in one sentence. 3: no frame found a place.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from difflib import get_close_matches
+from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
 
 from rich.console import Console
 
 from gcs_mosaic.ending import Ending
-from gcs_mosaic.errors import FlightFailed, UsageError
+from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.flight.disk import CannotWrite
 from gcs_mosaic.options import (
     add_announce,
@@ -45,21 +47,34 @@ result is the same every time, at any speed."""
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; returns its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    command = COMMANDS.get(words[0]) if words else None
     try:
-        command(words[1:]) if command else fly(words)
+        _run(words)
     except UsageError as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 2
     except (CannotWrite, FlightFailed) as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 1
+    except NothingPlaced as error:
+        print(f"gcs-mosaic: {error}", file=sys.stderr)
+        return 3
     except KeyboardInterrupt:
         print("gcs-mosaic: interrupted", file=sys.stderr)
         return 130
     finally:
         _flush_or_let_go()
     return 0
+
+
+def _run(words: Sequence[str]) -> None:
+    if not words or words[0].startswith("-"):
+        fly(words)
+    elif words[0] in COMMANDS:
+        COMMANDS[words[0]](words[1:])
+    else:
+        near = get_close_matches(words[0], COMMANDS, n=1)
+        meant = f"did you mean {near[0]!r}?" if near else f"those are {', '.join(COMMANDS)}"
+        raise UsageError(f"{words[0]!r} is no command ({meant}); without one gcs-mosaic flies")
 
 
 def _flush_or_let_go() -> None:
@@ -78,6 +93,7 @@ def fly(words: Sequence[str]) -> None:
     from gcs_mosaic.listening import listen
 
     parser = make_parser("gcs-mosaic", USAGE)
+    parser.add_argument("--version", action="version", version=f"gcs-mosaic {version('gcs-mosaic')}")
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")

@@ -10,5 +10,9 @@ class UsageError(Exception):
     """
 
 
+class NothingPlaced(Exception):  # noqa: N818 - nobody has erred
+    """No frame of those that were given is on a map. The program prints the message and exits with 3."""
+
+
 class FlightFailed(Exception):  # noqa: N818 - it says what is, not that somebody erred
     """A fault of the program has ended a flight; the log has its traceback. The program prints the message and exits with 1."""

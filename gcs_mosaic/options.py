@@ -18,7 +18,7 @@ ANNOUNCE_AS = 191  # MAVLink system id if none is given: no aircraft's, which co
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> None:  # type: ignore[override]
-        raise UsageError(f"{message} (gcs-mosaic --help shows what there is)")
+        raise UsageError(f"{message} ({self.prog} --help shows what there is)")
 
 
 def make_parser(program: str, usage: str | None = None, epilog: str | None = None) -> argparse.ArgumentParser:

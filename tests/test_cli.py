@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -94,6 +95,10 @@ def empty(tmp_path) -> Path:
         (["stitch", ".", "--blend", "egde"], "--blend: 'egde' is not one of seam, edge, newest, first"),
         (["status", "nowhere"], "nowhere does not exist: name a folder that gcs-mosaic has written a flight into"),
         (["serve", "."], ". holds no flight"),
+        (["stich", "."], "'stich' is no command (did you mean 'stitch'?)"),
+        (["fly"], "'fly' is no command (those are stitch, replay, serve, status, export, benchmark)"),
+        (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
+        (["stitch", ".", "--out", "./"], "is the folder of the frames: choose another one"),
         (["stitch", ".", "--out", "mosaic"], "holds no images"),
         (["stitch", "nowhere", "--out", "mosaic"], "cannot be read"),
         (["export", ".", "--format", "png"], ". holds no flight"),
@@ -107,6 +112,23 @@ def empty(tmp_path) -> Path:
 def test_misuse_is_told_in_one_sentence(refused, words, sentence):
     live = "--mavlink" not in words and words[0] not in cli.COMMANDS
     assert sentence in refused(*words, *(listening() if live else ()))
+
+
+def test_a_stitch_without_any_map_says_so_and_ends_with_a_code_of_its_own(tmp_path, capfd):
+    frames, out = tmp_path / "frames", tmp_path / "mosaic"
+    frames.mkdir()
+    (frames / "a.jpg").write_bytes(b"\xff\xd8 no picture")
+    assert cli.main(["stitch", str(frames), "--out", str(out)]) == 3
+    said = capfd.readouterr()
+    assert said.err.endswith(f"gcs-mosaic: none of 1 frames found a place: there is no map, {out} has the reasons\n")
+    assert "no island" in said.out
+
+
+def test_the_version_is_told(capfd):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["--version"])
+    assert ended.value.code == 0
+    assert re.fullmatch(r"gcs-mosaic \d+\.\d+\.\d+\n", capfd.readouterr().out)
 
 
 def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):

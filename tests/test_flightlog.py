@@ -112,7 +112,7 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monk
     assert "Traceback" not in said["b"].out + said["b"].err
     assert "Traceback" in log_of(tmp_path / "b")
     assert f"{tmp_path / 'b'} was created" in log_of(tmp_path / "b")
-    for twice in ("was created", "frames placed in", "islands: ", "decode: median"):  # in the ordinary output
+    for twice in ("was created", "frames placed in", "one island, ", "decode: median"):  # in the ordinary output
         assert twice not in said["b"].err
 
 
@@ -120,7 +120,7 @@ def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path, capfd):
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 0
     log = log_of(tmp_path / "out")
     assert re.search(r"gcs_mosaic\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
-    assert "gcs_mosaic.batch: islands: 0 (6 frames)\n" in log
+    assert "gcs_mosaic.batch: one island, 6 frames\n" in log
     assert re.search(r"gcs_mosaic\.batch: paint: median \d\.\d{3} s, longest \d\.\d{3} s, total \d\.\d s\n", log)
 
 

@@ -58,7 +58,10 @@ ALLOWED = {
     "ending": set(),
     "listening": {"link", "events"},
     "sources": {"listening", "asking", "config", "link", "frames", "flight", "events"},
-    "batch": {"debug", "pipeline", "prepare", "turns", "config", "flightlog", "frames", "flight", "stitch", "events"},
+    "batch": {
+        *("debug", "pipeline", "prepare", "turns", "config", "flightlog", "frames", "flight", "stitch", "events"),
+        "errors",
+    },
     "arrivals": {"frames", "link", "pairing", "events"},
     "replay": {
         *("arrivals", "batch", "pipeline", "prepare", "turns", "logbook", "config", "flightlog"),
