@@ -43,7 +43,7 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
 
     Raises UsageError before anything is written, and NothingPlaced in the end.
     """
-    _refuse_one_of(sources, out)  # before anything is written
+    _refuse_map_among_frames(sources, out)  # before anything is written
     given = frames_in(sources, config.frames)
     pictures = _debug_pictures(debug) if debug else None
     folder = open_flight_folder(out)
@@ -66,12 +66,12 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
                 tell(console, f"debug pictures: {debug}")
     if not placed:
         raise NothingPlaced(
-            f"none of {given.count} frames found a place: there is no map, {folder.path} has the reasons"
+            f"none of {_frames(given.count)} found a place: there is no map, {folder.path} has the reasons"
         )
     return folder.path
 
 
-def _refuse_one_of(sources: Sequence[Path], out: Path) -> None:
+def _refuse_map_among_frames(sources: Sequence[Path], out: Path) -> None:
     """Raises UsageError if the map would be written among the frames."""
     if any(source.is_dir() and source.resolve() == out.resolve() for source in sources):
         raise UsageError(
@@ -174,9 +174,13 @@ def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
 def _islands_in_words(islands: Sequence[tuple[int, int]]) -> str:
     """Of numbers and how many frames each has, the largest first."""
     if len(islands) == 1:
-        return f"one island, {islands[0][1]} frames"
-    sizes = ", ".join(f"number {number} with {count} frames" for number, count in islands[:12])
+        return f"one island, {_frames(islands[0][1])}"
+    sizes = ", ".join(f"number {number} with {_frames(count)}" for number, count in islands[:12])
     return f"{len(islands)} islands: {sizes}{', ...' if len(islands) > 12 else ''}" if islands else "no island"
+
+
+def _frames(count: int) -> str:
+    return "1 frame" if count == 1 else f"{count} frames"
 
 
 def _counts(account: object) -> dict[str, int]:

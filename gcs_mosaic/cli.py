@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import sys
@@ -13,7 +14,6 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from difflib import get_close_matches
-from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
 
@@ -88,12 +88,26 @@ def _flush_or_let_go() -> None:
             os.close(nowhere)
 
 
+class _TellVersion(argparse.Action):
+    """Looked up only when it is asked for: a clone that is not installed flies all the same."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            told = version("gcs-mosaic")
+        except PackageNotFoundError:
+            told = "of a clone that is not installed"
+        print(f"gcs-mosaic {told}")
+        parser.exit()
+
+
 def fly(words: Sequence[str]) -> None:
     """The live flight. The links are opened before anything large is loaded, and what comes meanwhile is kept by the system."""
     from gcs_mosaic.listening import listen
 
     parser = make_parser("gcs-mosaic", USAGE)
-    parser.add_argument("--version", action="version", version=f"gcs-mosaic {version('gcs-mosaic')}")
+    parser.add_argument("--version", action=_TellVersion, nargs=0, help="tell which version this is")
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")

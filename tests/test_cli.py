@@ -120,7 +120,7 @@ def test_a_stitch_without_any_map_says_so_and_ends_with_a_code_of_its_own(tmp_pa
     (frames / "a.jpg").write_bytes(b"\xff\xd8 no picture")
     assert cli.main(["stitch", str(frames), "--out", str(out)]) == 3
     said = capfd.readouterr()
-    assert said.err.endswith(f"gcs-mosaic: none of 1 frames found a place: there is no map, {out} has the reasons\n")
+    assert said.err.endswith(f"gcs-mosaic: none of 1 frame found a place: there is no map, {out} has the reasons\n")
     assert "no island" in said.out
 
 

@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 Image = NDArray[np.uint8]
 Shown = Callable[[], TilePicture | None]
 MCU = 8  # px; the blocks of a JPEG without chroma subsampling
-QUEUE = 32  # tiles waiting to be encoded; each holds 256 kB
+QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
 PATIENCE_S = 60.0  # for the disk to take one tile
 
 

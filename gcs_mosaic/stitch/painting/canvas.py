@@ -9,6 +9,7 @@ has made it anew.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -35,6 +36,8 @@ from gcs_mosaic.stitch.painting.plans import Plan, Recipe
 from gcs_mosaic.stitch.painting.stack import LoadTile, TilePicture, TileStack, top_level
 from gcs_mosaic.stitch.painting.territory import Territory
 from gcs_mosaic.stitch.transaction import Kept
+
+logger = logging.getLogger(__name__)
 
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
 BLOCK = 96  # tiles a side that are repainted together: so many that most frames are decoded once
@@ -344,11 +347,19 @@ class Canvas(Kept):
             self.gone.add(painted.name)
             rest = self._without(fold, keys)
             return None if rest is None else replace(rest, turn=painted.turn)
-        following = self._frames.next_after(painted.turn, fold.tiles)
-        if following is not None and (next_frame := self._gallery.placed(following)) is not None:
-            self._territory.expect(next_frame, self._shared(following, fold))
+        self._expect_after(painted, fold)
         self._territory.lay_over(frame, keys, anew=True)
         return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
+
+    def _expect_after(self, painted: Painted, fold: _Fold) -> None:
+        """Begin to see the frame that is next in a fold. What goes wrong with that one is met again at its own step, and told."""
+        following = self._frames.next_after(painted.turn, fold.tiles)
+        try:
+            frame = None if following is None else self._gallery.placed(following)
+            if following is not None and frame is not None:
+                self._territory.expect(frame, self._shared(following, fold))
+        except Exception:
+            logger.warning("the frame after %s cannot be looked at ahead", painted.name, exc_info=True)
 
     def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold | None:
         """Give up tiles: they stay as they are."""

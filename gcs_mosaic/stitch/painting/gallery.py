@@ -60,7 +60,8 @@ class Gallery:
         """Each of these frames with its place as in `placed`, in their order; they are worked out side by side."""
         for first in range(0, len(frames), PLACED_TOGETHER):
             some = frames[first : first + PLACED_TOGETHER]
-            self.expect_places(some)
+            if len(some) > 1:  # one alone may be among those that are expected
+                self.expect_places(some)
             yield from ((painted, self.placed(painted)) for painted in some)
 
     def expect_places(self, frames: Sequence[Painted]) -> None:

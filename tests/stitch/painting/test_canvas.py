@@ -1,4 +1,5 @@
 import random
+from collections import Counter
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
 from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.grid import Tile, tiles_over
 from gcs_mosaic.stitch.painting.modes import MODES
+from gcs_mosaic.stitch.painting.placed import placed
 from gcs_mosaic.stitch.painting.stack import TilePicture
 from gcs_mosaic.stitch.painting.vignetting import FLAT
 
@@ -368,13 +370,43 @@ def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_a
     assert_same(all_tiles(c), all_tiles(whole))
 
 
-def test_places_that_were_expected_are_those_that_are_used(canvas) -> None:
+def test_places_that_were_expected_are_those_that_are_used(canvas, monkeypatch) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(12)], canvas(), canvas()
     paint(whole, *frames)
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(12)])
-    c.expect(frames)
-    c.move(frames[::-1])
+    worked_out: Counter[str] = Counter()
+
+    def place(one, before):
+        worked_out[one.name] += 1
+        return placed(one, before)
+
+    monkeypatch.setattr("gcs_mosaic.stitch.painting.gallery.placed", place)
+    for some in (frames[:5], frames[5:]):
+        c.expect(some)
+        for frame in some:
+            c.move([frame])
+    assert worked_out == Counter(frame.name for frame in frames)  # none twice
     list(c.repaint())
+    assert worked_out == Counter(frame.name for frame in frames)
+    assert_same(all_tiles(c), all_tiles(whole))
+
+
+def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(canvas, monkeypatch) -> None:
+    frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
+    paint(whole, *frames)
+    paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(4)])
+    c.move(frames)
+    known, raised = c._gallery.placed, []
+
+    def placing(one):
+        if one.name == "2.jpg" and not raised:
+            raised.append(one.name)
+            raise MemoryError("no room to place it")
+        return known(one)
+
+    monkeypatch.setattr(c._gallery, "placed", placing)
+    list(c.repaint())  # the step of the frame before goes on
+    assert raised
     assert_same(all_tiles(c), all_tiles(whole))
 
 
