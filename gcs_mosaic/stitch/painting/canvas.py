@@ -22,6 +22,7 @@ import numpy as np
 from gcs_mosaic.stitch.bands import Bands
 from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.painting.blending import mix, mix_pixels
+from gcs_mosaic.stitch.painting.cells import around
 from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.gallery import Gallery
 from gcs_mosaic.stitch.painting.grid import Tile
@@ -108,6 +109,7 @@ class Canvas(Kept):
         self._behind: dict[TileKey, float] = {}  # tiles whose cells do not follow their frames, with how urgent each is
         self._due: dict[TileKey, float] = {}  # tiles that may not show what their cells tell
         self._recipes: dict[TileKey, Recipe] = {}  # what tiles that show it are made of
+        self._unhosted: frozenset[TileKey] = frozenset()  # tiles that guests may show on in other places than they do
         self._left: dict[str, frozenset[TileKey]] = {}  # by frames that are on another level or island: where they were
         self._work: _Fold | _Making | None = None
         self._changes = 0
@@ -126,7 +128,9 @@ class Canvas(Kept):
         self._fall_behind(key for key in keys if not self._frames.is_last(painted, key))
         if frame is None or picture is None:
             return self._refresh(keys, {painted.island})
-        due = self._settle(self._territory.lay_over(frame, {key for key in keys if key not in self._behind}))
+        ready = {key for key in keys if key not in self._behind}
+        self._unhosted |= self._territory.hosts_below(ready)
+        due = self._settle(self._territory.lay_over(frame, ready))
         plans = self._unlike([key for key in due if key not in self._behind])
         made = self._maker.made(plans, hastily=hastily)
         for key, layer in made.items():
@@ -178,7 +182,7 @@ class Canvas(Kept):
     @property
     def behind(self) -> int:
         """How many tiles wait for `repaint`."""
-        return len(self._behind.keys() | self._due.keys())
+        return len(self._behind.keys() | self._due.keys() | self._unhosted)
 
     def repaint(self, block: int = BLOCK) -> Iterator[set[TileKey]]:
         """Bring all tiles that are behind up to date, a frame's work at a time; yields tiles that may look different now.
@@ -196,6 +200,11 @@ class Canvas(Kept):
 
     def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
         """One step of `repaint`, to be called while tiles are behind: a frame's work, or the change itself."""
+        if self._guests_wait:
+            self._settle(self._unhosted)
+            self._note_due(self._territory.with_guests(self._unhosted))
+            self._unhosted = frozenset()
+            return set()
         work = self._work = self._work or self._begun(block)
         if isinstance(work, _Fold):
             # Asked anew at each step, because frames may come and move between steps.
@@ -211,7 +220,9 @@ class Canvas(Kept):
 
     def skip_step(self, block: int = BLOCK) -> None:
         """Leave what `repaint_step` would do next for good: its tiles go on showing what they show."""
-        if self._work is None:
+        if self._guests_wait:
+            self._unhosted = frozenset()
+        elif self._work is None:
             keys = self._next_block(block)
             self._give_up(keys)
         elif isinstance(self._work, _Fold):
@@ -261,6 +272,12 @@ class Canvas(Kept):
         for key in due:
             self._due.setdefault(key, 0.0)
         return due
+
+    def _note_due(self, keys: Collection[TileKey]) -> None:
+        """Tiles whose frames are others than they were, wherever they show, are due, and those around, for their tones."""
+        for key in around(keys):
+            if key in self._recipes:
+                self._due.setdefault(key, 0.0)
 
     # Pixels
 
@@ -329,6 +346,11 @@ class Canvas(Kept):
             del self._left[name]
         return set[TileKey]().union(*self._left.values())
 
+    @property
+    def _guests_wait(self) -> bool:
+        """Whether it is time to let guests in: once for all, when it is decided who shows else."""
+        return bool(self._unhosted) and self._work is None and not self._behind
+
     def _begun(self, block: int) -> _Fold | _Making:
         keys = self._next_block(block)
         stale = sorted(key for key in keys if key in self._behind)
@@ -380,6 +402,8 @@ class Canvas(Kept):
         self._territory.drop_fresh(fold.tiles)
         for key in ready:
             self._due[key] = max(self._behind.pop(key), self._due.get(key, 0.0))
+        self._note_due(ready)
+        self._unhosted |= self._territory.hosts(ready - changed) | self._territory.hosts_below(ready)
         self._settle(changed)
 
     def _with_pixels(self, work: _Making) -> _Making | None:

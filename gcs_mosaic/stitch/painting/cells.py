@@ -103,6 +103,21 @@ class Window(NamedTuple):
         """With the tiles around."""
         return self._replace(top=self.top - 1, left=self.left - 1, bottom=self.bottom + 1, right=self.right + 1)
 
+    def above(self, levels: int) -> Window:
+        """The window of so much coarser tiles that holds this one."""
+        top, left, bottom, right = (edge >> levels for edge in (self.top, self.left, self.bottom, self.right))
+        return Window(self.island, self.level - levels, top, left, bottom, right)
+
+    def below(self, levels: int) -> Window:
+        """The window of so much finer tiles that covers the same."""
+        top, left, bottom, right = self.top, self.left, self.bottom + 1, self.right + 1
+        top, left, bottom, right = (edge << levels for edge in (top, left, bottom, right))
+        return Window(self.island, self.level + levels, top, left, bottom - 1, right - 1)
+
+    def part(self, y: int, x: int) -> Window:
+        """Its tile in a row and a column, counted from 0."""
+        return self._replace(top=self.top + y, bottom=self.top + y, left=self.left + x, right=self.left + x)
+
     def common(self, other: Window) -> Window | None:
         """The tiles of both, which are of one level and island."""
         top, left = max(self.top, other.top), max(self.left, other.left)
@@ -200,9 +215,16 @@ def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[C
 
     Cells keep all planes of the first, and the last few of the second. Also returns which cells (h, w) are others now.
     """
-    known = cells.first != NOBODY
-    wins = (seen.inside > 0) & (~known | (decided > 0))
+    wins = (seen.inside > 0) & ((cells.first == NOBODY) | (decided > 0))
     follows = (seen.inside > 0) & ~wins & (-decided < cells.lead)
+    return laid(cells, seen, number, decided, wins, follows), wins | follows
+
+
+def laid(
+    cells: Cells, seen: Seen, number: int, decided: Lattice, wins: NDArray[np.bool_], follows: NDArray[np.bool_]
+) -> Cells:
+    """The cells with a frame as their first where it `wins` (h, w), as their second where it `follows`."""
+    known = cells.first != NOBODY
 
     def second(of_first: NDArray[Any], of_second: NDArray[Any], new: NDArray[Any] | np.int32) -> NDArray[Any]:
         return np.where(wins, of_first, np.where(follows, new, of_second))
@@ -213,7 +235,7 @@ def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[C
     for k in range(of_all - of_both, of_all):
         planes.append(second(cells.planes[k], cells.planes[k + of_both], seen.planes[k]))
     inside = [np.where(wins, seen.inside, cells.inside[0]), second(cells.inside[0], cells.inside[1], seen.inside)]
-    after = Cells(
+    return Cells(
         first=np.where(wins, np.int32(number), cells.first),
         second=second(cells.first, cells.second, np.int32(number)),
         lead=np.asarray(lead, np.float32),
@@ -221,4 +243,3 @@ def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[C
         inside=np.stack(inside),
         planes=np.stack(planes) if planes else cells.planes,
     )
-    return after, wins | follows

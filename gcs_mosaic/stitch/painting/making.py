@@ -6,11 +6,12 @@ import logging
 from collections.abc import Hashable, Iterable, Mapping
 from concurrent.futures import Executor
 
+from gcs_mosaic.stitch.painting.cells import window_around
 from gcs_mosaic.stitch.painting.gallery import Gallery
 from gcs_mosaic.stitch.painting.layers import Layer, Store
 from gcs_mosaic.stitch.painting.painted import Painted, PaintedFrames, TileKey
 from gcs_mosaic.stitch.painting.pixels import FramePicture, KeepBands, Part, Piece, alone, mixed, piece
-from gcs_mosaic.stitch.painting.placed import PlacedFrame
+from gcs_mosaic.stitch.painting.placed import PlacedFrame, on_level
 from gcs_mosaic.stitch.painting.plans import Plan
 from gcs_mosaic.stitch.painting.spread import spread
 
@@ -93,7 +94,8 @@ class Maker:
         some = sorted(keys)
 
         def layer(key: TileKey) -> Layer | None:
-            made = piece(frame, picture, key[1], None, self._interpolation, self._keep)
+            here = on_level(frame, window_around([key]))
+            made = None if here is None else piece(here, picture, key[1], None, self._interpolation, self._keep)
             return None if made is None else alone(made)
 
         made = zip(some, spread(self._pool, layer, some), strict=True)
@@ -106,7 +108,9 @@ class Maker:
         keys = [key for key, plan in plans.items() if name in plan.parts]
 
         def made(key: TileKey) -> Piece | None:
-            return piece(frame, picture, key[1], plans[key].parts[name], self._interpolation, self._keep)
+            here = on_level(frame, window_around([key]))
+            part = plans[key].parts[name]
+            return None if here is None else piece(here, picture, key[1], part, self._interpolation, self._keep)
 
         return dict(zip(keys, spread(self._pool, made, keys), strict=True))
 

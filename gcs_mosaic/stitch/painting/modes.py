@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.painting import edges, seams
 from gcs_mosaic.stitch.painting.cells import OPEN, PARTLY, Cells, Owned, Seen, Window
 from gcs_mosaic.stitch.painting.course import hard
+from gcs_mosaic.stitch.painting.guests import Admit, admit
 from gcs_mosaic.stitch.painting.lattice import Lattice
 from gcs_mosaic.stitch.painting.placed import PlacedFrame
 from gcs_mosaic.stitch.painting.sampling import CUT, inside, lattice_part
@@ -26,7 +27,8 @@ class Mode:
     `look`: a frame's picture, made smaller if it is large -> what is kept of it; None: nothing. `see`: what a frame brings to a
     window of its tiles. `decide`: (what is known, what a new frame brings) -> above 0 where that one is to show, the farther
     from 0 the clearer. `own`: who shows in the end, which depends on no cell farther away than a tile is wide. `planes`: how many
-    are kept of a cell. `toned`: whether tones are brought together along seams. `sharp`: whether a cell is one frame's alone.
+    are kept of a cell. `admit`: lets a frame of a coarser level show where it has what nobody else has; None: never. `toned`:
+    whether tones are brought together along seams. `sharp`: whether a cell is one frame's alone.
     """
 
     see: Callable[[PlacedFrame, Sight | None, Window], Seen]
@@ -34,6 +36,7 @@ class Mode:
     own: Callable[[Cells], Owned]
     look: Callable[[Image, Of], Sight] | None = None
     planes: int = 0
+    admit: Admit | None = None
     toned: bool = False
     sharp: bool = True
 
@@ -56,7 +59,7 @@ def _as_decided(cells: Cells) -> Owned:
 
 
 MODES: dict[str, Mode] = {
-    "seam": Mode(seams.see, seams.decide, seams.steered, seams.look_for_seams, seams.KEPT, toned=True),
+    "seam": Mode(seams.see, seams.decide, seams.steered, seams.look_for_seams, seams.KEPT, admit, toned=True),
     "edge": Mode(edges.see, edges.decide, edges.mixed, edges.look_for_edges, 1, sharp=False),
     "newest": Mode(_just_there, _newest, _as_decided),
     "first": Mode(_just_there, _first, _as_decided),

@@ -13,13 +13,17 @@ import numpy as np
 from gcs_mosaic.stitch.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.geometry import Camera, Pose
 from gcs_mosaic.stitch.painting.display import PLAIN, Display
-from gcs_mosaic.stitch.painting.grid import Box, Tile, join, tile_box
+from gcs_mosaic.stitch.painting.grid import Box, Tile, ancestor, join, tile_box
 from gcs_mosaic.stitch.painting.vignetting import FLAT, OUTWARDS, Vignetting, log_brightness
 from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
 from gcs_mosaic.stitch.transaction import Kept
 
 TileKey = tuple[int, Tile]  # island, tile
 Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then name
+
+GUEST_LEVELS = (
+    2  # how much coarser frames may be that are guests on a tile: nobody is seen by those that are coarser still
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +77,7 @@ class PaintedFrames(Kept):
         self._entries: dict[str, _Entry] = {}
         self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
         self._islands: dict[int, frozenset[str]] = {}
+        self._levels: dict[tuple[int, int], int] = {}  # how many frames are painted there, by island and level
 
     def __contains__(self, name: str) -> bool:
         return name in self._entries
@@ -91,6 +96,7 @@ class PaintedFrames(Kept):
         entry = _Entry(painted, touched, _box_of_tiles(touched) if touched else None)
         self._entries[painted.name] = entry
         self._islands[painted.island] = self._islands.get(painted.island, frozenset()) | {painted.name}
+        self._count(painted, 1)
         for tile in entry.tiles:
             turns = self._turns.get((painted.island, tile), ())
             at = bisect(turns, painted.turn)
@@ -103,6 +109,7 @@ class PaintedFrames(Kept):
         entry = self._entries.pop(name, None)
         if entry is not None:
             self._islands[entry.painted.island] -= {name}
+            self._count(entry.painted, -1)
             for key in keys:
                 turns = tuple(turn for turn in self._turns.pop(key) if turn != entry.painted.turn)
                 if turns:
@@ -117,6 +124,22 @@ class PaintedFrames(Kept):
         """The frames that touch a tile, in capture order."""
         return [self[name] for _, name in self._turns.get(key, ())]
 
+    def guests_on(self, key: TileKey) -> list[Painted]:
+        """The frames of coarser levels that may touch a tile which frames are painted on, in capture order."""
+        island, tile = key
+        if key not in self._turns:
+            return []
+        above = [(island, ancestor(tile, tile.z - up)) for up in range(1, min(GUEST_LEVELS, tile.z) + 1)]
+        return [self[name] for _, name in sorted(turn for one in above for turn in self._turns.get(one, ()))]
+
+    def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """The finer tiles on which frames of these tiles may be guests."""
+        hosts, below = set[TileKey](), set(keys)
+        for _ in range(GUEST_LEVELS):
+            below = {(i, child) for i, tile in below if self._has_finer(i, tile.z) for child in tile.children}
+            hosts |= self._turns.keys() & below
+        return hosts
+
     def is_last(self, painted: Painted, key: TileKey) -> bool:
         return self._turns[key][-1] == painted.turn
 
@@ -125,6 +148,15 @@ class PaintedFrames(Kept):
         later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
         found = min(later, default=None)
         return None if found is None else self[found[1]]
+
+    def _has_finer(self, island: int, level: int) -> bool:
+        return any((island, level + down) in self._levels for down in range(1, GUEST_LEVELS + 1))
+
+    def _count(self, painted: Painted, more: int) -> None:
+        where = painted.island, painted.level
+        self._levels[where] = self._levels.get(where, 0) + more
+        if not self._levels[where]:
+            del self._levels[where]
 
     def extent(self, island: int) -> Extent | None:
         """The box around an island's tiles and the levels that its frames are painted at; None if it has no tiles."""

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs_mosaic.stitch.painting.cells import Window, window_of
+from gcs_mosaic.stitch.painting.grid import Tile
 from gcs_mosaic.stitch.painting.lattice import FrameLattice, Lattice, frame_lattice
 from gcs_mosaic.stitch.painting.painted import Painted
 from gcs_mosaic.stitch.painting.sampling import at_cells, lattice_part
 from gcs_mosaic.stitch.painting.vignetting import FLAT, brightening
+from gcs_mosaic.stitch.painting.warping import refined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +53,32 @@ def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame |
     flat, camera = painted.vignetting == FLAT, painted.camera
     factor = None if flat else brightening(painted.vignetting, lattice.pixels, camera.width, camera.height)
     return PlacedFrame(painted, lattice, factor)
+
+
+def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
+    """The frame on a window of tiles of its own level or a finer one, exactly where its own tiles have it; None if they do not
+    meet. Values between its lattice points are the means of those, so they are the same whatever the window."""
+    finer = window.level - frame.lattice.first.z
+    above = window.above(finer).common(frame.window)
+    if above is None or finer == 0:
+        return None if above is None else frame
+    where = lattice_part(frame.lattice, above)
+
+    def fine(values: Lattice) -> Lattice:
+        part = values[where]
+        for _ in range(finer):
+            part = refined(part)
+        return part
+
+    lattice = replace(
+        frame.lattice,
+        first=Tile(window.level, above.left << finer, above.top << finer),
+        last=Tile(window.level, ((above.right + 1) << finer) - 1, ((above.bottom + 1) << finer) - 1),
+        pixels=fine(frame.lattice.pixels),
+        weight=fine(frame.lattice.weight) * np.float32(0.25**finer),  # it goes with the square of the resolution
+        useful=None if frame.lattice.useful is None else fine(frame.lattice.useful),
+    )
+    return PlacedFrame(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))
 
 
 def _lies_as(one: Painted, other: Painted) -> bool:

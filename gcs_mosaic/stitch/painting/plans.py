@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.stitch.painting.cells import Numbers, Owned, Window
+from gcs_mosaic.stitch.painting.cells import NOBODY, Numbers, Owned, Window
 from gcs_mosaic.stitch.painting.painted import Painted, TileKey
 from gcs_mosaic.stitch.painting.pixels import Part
 from gcs_mosaic.stitch.painting.tones import SQUARES, Shifts
@@ -52,7 +52,9 @@ def _plan(
 ) -> Plan:
     parts: dict[str, Part] = {}
     digest = hashlib.blake2b(digest_size=16)
-    there = _values(owned.first) | _values(owned.second)
+    # A frame from beside a tile reaches a little onto it, but where nobody shows there is no tile.
+    anybody = bool((owned.first[1:-1, 1:-1] != NOBODY).any())
+    there = _values(owned.first) | _values(owned.second) if anybody else set()
     for number, painted in frames.items():
         if number not in there:
             continue

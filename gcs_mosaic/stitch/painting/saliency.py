@@ -37,10 +37,8 @@ def saliency(look: Image) -> tuple[Map, Map, Map]:
     The first is nowhere above the second, and if frames show the same thing, not above the second of another frame either;
     nor above the third, if that thing is tall.
     """
-    lab = cv2.cvtColor(look, cv2.COLOR_BGR2Lab)
-    centre, surround = cv2.blur(lab, (CENTRE, CENTRE)), cv2.blur(lab, (SURROUND, SURROUND))
-    ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
-    contrast = np.dstack([_pooled(way) for way in ways])
+    centre, surround = _centre_and_surround(look)
+    contrast = _contrast(centre, surround)
     around = USUAL // POOL | 1
     usual = cv2.blur(_quarter(cv2.absdiff(centre, surround)), (around, around), borderType=cv2.BORDER_REFLECT)
     light = _greatest(np.maximum(contrast[..., 0], contrast[..., 3]), POOL)
@@ -48,6 +46,22 @@ def saliency(look: Image) -> tuple[Map, Map, Map]:
     bound = np.maximum(np.maximum(DISTINCT * np.dstack([usual, usual]), LEAST_CONTRAST), fringes)
     things = np.where(contrast > bound, contrast, 0)
     return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED), _greatest(contrast, REACH + TALL)
+
+
+def greatest_contrast(look: Image, reach: int) -> Map:
+    """The greatest contrast, thing or not, anywhere within `reach` px of a picture (h, w, 3), a quarter as wide, in `WAYS`."""
+    return _greatest(_contrast(*_centre_and_surround(look)), reach)
+
+
+def _centre_and_surround(look: Image) -> tuple[Image, Image]:
+    lab = cv2.cvtColor(look, cv2.COLOR_BGR2Lab)
+    centre, surround = (np.asarray(cv2.blur(lab, (side, side)), np.uint8) for side in (CENTRE, SURROUND))
+    return centre, surround
+
+
+def _contrast(centre: Image, surround: Image) -> Image:
+    ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
+    return np.dstack([_pooled(way) for way in ways])
 
 
 def _pooled(values: cv2.typing.MatLike) -> NDArray[np.uint8]:

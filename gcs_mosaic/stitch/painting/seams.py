@@ -14,6 +14,8 @@ tone (`tones`).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -66,9 +68,8 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     where = lattice_part(frame.lattice, window)
     pixels, weight = at_cells(frame.lattice.pixels[where]), at_cells(frame.lattice.weight[where])
     blue, green, red = frame.factors(window)
-    gain = np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
-    places = places_in(pixels, frame.lattice, sight.planes[0].shape)
-    planes = [np.asarray(one, np.uint8) for group in sight.planes for one in cv2.split(sampled(group, places))]
+    gain = _light(blue, green, red)
+    planes = _at_places(sight.planes, places_in(pixels, frame.lattice, sight.planes[0].shape))
     planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
     for one in planes[THINGS]:
         one[weight <= LEAST_WEIGHT] = 0  # what is seen at the very border only is nothing to go by
@@ -76,6 +77,25 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
     return Seen(covered, np.asarray(score - CUT * (covered == PARTLY), np.float32), np.stack(planes))
+
+
+def contrasts_at(
+    frame: PlacedFrame, groups: Sequence[Image], window: Window, at: Callable[[Lattice], Lattice] = at_cells
+) -> Image:
+    """Planes (k, h, w) of contrasts that come in groups, at the cells of a window, or at other places between lattice points."""
+    pixels = at(frame.lattice.pixels[lattice_part(frame.lattice, window)])
+    planes = _at_places(groups, places_in(pixels, frame.lattice, groups[0].shape))
+    gain = _light(*frame.factors(window, at))
+    return np.stack([times(one, gain) for one in planes])
+
+
+def _at_places(groups: Sequence[Image], places: Lattice) -> list[Image]:
+    return [np.asarray(one, np.uint8) for group in groups for one in cv2.split(sampled(group, places))]
+
+
+def _light(blue: Lattice | np.float32, green: Lattice | np.float32, red: Lattice | np.float32) -> Lattice | np.float32:
+    """What the light is multiplied by where the colours are by these."""
+    return np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
 
 
 def times(plane: NDArray[np.uint8], factor: Lattice | np.float32) -> Image:
@@ -88,17 +108,22 @@ def times(plane: NDArray[np.uint8], factor: Lattice | np.float32) -> Image:
 
 def decide(cells: Cells, seen: Seen) -> Lattice:
     """By how much the new frame sees the cells better than those that show, things before plain ground."""
-    nowhere = _only(seen.planes, cells.planes, FAR) - _only(cells.planes, seen.planes, FAR)
-    not_here = _only(seen.planes, cells.planes, NEAR) - _only(cells.planes, seen.planes, NEAR)
+    nowhere = only(seen.planes, cells.planes, FAR) - only(cells.planes, seen.planes, FAR)
+    not_here = only(seen.planes, cells.planes, NEAR) - only(cells.planes, seen.planes, NEAR)
     return np.asarray(seen.score - cells.score + SALIENT * nowhere + ELSEWHERE * not_here, np.float32)
 
 
-def _only(one: Image, other: Image, reach: slice) -> Lattice:
+def only(one: Image, other: Image, reach: slice) -> Lattice:
     """(h, w): 1 where one has a thing that is beyond any contrast of the other so far around; 0 where not, and little between."""
-    beyond = np.zeros(one.shape[1:], np.uint8)
-    for thing, around in zip(one[THINGS], other[reach], strict=True):
-        beyond = np.maximum(beyond, cv2.subtract(thing, around))
-    return np.minimum(beyond, LEAST).astype(np.float32) / np.float32(LEAST)
+    return beyond(one[THINGS], other[reach])
+
+
+def beyond(things: Image, around: Image) -> Lattice:
+    """How far (h, w) things stand out more than what there is around, in each way: 0 to 1."""
+    most = np.zeros(things.shape[1:], np.uint8)
+    for thing, other in zip(things, around, strict=True):
+        most = np.maximum(most, cv2.subtract(thing, other))
+    return np.minimum(most, LEAST).astype(np.float32) / np.float32(LEAST)
 
 
 def steered(cells: Cells) -> Owned:

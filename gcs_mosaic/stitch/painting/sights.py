@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.dead_border import DeadBorder
 from gcs_mosaic.stitch.painting.display import Display
 from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, POOL, saliency
+from gcs_mosaic.stitch.painting.saliency import LEAST_CONTRAST, POOL, REACH, TALL, greatest_contrast, saliency
 
 Image = NDArray[np.uint8]
 Map = NDArray[np.float16]  # half the memory; none needs more than three digits
@@ -64,9 +64,22 @@ def contrasts(look: Image) -> list[Image]:
     things, near, far = saliency(look)
     found: list[cv2.typing.MatLike] = []
     for maps, times in ((things, 1.0), (near, BEYOND), (far, BEYOND)):
-        scaled = np.rint(maps * (times * LEAST / LEAST_CONTRAST))
-        found += cv2.split(np.clip(scaled, 0, 255).astype(np.uint8))
+        found += cv2.split(_in_least_ones(maps, times))
     return [np.asarray(one, np.uint8) for one in found]
+
+
+def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[Image, ...]:
+    """The contrasts of anything far in a frame that is looked at so many times as coarsely, as great as a thing may be that they
+    are: planes in groups. `colours`: where the small look is among the planes."""
+    planes = [one for group in sight.planes for one in cv2.split(group)][colours]
+    reach = round((REACH + TALL) * coarser / POOL)
+    found = _in_least_ones(greatest_contrast(np.dstack(planes).astype(np.uint8), reach), BEYOND)
+    return grouped_planes([np.asarray(one, np.uint8) for one in cv2.split(found)])
+
+
+def _in_least_ones(maps: NDArray[np.float32], times: float) -> Image:
+    """Contrasts (h, w, `WAYS`) as they are kept."""
+    return np.clip(np.rint(maps * (times * LEAST / LEAST_CONTRAST)), 0, 255).astype(np.uint8)
 
 
 def small_look(look: Image, shape: tuple[int, ...]) -> list[Image]:

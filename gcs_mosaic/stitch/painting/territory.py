@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, Future
+from functools import partial
 
 import cv2
 import numpy as np
@@ -25,10 +26,11 @@ from gcs_mosaic.stitch.painting.cells import (
     window_around,
 )
 from gcs_mosaic.stitch.painting.gallery import Gallery
+from gcs_mosaic.stitch.painting.guests import Things, things
 from gcs_mosaic.stitch.painting.layers import Store
 from gcs_mosaic.stitch.painting.modes import Mode
-from gcs_mosaic.stitch.painting.painted import Painted, PaintedFrames, TileKey
-from gcs_mosaic.stitch.painting.placed import PlacedFrame
+from gcs_mosaic.stitch.painting.painted import GUEST_LEVELS, Painted, PaintedFrames, TileKey
+from gcs_mosaic.stitch.painting.placed import PlacedFrame, on_level
 from gcs_mosaic.stitch.painting.plans import Plan, planned
 from gcs_mosaic.stitch.painting.sights import Sight
 from gcs_mosaic.stitch.painting.tones import REACH, Shifts, shifts
@@ -86,9 +88,24 @@ class Territory(Kept):
         self.drop_fresh(keys)
         return changed
 
+    def hosts(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """Those of these tiles that guests may show on."""
+        return {key for key in keys if self._mode.admit is not None and self._frames.guests_on(key)}
+
+    def with_guests(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """Those of these tiles that guests show on."""
+        return {key for key in keys if (key, "hosted") in self._store}
+
+    def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """The finer tiles that frames of these may show on as guests."""
+        return set() if self._mode.admit is None else self._frames.hosts_below(keys)
+
     def settle(self, changed: Iterable[TileKey]) -> set[TileKey]:
         """Bring up to date who owns the cells of tiles that have changed, and around; returns those that may look different."""
-        return set[TileKey]().union(*[self._settle(keys) for keys in grouped(changed)])
+        groups = grouped(changed)
+        for keys in groups:
+            self._let_guests_in(keys)
+        return set[TileKey]().union(*[self._settle(keys) for keys in groups])
 
     def plans(self, keys: Iterable[TileKey]) -> dict[TileKey, Plan]:
         """What these tiles are to be made of."""
@@ -105,7 +122,7 @@ class Territory(Kept):
         keys = around(changed)
         window = window_around(keys).wider()
         there = {key for key in window.tiles() if (key, "cells") in self._store}
-        after, before = self._mode.own(self._cells(there, window, "cells")), self._owned(keys, window)
+        after, before = self._mode.own(self._cells(there, window, "hosted", "cells")), self._owned(keys, window)
         other = np.zeros(window.shape, np.bool_)
         for key in keys:
             place = window.place(key)
@@ -123,8 +140,27 @@ class Territory(Kept):
             return coming[2].result()
         return self._mode.see(frame, self._gallery.sight(frame.painted), window)
 
-    def _cells(self, keys: Iterable[TileKey], window: Window, kind: str) -> Cells:
-        known = {key: one for key in keys if (one := self._store.get((key, kind))) is not None}
+    def _let_guests_in(self, keys: Iterable[TileKey]) -> None:
+        """Work out anew, for tiles of one level, what their guests have that nobody painted there has."""
+        hosts = {key for key in self.hosts(keys) if (key, "cells") in self._store}
+        for key in set(keys) - hosts:
+            self._store.put((key, "hosted"), None)
+        if not hosts or self._mode.admit is None:
+            return
+        window = window_around(hosts).above(GUEST_LEVELS).below(GUEST_LEVELS)
+        before = cells = self._cells(hosts, window, "cells")
+        guests = {one.name: one for key in hosts for one in self._frames.guests_on(key)}
+        for painted in sorted(guests.values(), key=lambda one: one.turn):
+            if (known := self._things(painted)) is not None:
+                cells = self._mode.admit(cells, window, known, self._number(painted.name), self._seer)
+        changed = touched(cells.first != before.first, window)
+        for key in hosts:
+            self._store.put((key, "hosted"), part(cells, window.place(key)) if key in changed else None)
+
+    def _cells(self, keys: Iterable[TileKey], window: Window, *kinds: str) -> Cells:
+        """Of each tile the first of these kinds that there is."""
+        found = {key: next((kind for kind in kinds if (key, kind) in self._store), None) for key in keys}
+        known = {key: self._store.get((key, kind)) for key, kind in found.items() if kind is not None}
         put_together(cells := unknown(window.shape, self._mode.planes), known, window)
         return cells
 
@@ -134,20 +170,38 @@ class Territory(Kept):
         return owned
 
     def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, Shifts]]:
-        def seer(number: int) -> tuple[PlacedFrame, Sight] | None:
-            painted = self._frames.get(self._names[number])
-            if painted is None or (painted.island, painted.level) != (window.island, window.level):
-                return None
-            frame, sight = self._gallery.placed(painted), self._gallery.sight(painted)
-            return None if frame is None or sight is None else (frame, sight)
+        return shifts(owned.first, window, partial(self._seer, window))
 
-        return shifts(owned.first, window, seer)
+    def _things(self, painted: Painted) -> Things | None:
+        """What stands out in a frame; None if that is not known."""
+        known: Things | None = self._store.get(("things", painted.name))
+        if known is None or known.painted != painted:
+            frame = self._gallery.placed(painted) if self._gallery.has_seen(painted) else None
+            sight = self._gallery.sight(painted)
+            known = None if frame is None or sight is None else things(frame, sight)
+            self._store.put(("things", painted.name), known)
+        return known
+
+    def _seer(self, window: Window, number: int) -> tuple[PlacedFrame, Sight] | None:
+        """A frame on a window, and what it looks like; None if it is not there any more."""
+        painted = self._frames.get(self._names[number])
+        if painted is None or not _may_be_on(painted, window):
+            return None
+        frame, sight = self._gallery.placed(painted), self._gallery.sight(painted)
+        here = None if frame is None else on_level(frame, window)
+        return None if here is None or sight is None else (here, sight)
 
     def _frames_on(self, key: TileKey) -> dict[int, Painted]:
-        return {self._number(painted.name): painted for painted in self._frames.on(key)}
+        """All that may show on a tile, in capture order."""
+        there = sorted([*self._frames.on(key), *self._frames.guests_on(key)], key=lambda painted: painted.turn)
+        return {self._number(painted.name): painted for painted in there}
 
     def _number(self, name: str) -> int:
         if name not in self._numbers:
             self._numbers[name] = len(self._names)
             self._names.append(name)
         return self._numbers[name]
+
+
+def _may_be_on(painted: Painted, window: Window) -> bool:
+    return painted.island == window.island and 0 <= window.level - painted.level <= GUEST_LEVELS

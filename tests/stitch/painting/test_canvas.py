@@ -83,6 +83,7 @@ def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas, blend: str, s
     list(step_by_step.repaint())
     rebuilt = canvas(blend=blend)
     paint(rebuilt, *sorted(final.values(), key=lambda frame: frame.order))
+    list(rebuilt.repaint())
     assert (step_by_step.behind, rebuilt.behind) == (0, 0)
     assert_same(all_tiles(step_by_step), all_tiles(rebuilt))
 
@@ -236,6 +237,7 @@ def test_a_flight_goes_on_from_tiles_on_disk_and_ends_up_the_same(canvas) -> Non
     frames = [random_frame(rng, order) for order in range(6)]
     whole, earlier = canvas(), canvas()
     paint(whole, *frames)
+    list(whole.repaint())
     paint(earlier, *frames[:5])
     resumed = canvas(load_tile=earlier.tile)
     resumed.resume(frames[:5])
