@@ -12,8 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gcs_mosaic.stitch.graph.placement import Covered, Placement, Rejection, Waiting
     from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-    from gcs_mosaic.stitch.placement import Covered, Placement, Rejection, Waiting
 
 __all__ = ["Covered", "Mosaic", "Placement", "Rejection", "StitchSettings", "Waiting"]
 
@@ -22,5 +22,5 @@ def __getattr__(name: str) -> object:
     """Load the stitching when it is asked for: a flight hears its links a second before that is done."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    room = "mosaic" if name in ("Mosaic", "StitchSettings") else "placement"
+    room = "mosaic" if name in ("Mosaic", "StitchSettings") else "graph.placement"
     return getattr(import_module(f"{__name__}.stitch.{room}"), name)

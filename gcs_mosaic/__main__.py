@@ -3,7 +3,7 @@
 import os
 import sys
 
-from gcs_mosaic.heap import share_heap
+from gcs_mosaic.app.heap import share_heap
 
 
 def main() -> int:
@@ -12,9 +12,9 @@ def main() -> int:
     # numpy reads it when it is loaded. Threads of one product that wait for each other take a third of all the time of a
     # flight; what is to go on side by side has threads of its own.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from gcs_mosaic import cli
+    from gcs_mosaic.cli.main import main as command_line
 
-    return cli.main()
+    return command_line()
 
 
 if __name__ == "__main__":

@@ -5,9 +5,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    import numpy as np
 
 # As the program does when it is started: sums of several threads differ in their last digits from those of one.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -42,3 +46,17 @@ def tiny_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip(f"mounting a small file system is not permitted here: {mounted.stderr.strip()}")
     yield place
     subprocess.run(["umount", "--lazy", place], check=True)
+
+
+@pytest.fixture(scope="session")
+def ground() -> "np.ndarray":
+    from stitch_ground import textured_ground  # it loads numpy, which reads the environment above
+
+    return textured_ground(2400, seed=1)
+
+
+@pytest.fixture(scope="session")
+def other_ground() -> "np.ndarray":
+    from stitch_ground import textured_ground
+
+    return textured_ground(1200, seed=2)

@@ -5,8 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.messages import Frame
 
 
 def written(path: Path, picture: np.ndarray) -> Frame:

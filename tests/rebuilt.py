@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gcs_mosaic.flight.folder import LEDGER_NAME
-from gcs_mosaic.flight.ledger import Ledger
-from gcs_mosaic.flight.tiles import TileSettings, TileWriter
-from gcs_mosaic.frames.load import load_image
-from gcs_mosaic.stitch.painting.canvas import Canvas
-from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.frames.decode import load_image
+from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.tiles import TileSettings, TileWriter
 
 
 def painted_of(out: Path) -> Sequence[Painted]:

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gcs_mosaic.flight.folder import LEDGER_NAME
-from gcs_mosaic.flight.ledger import Ledger
-from gcs_mosaic.flight.records import FrameRecord
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.records import FrameRecord
 from sitl.__main__ import free_port
 from sitl.flight import plan
 from sitl.messages import Capture

@@ -11,15 +11,15 @@ import pytest
 from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
-from gcs_mosaic.config import Config
-from gcs_mosaic.events import Frame
-from gcs_mosaic.flight import placements
-from gcs_mosaic.flight.tiles import TileSettings, TileWriter
-from gcs_mosaic.pipeline import Pipeline
-from gcs_mosaic.prepare import prepare
-from gcs_mosaic.recorder import estimate_of_placement
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painting.canvas import Canvas
+from gcs_mosaic.app.flight_writer import estimate_of_placement
+from gcs_mosaic.app.pipeline import Pipeline
+from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.store import placements
+from gcs_mosaic.store.tiles import TileSettings, TileWriter
 
 OTHER_CAMERA = Camera(420, 320, 1.3, 0.0)
 # Two lines of either camera, apart from each other until the last frames close the gap.

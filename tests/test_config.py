@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.config import Config, load_config
+from gcs_mosaic.config.tree import Config, load_config
 from gcs_mosaic.errors import UsageError
 
 DEFAULT_YAML = Path(__file__).parent.parent / "config" / "default.yaml"

@@ -10,12 +10,12 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.batch import stitch
-from gcs_mosaic.config import Config, load_config
-from gcs_mosaic.flight.export import export_placements
-from gcs_mosaic.flight.folder import LEDGER_NAME
-from gcs_mosaic.flight.ledger import Ledger
-from gcs_mosaic.flight.records import FrameState
+from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.config.tree import Config, load_config
+from gcs_mosaic.export.export import export_placements
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
 
 QUIET = Console(quiet=True)

@@ -12,16 +12,16 @@ from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
-from gcs_mosaic.config import Config
-from gcs_mosaic.flight.records import FrameState
-from gcs_mosaic.painter import Painter, PaintSettings
-from gcs_mosaic.pipeline import Pipeline
-from gcs_mosaic.prepare import Prepared, prepare
-from gcs_mosaic.stitch.adjusting import upkeep
-from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.app.pipeline import Pipeline
+from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
+from gcs_mosaic.stitch.bundle import schedule as upkeep
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.painting.canvas import Canvas, CanvasSettings
+from gcs_mosaic.store.records import FrameState
 
 KINDS = (Fault, MemoryError, cv2.error, KeyboardInterrupt)
 FAULTS_PER_FRAME = 7

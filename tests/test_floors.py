@@ -9,92 +9,46 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "gcs_mosaic"
 
-# Which rooms of the package a room may import. What is not listed here is a room of nobody.
+# Which rooms of the package a room may import, from the ground up. What is not listed here is a room of nobody.
+STITCHING = ("camera", "features", "registration", "graph", "bundle", "mapping", "mosaic")  # each those before it
+STITCH = {"stitch.transaction", *(f"stitch.{room}" for room in STITCHING)}
 ALLOWED = {
-    "__init__": {"stitch"},
+    "__init__": STITCH,  # the front door for programs
     "errors": set(),
-    "events": set(),
-    "stitch": {"stitch"},
-    "link": {"link", "events", "errors"},
-    "frames": {"frames", "events", "errors"},
-    "pairing": {"pairing", "link", "events", "errors"},
-    "flight": {"flight", "stages", "stitch", "events", "errors"},
-    "web": {"web", "flight", "stitch", "errors"},
-    "debug": {"debug", "stitch", "errors"},
-    "heap": set(),
-    "stages": set(),
-    "turns": set(),
-    "prepare": {"stages", "turns", "frames", "stitch", "events"},
-    "brightness": {"stitch"},
-    "painter": {"brightness", "stitch"},
-    "paper": {"painter", "stitch"},
-    "unpainted": {"stitch"},
-    "painting": {"painter", "paper", "prepare", "recorder", "unpainted", "stitch", "events"},
-    "methods": set(),
-    "settingsfile": {"errors"},
-    "config": {"methods", "settingsfile", "link", "frames", "pairing", "flight", "painter", "stitch", "errors"},
-    "recorder": {"stages", "config", "paper", "flight", "stitch", "events"},
-    "pipeline": {
-        *(
-            "stages",
-            "recorder",
-            "config",
-            "painter",
-            "painting",
-            "paper",
-            "prepare",
-            "flight",
-            "frames",
-            "stitch",
-            "events",
-        ),
+    "messages": set(),
+    "stitch": set(),
+    "stitch.transaction": set(),
+    **{
+        f"stitch.{room}": {"stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:at])}
+        for at, room in enumerate(STITCHING)
     },
-    "flightlog": {"config", "flight", "errors"},
-    "logbook": {"link", "pairing", "flight", "events"},
-    "reporting": {"flight", "events"},
-    "announcements": {"link", "pairing", "flight", "events"},
-    "patience": {"flight", "events"},
-    "asking": {"frames", "link", "events"},
-    "ending": set(),
-    "listening": {"link", "events"},
-    "sources": {"listening", "asking", "config", "link", "frames", "flight", "events"},
-    "batch": {
-        *("debug", "pipeline", "prepare", "turns", "config", "flightlog", "frames", "flight", "stitch", "events"),
-        "errors",
+    "render": {"stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
+    "baseline": {"render", *STITCH - {"stitch.mosaic"}},
+    "mavlink": {"messages", "errors"},
+    "triggers": {"messages"},
+    "frames": {"messages", "errors"},
+    "store": {"render", "stitch.camera", "stitch.graph", "messages", "errors"},
+    "export": {"store", "render", "frames", "stitch.camera", "errors"},
+    "web": {"store", "export", "render", "errors"},
+    "debug": {"stitch.camera", "stitch.registration", "stitch.graph", "errors"},
+    "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", *STITCH, "errors"},
+    "app": {
+        *("config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
+        *STITCH,
+        *("messages", "errors"),
     },
-    "arrivals": {"frames", "link", "pairing", "events"},
-    "replay": {
-        *("arrivals", "batch", "pipeline", "prepare", "turns", "logbook", "config", "flightlog"),
-        *("frames", "link", "flight", "events", "errors"),
-    },
-    "rebuilding": {"flight", "frames", "stitch", "errors"},
-    "tiffexport": {"rebuilding", "flight", "stitch", "errors"},
-    "benchmark": {"batch", "pipeline", "prepare", "config", "frames", "events"},
-    "daemon": {
-        *(
-            "pipeline",
-            "prepare",
-            "turns",
-            "logbook",
-            "reporting",
-            "announcements",
-            "patience",
-            "sources",
-            "listening",
-            "config",
-            "ending",
-        ),
-        *("flightlog", "frames", "flight", "web", "stitch", "events"),
-    },
-    "options": {"methods", "settingsfile", "link", "stitch", "errors"},
-    "choices": {"config", "link", "frames", "stitch", "errors"},
-    "cli": {
-        *("daemon", "batch", "replay", "benchmark", "tiffexport", "config", "frames", "flight", "web", "options"),
-        *("choices", "listening"),
-        *("ending", "errors"),
-    },
-    "__main__": {"cli", "heap"},
+    "cli": {"app", "config", "web", "export", "store", "frames", "mavlink", "stitch.features", "errors"},
+    "__main__": {"cli", "app"},
 }
+# What a room may import of another of which it needs one thing only.
+ONLY = {
+    ("render", "stitch.graph"): {"placement"},
+    ("render", "stitch.features"): {"extraction"},
+    ("store", "stitch.graph"): {"placement", "observer", "tearing"},
+    ("web", "export"): {"tile_reader"},
+    ("export", "frames"): {"decode"},
+}
+FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 
@@ -106,9 +60,14 @@ def imports(path):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def room(path):
-    first = path.relative_to(PACKAGE).parts[0]
-    return first.removesuffix(".py")
+def room(parts):
+    """Of the parts of a module's name within the package."""
+    return ".".join(parts[:2]) if parts[0] == "stitch" else parts[0]
+
+
+def parts_of(path):
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts
 
 
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -116,8 +75,26 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_room_imports_only_what_lies_below_it(path):
-    inside = {name.split(".")[1] for name in imports(path) if name.startswith("gcs_mosaic.")}
-    assert inside <= ALLOWED[room(path)]
+    here = room(parts_of(path))
+    for name in imports(path):
+        if name.startswith("gcs_mosaic."):
+            there = name.split(".")[1:]
+            assert room(there) in ALLOWED[here] | {here}
+            only = ONLY.get((here, room(there)))
+            assert only is None or set(there) & only
+
+
+def test_no_two_rooms_need_each_other():
+    assert not [(one, other) for one in ALLOWED for other in ALLOWED[one] if one in ALLOWED[other]]
+
+
+def test_each_room_says_what_it_is_for():
+    rooms = [path for path in MODULES if path.name == "__init__.py"]
+    assert all(ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) for path in rooms)
+
+
+def test_the_root_holds_the_front_door_and_rooms():
+    assert {path.stem for path in PACKAGE.glob("*.py")} == FRONT_DOOR
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "stitch").rglob("*.py")), ids=str)
@@ -132,7 +109,7 @@ def test_importing_the_package_loads_neither_the_link_nor_a_server():
 
 def test_links_are_opened_before_the_stitching_and_a_server_are_loaded():
     """They take a second or two, in which camera messages would be lost (`tests/benchmarks/start.py` tells how long)."""
-    assert loaded_by("import gcs_mosaic.cli, gcs_mosaic.listening", "scipy", "aiohttp", "tifffile") == "[]"
+    assert loaded_by("import gcs_mosaic.cli.main, gcs_mosaic.app.links", "scipy", "aiohttp", "tifffile") == "[]"
 
 
 def test_what_numpy_reads_when_it_is_loaded_is_set_before():

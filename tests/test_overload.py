@@ -13,15 +13,16 @@ from rebuilt import assert_explained
 from rich.console import Console
 from running import frames_of, until
 
-from gcs_mosaic import daemon, listening
-from gcs_mosaic.config import Config
-from gcs_mosaic.ending import Ending
-from gcs_mosaic.events import Frame
-from gcs_mosaic.listening import Item
-from gcs_mosaic.pipeline import Done, Pipeline
-from gcs_mosaic.prepare import Prepared, Unprepared
-from gcs_mosaic.sources import Inbox
-from gcs_mosaic.turns import AHEAD
+from gcs_mosaic.app import links as listening
+from gcs_mosaic.app import live as daemon
+from gcs_mosaic.app.inbox import Inbox
+from gcs_mosaic.app.links import Item
+from gcs_mosaic.app.pipeline import Done, Pipeline
+from gcs_mosaic.app.prefetch import Prepared, Unprepared
+from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.app.turns import AHEAD
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.messages import Frame
 from sitl.__main__ import free_port
 from sitl.flight import plan
 from sitl.path import Plan

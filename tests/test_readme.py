@@ -18,7 +18,7 @@ from urllib.request import urlopen
 import fresh
 import pytest
 
-import gcs_mosaic.cli
+import gcs_mosaic.cli.main
 import sitl.__main__
 import sitl.flight
 from sitl.path import Plan
@@ -33,7 +33,7 @@ INLINE = re.findall(r"`((?:gcs-mosaic|python -m sitl) [^`]+)`", README)
 USAGE = [line for line in LINES if line not in SET_UP] + INLINE
 LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
 EXAMPLES = [text for kind, text in BLOCKS if kind == "python"]
-PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main, ("python", "-m", "sitl"): sitl.__main__.main}
+PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main.main, ("python", "-m", "sitl"): sitl.__main__.main}
 FLIGHT_S, ENDING_S, OTHERS_S = 480, 200, 120
 
 

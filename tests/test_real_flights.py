@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from gcs_mosaic.batch import stitch
-from gcs_mosaic.config import Config
-from gcs_mosaic.flight.export import export_placements
+from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.export.export import export_placements
 
 SHARED = Path(__file__).parents[2] / "shared"
 

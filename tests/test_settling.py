@@ -11,15 +11,15 @@ from frame_files import written
 from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
-from gcs_mosaic import daemon
-from gcs_mosaic.config import Config
-from gcs_mosaic.ending import Ending
-from gcs_mosaic.flight.folder import open_flight_folder
-from gcs_mosaic.pipeline import Pipeline
-from gcs_mosaic.prepare import Prepared, prepare
-from gcs_mosaic.stitch.adjusting.upkeep import UpkeepSettings
-from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.matching.features import FeatureSettings, extract
+from gcs_mosaic.app import live as daemon
+from gcs_mosaic.app.pipeline import Pipeline
+from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.web.feed import Feed
 
 SELDOM = UpkeepSettings(per_doubling=1)  # so that something is left to adjust at the end

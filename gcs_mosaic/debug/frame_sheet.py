@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.debug.sheet import BAD, GOOD, INK, Image, Sheet, nice_length, rainbow
-from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.graph.placement import Placement
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Image, Sheet, nice_length, rainbow
-from gcs_mosaic.stitch import geometry
-from gcs_mosaic.stitch.observer import Residuals
-from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.camera import geometry
+from gcs_mosaic.stitch.graph.observer import Residuals
+from gcs_mosaic.stitch.graph.placement import Placement
 
 Array = NDArray[np.float64]
 

@@ -23,9 +23,9 @@ from gcs_mosaic.debug.frame_sheet import PairSeen, draw_matches, draw_relief
 from gcs_mosaic.debug.map_sheet import draw_footprints, draw_residuals
 from gcs_mosaic.debug.sheet import Image
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
-from gcs_mosaic.stitch.observer import Residuals
-from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.graph.observer import Residuals
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 
 LoadImage = Callable[[str], Image | None]
 

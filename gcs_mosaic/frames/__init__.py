@@ -1,0 +1,4 @@
+"""Where frames come from: a watched folder, files, a live stream (`rtsp`). Each comes once, and whole.
+
+May import `messages` and `errors`; called by `app`, and by `export` to decode originals.
+"""

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import DamagedFile, Frame, Notice, SourceReport
-from gcs_mosaic.frames.candidate import Candidate
-from gcs_mosaic.frames.given import frames_in as frames_in
+from gcs_mosaic.frames.files import frames_in as frames_in
+from gcs_mosaic.frames.pending_file import Candidate
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport
 
 logger = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.whole import MAX_PIXELS
+from gcs_mosaic.frames.integrity import MAX_PIXELS
 
 _SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 

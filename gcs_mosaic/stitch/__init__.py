@@ -1,14 +1,13 @@
-"""From frames to one map, by their pixels alone.
+"""From frames to one map, by their pixels alone. `mosaic` is the door.
 
-`mosaic` is the door. In the order in which a frame meets them:
+Pure: no clock, no file, no thread but the one in `bundle.worker`. Its rooms, each of which may import only those before it:
 
-* `matching`: what is seen, and whether two frames show the same ground; `search` and `neighbours` choose with which frames.
-* `geometry`: a camera over a plane; `projection`: the same for many points, with derivatives.
-* `placing`: from links to a pose that can be believed; `waiting`, `islands`: what is done where that fails.
-* `network`: all that is known of the frames, in one place.
-* `adjusting`: all poses and lenses from all matches together, when, in which process, and how sure they are.
-* `relief`: heights of the ground, and what they shift in each frame.
-* `painting`: the picture.
+* `camera`: a camera over a plane, with derivatives; what relief shifts; a frame's bands and dead border.
+* `features`: what is seen in a frame, and what is alike in two.
+* `registration`: whether two frames show the same ground, and how one lies on the other.
+* `graph`: all that is known of frames and links, in one place; with whom a frame is compared.
+* `bundle`: all poses and lenses from all matches together: when, in which process, and how sure they are; heights.
+* `mapping`: from links to a pose that can be believed; what waits, islands and how they join.
 
-Why it is done so, with sources: README, "The method".
+Why it is done so, with sources: gcs_mosaic/README.md, "The method".
 """

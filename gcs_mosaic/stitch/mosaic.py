@@ -14,23 +14,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
-from gcs_mosaic.stitch.adjusting.assembly import Assembly
-from gcs_mosaic.stitch.adjusting.background import Worker
-from gcs_mosaic.stitch.adjusting.upkeep import Upkeep, UpkeepSettings
-from gcs_mosaic.stitch.bands import Bands
-from gcs_mosaic.stitch.covering import Covering, CoverSettings
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.islands import Bridges, Island, IslandSettings
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.matching.registration import RegistrationSettings
-from gcs_mosaic.stitch.matching.still import StillPattern
-from gcs_mosaic.stitch.network import Network
-from gcs_mosaic.stitch.observer import Observer, island_residuals
-from gcs_mosaic.stitch.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
-from gcs_mosaic.stitch.placing import Placing, PlausibilitySettings
-from gcs_mosaic.stitch.search import Search, SearchSettings
-from gcs_mosaic.stitch.tearing import HeldOut, Tearing
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
+from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
+from gcs_mosaic.stitch.bundle.worker import Worker
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
+from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
+from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
+from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
+from gcs_mosaic.stitch.graph.tearing import HeldOut, Tearing
+from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.mapping.covering import Covering, CoverSettings
+from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
+from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
+from gcs_mosaic.stitch.mapping.resection import Placing, PlausibilitySettings
+from gcs_mosaic.stitch.registration.registration import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
 
 

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from aiohttp import web
 
-from gcs_mosaic.flight.manifest import last_revision
-from gcs_mosaic.flight.placements import JOURNAL_NAME, told_after
-from gcs_mosaic.flight.pyramid import filled
-from gcs_mosaic.stitch.painting.grid import FINEST_LEVEL, Tile
+from gcs_mosaic.export.tile_reader import filled
+from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
+from gcs_mosaic.store.manifest import last_revision
+from gcs_mosaic.store.placements import JOURNAL_NAME, told_after
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Change, Feed
 from gcs_mosaic.web.guard import add_headers, host_check
@@ -43,7 +43,7 @@ def make_app(root: Path, address: HttpAddress, feed: Feed | None = None) -> web.
     """The application that serves the output folder `root`; without a feed it polls mosaic.json."""
     app = web.Application(middlewares=[host_check(address)])
     app[ROOT], app[FEED] = root, feed or Feed()
-    app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="tiles")
+    app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")
     app.on_response_prepare.append(add_headers)
     app.on_shutdown.append(end_live)
     app.on_cleanup.append(end_tiles)

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
-from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.render.tile_grid import Tile
 
 MOST_TILES = 5000  # kept for one slow page; beyond that it is told to look at everything again
 Painted = frozenset[tuple[int, Tile]]  # (island, tile)

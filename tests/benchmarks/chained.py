@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gcs_mosaic.stitch.matching.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
 from tests.benchmarks.known_flights import Document, Named
 
 

@@ -21,14 +21,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.config import Config
-from gcs_mosaic.events import Frame
+from gcs_mosaic.app.pipeline import Pipeline
+from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.baseline.mosaic import PaperMosaic
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.decode import Unreadable, load_frame
 from gcs_mosaic.frames.directory import frames_in
-from gcs_mosaic.frames.load import Unreadable, load_frame
-from gcs_mosaic.pipeline import Pipeline
-from gcs_mosaic.prepare import prepare
-from gcs_mosaic.stitch.paper.mosaic import PaperMosaic
-from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.stitch.graph.placement import Placement
 from tests.benchmarks.known_flights import Document, document
 
 Image = NDArray[np.uint8]

@@ -14,11 +14,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.events import Frame
-from gcs_mosaic.prepare import Prepared, prepare
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 
-FINDERS = ("gcs_mosaic.prepare", "gcs_mosaic.frames.load", "gcs_mosaic.stitch.matching.features")
+FINDERS = ("gcs_mosaic.app.prefetch", "gcs_mosaic.frames.decode", "gcs_mosaic.stitch.features.extraction")
 
 
 class FeatureFinder:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.features.extraction import Features
 from sitl.geometry import CameraState, Lens, ground_from_pixels, pixels_from_ground
 from sitl.path import CLIMB_RATIO, Plan, fly
 

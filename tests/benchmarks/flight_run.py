@@ -16,11 +16,11 @@ from pathlib import Path
 import cv2
 from rich.console import Console
 
-from gcs_mosaic import batch
-from gcs_mosaic.config import Config
-from gcs_mosaic.events import DamagedFile, Frame
-from gcs_mosaic.flight.export import export_placements
+from gcs_mosaic.app import batch
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.frames.directory import frames_in
+from gcs_mosaic.messages import DamagedFile, Frame
 from gcs_mosaic.stitch.mosaic import Mosaic
 from tests.benchmarks.exif import position_in
 from tests.benchmarks.feature_cache import FeatureFinder

@@ -25,7 +25,7 @@ from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
-from gcs_mosaic.config import Config
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import frames_in
 from tests.benchmarks import flight_table

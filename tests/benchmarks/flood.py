@@ -19,8 +19,8 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gcs_mosaic.flight.folder import LEDGER_NAME
-from gcs_mosaic.flight.ledger import Ledger
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
 from tests.running import Running, flying, six_pictures
 
 SHOT_EVERY_S, SAMPLE_EVERY_S = 0.5, 0.5

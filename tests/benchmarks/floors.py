@@ -13,16 +13,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.config import Config
-from gcs_mosaic.flight.folder import LEDGER_NAME
-from gcs_mosaic.flight.ledger import Ledger
-from gcs_mosaic.flight.tiles import encode_jpeg
-from gcs_mosaic.frames.load import Unreadable, load_image
-from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixels_from_canvas
-from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS
-from gcs_mosaic.stitch.painting.grid import TILE_SIZE, canvas_from_level, level_from_canvas
-from gcs_mosaic.stitch.painting.layers import full_coverage
-from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.decode import Unreadable, load_image
+from gcs_mosaic.render.canvas import INTERPOLATIONS
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.tile_cache import full_coverage
+from gcs_mosaic.render.tile_grid import TILE_SIZE, canvas_from_level, level_from_canvas
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.tiles import encode_jpeg
 
 LATTICE = 64  # px between places whose pixel is worked out; between them it is interpolated, and none of it counts
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
 
-from gcs_mosaic.stitch.adjusting.background import WorkerProcess
-from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.bundle.worker import WorkerProcess
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.observer import Observer
+from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.observer import Observer
-from gcs_mosaic.stitch.placement import Placement, Rejection
 from tests.benchmarks.stages import Stages
 
 

@@ -23,10 +23,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from gcs_mosaic.stitch.adjusting.adjustment import AdjustmentSettings
-from gcs_mosaic.stitch.adjusting.solving import IslandTask, adjusted, island_task, take_in
+from gcs_mosaic.stitch.bundle.island import IslandTask, adjusted, island_task, take_in
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.placement import Placement
 from tests.benchmarks import writing
 from tests.benchmarks.flight_of_points import features_of_flight
 

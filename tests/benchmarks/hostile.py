@@ -17,13 +17,13 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs_mosaic.events import TriggerEvent
-from gcs_mosaic.link.address import parse_address
-from gcs_mosaic.link.listener import Listener, VehicleChoice
-from gcs_mosaic.link.settings import LinkSettings
-from gcs_mosaic.link.shots import New, ShotMerger
-from gcs_mosaic.link.wire import PacketReader
-from gcs_mosaic.pairing import Pairing
+from gcs_mosaic.mavlink.address import parse_address
+from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
+from gcs_mosaic.mavlink.parser import PacketReader
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.messages import TriggerEvent
+from gcs_mosaic.triggers import Pairing
+from gcs_mosaic.triggers.shots import New, ShotMerger
 
 BYTES = 10_000_000
 SHOT_EACH_BYTES, SHOT_EVERY_S = 5000, 0.5

@@ -22,15 +22,15 @@ import numpy as np
 
 import sitl.score
 import sitl.truth
-from gcs_mosaic.events import Frame
-from gcs_mosaic.flight.export import warp
+from gcs_mosaic.app.flight_writer import estimate_of_placement
+from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.export.export import warp
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.prepare import Prepared, prepare
-from gcs_mosaic.recorder import estimate_of_placement
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import StitchSettings
-from gcs_mosaic.stitch.placement import Placement
 from tests.benchmarks.flown import Flown
 
 SHARED = Path(__file__).parents[3] / "shared"

@@ -22,9 +22,9 @@ import cv2
 import numpy as np
 
 import sitl.flight
-from gcs_mosaic.frames.load import Unreadable, decode_image
-from gcs_mosaic.stitch.adjusting.background import WorkerProcess
-from gcs_mosaic.stitch.matching.features import Features, extract
+from gcs_mosaic.frames.decode import Unreadable, decode_image
+from gcs_mosaic.stitch.bundle.worker import WorkerProcess
+from gcs_mosaic.stitch.features.extraction import Features, extract
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from sitl.camera import Camera
 from sitl.geometry import Lens

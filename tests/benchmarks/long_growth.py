@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.config import Config
-from gcs_mosaic.events import Frame
-from gcs_mosaic.flight.originals import content_hash
-from gcs_mosaic.pipeline import Pipeline
-from gcs_mosaic.prepare import Prepared, thumbnail
+from gcs_mosaic.app.pipeline import Pipeline
+from gcs_mosaic.app.prefetch import Prepared, thumbnail
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.store.originals import content_hash
 from tests.benchmarks.flight_of_points import LENS, features_of_flight
 from tests.benchmarks.writing import EARLY, WINDOW
 

@@ -15,28 +15,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.events import Frame
+from gcs_mosaic.app.prefetch import Prepared, prepare, thumbnail
+from gcs_mosaic.frames.decode import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.directory import frames_in
-from gcs_mosaic.frames.load import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.painter import Painter, PaintSettings
-from gcs_mosaic.prepare import Prepared, prepare, thumbnail
-from gcs_mosaic.stitch.bands import Bands
-from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels
-from gcs_mosaic.stitch.matching.features import extract
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.render.canvas import INTERPOLATIONS, Canvas
+from gcs_mosaic.render.edges import edge_density
+from gcs_mosaic.render.looks import LOOK_PIXELS
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.pixels import frame_picture, piece
+from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
+from gcs_mosaic.render.sampling import places_in, sampled
+from gcs_mosaic.render.tile_cache import full_coverage
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, level_from_canvas
+from gcs_mosaic.render.warp import shrunk, upscale
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
+from gcs_mosaic.stitch.camera.relief import on_plane
+from gcs_mosaic.stitch.features.extraction import extract
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import StitchSettings
-from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas
-from gcs_mosaic.stitch.painting.edges import edge_density
-from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile, level_from_canvas
-from gcs_mosaic.stitch.painting.layers import full_coverage
-from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.pixels import frame_picture, piece
-from gcs_mosaic.stitch.painting.placed import placed
-from gcs_mosaic.stitch.painting.sampling import places_in, sampled
-from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS
-from gcs_mosaic.stitch.painting.warping import shrunk, upscale
-from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.relief.displacement import on_plane
 from sitl.camera import Scene
 from sitl.flight import Flight
 from sitl.geometry import CameraState, Lens, world_from_camera

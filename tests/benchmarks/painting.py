@@ -17,19 +17,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.flight.tiles import TileWriter
-from gcs_mosaic.stitch.dead_border import NO_BORDER
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painting.canvas import INTERPOLATIONS, Canvas, CanvasSettings
-from gcs_mosaic.stitch.painting.display import PLAIN
-from gcs_mosaic.stitch.painting.grid import TILE_SIZE
-from gcs_mosaic.stitch.painting.lattice import frame_lattice, own_level
-from gcs_mosaic.stitch.painting.modes import MODES
-from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.painting.pixels import frame_picture, piece
-from gcs_mosaic.stitch.painting.placed import placed
-from gcs_mosaic.stitch.painting.sights import LOOK_PIXELS
-from gcs_mosaic.stitch.painting.warping import shrunk
+from gcs_mosaic.render.blend_modes import MODES
+from gcs_mosaic.render.canvas import INTERPOLATIONS, Canvas, CanvasSettings
+from gcs_mosaic.render.display import PLAIN
+from gcs_mosaic.render.looks import LOOK_PIXELS
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.pixels import frame_picture, piece
+from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.tile_grid import TILE_SIZE
+from gcs_mosaic.render.warp import shrunk
+from gcs_mosaic.render.warp_grid import frame_lattice, own_level
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.store.tiles import TileWriter
 
 Image = NDArray[np.uint8]
 ROUNDS = 5

@@ -9,12 +9,12 @@ from itertools import pairwise
 
 import cv2
 
-from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.directory import frames_in
-from gcs_mosaic.stitch.matching.features import Features
-from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.placement import Placement, Rejection
+from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 from tests.benchmarks.feature_cache import FeatureFinder
 from tests.benchmarks.flight_run import Task
 from tests.benchmarks.refusals import Refusals, grouped

@@ -18,8 +18,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.matching.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
 from sitl.camera import Scene
 from sitl.flight import plan
 from sitl.geometry import CameraState

@@ -29,10 +29,10 @@ from typing import Any
 
 import cv2
 
-from gcs_mosaic.events import Frame
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.stitch.matching.detectors import FeatureKind
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.stitch.features.detectors import FeatureKind
 from tests.benchmarks.contestants import CONTESTANTS, STAGES
 from tests.benchmarks.known_flights import SHARED, KnownFlight, known_flight
 

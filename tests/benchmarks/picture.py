@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.painter import PaintSettings
-from gcs_mosaic.stitch.painting.modes import MODES
-from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.render.blend_modes import MODES
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.repaint_queue import PaintSettings
 from sitl.camera import Camera
 from sitl.flight import Flight, plan
 from sitl.path import Plan

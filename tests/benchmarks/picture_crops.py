@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.debug.sheet import Sheet
-from gcs_mosaic.painter import PaintSettings
+from gcs_mosaic.render.repaint_queue import PaintSettings
 from sitl.camera import Camera
 from sitl.flight import plan
 from sitl.path import Plan

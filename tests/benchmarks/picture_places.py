@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.painter import PaintSettings
-from gcs_mosaic.stitch.painting.grid import TILE_SIZE, Tile
-from gcs_mosaic.stitch.painting.lattice import frame_lattice
-from gcs_mosaic.stitch.painting.painted import Painted
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.repaint_queue import PaintSettings
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.render.warp_grid import frame_lattice
 from sitl.targets import Target
 from sitl.truth import Truth
 from tests.benchmarks.painted_flights import FrameAlone, PlacedFlight, Seen, Window, place_in_level

@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.painting.blending import LEAST_WEIGHT
-from gcs_mosaic.stitch.painting.edges import BOOST
+from gcs_mosaic.render.blending import LEAST_WEIGHT
+from gcs_mosaic.render.edges import BOOST
 from tests.benchmarks.painted_flights import Seen
 
 Colours = NDArray[np.float32]

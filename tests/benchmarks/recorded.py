@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 
 SHARED = Path(__file__).parents[3] / "shared" / "data"
 RECORDED = ("caliterra", "copr", "cmac", "brighton", "guangzhou", "deer")

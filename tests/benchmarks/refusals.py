@@ -6,9 +6,9 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
-from gcs_mosaic.stitch.observer import Residuals
-from gcs_mosaic.stitch.placement import Placement
+from gcs_mosaic.stitch.graph.observer import Residuals
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|nan|inf)(?!\w)")
 

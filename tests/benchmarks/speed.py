@@ -27,7 +27,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from gcs_mosaic.config import Config
+from gcs_mosaic.config.tree import Config
 from tests.benchmarks import start
 from tests.benchmarks.floors import Floor, floor_of
 from tests.benchmarks.flown_live import FlownLive, fly, pictures_in

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import combinations, zip_longest
 
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
 from sitl.flight import plan
 from sitl.path import Plan

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.frames.directory import frames_in
-from gcs_mosaic.stitch.matching.features import FeatureSettings
+from gcs_mosaic.stitch.features.extraction import FeatureSettings
 from tests.benchmarks import feature_cache, flight_run, flight_table, flights
 from tests.benchmarks.feature_cache import FeatureFinder, source_hash, sources_of
 from tests.benchmarks.flight_run import Run, Task
@@ -128,9 +128,13 @@ def test_features_come_out_of_the_cache_as_they_were(tmp_path: Path) -> None:
 
 def test_the_cache_knows_the_source_that_finds_features() -> None:
     modules = set(sources_of(feature_cache.FINDERS))
-    assert {"gcs_mosaic.stitch.matching.detectors", "gcs_mosaic.stitch.bands", "gcs_mosaic.frames.jpeg"} <= modules
-    assert not {name for name in modules if name.startswith("gcs_mosaic.stitch.adjusting")}
-    assert source_hash(feature_cache.FINDERS) != source_hash(("gcs_mosaic.frames.load",))
+    assert {
+        "gcs_mosaic.stitch.features.detectors",
+        "gcs_mosaic.stitch.camera.bands",
+        "gcs_mosaic.frames.jpeg",
+    } <= modules
+    assert not {name for name in modules if name.startswith("gcs_mosaic.stitch.bundle")}
+    assert source_hash(feature_cache.FINDERS) != source_hash(("gcs_mosaic.frames.decode",))
 
 
 # Flights

@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs_mosaic.events import TriggerEvent
-from gcs_mosaic.link.decode import LONGEST_NAME, decode
-from gcs_mosaic.link.wire import PacketReader
+from gcs_mosaic.mavlink.messages import LONGEST_NAME, decode
+from gcs_mosaic.mavlink.parser import PacketReader
+from gcs_mosaic.messages import TriggerEvent
 from tests.benchmarks.hostile import KINDS, MESSAGES, OURS, Ear, attack, framed, shot
 
 READ = [112, 180, 263]

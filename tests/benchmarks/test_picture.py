@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs_mosaic.painter import PaintSettings
+from gcs_mosaic.render.repaint_queue import PaintSettings
 from sitl.camera import Camera
 from sitl.flight import plan
 from sitl.path import Plan

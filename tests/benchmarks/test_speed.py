@@ -11,9 +11,9 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.batch import stitch
-from gcs_mosaic.config import Config
-from gcs_mosaic.stages import Stage, stages_in
+from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.store.stages import Stage, stages_in
 from sitl.path import Plan
 from tests.benchmarks.floors import floor_of
 from tests.benchmarks.flown_live import FlownLive, fly, pictures_in

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Image, Sheet, nice_length
-from gcs_mosaic.stages import Stage, stages_in
+from gcs_mosaic.store.stages import Stage, stages_in
 from tests.benchmarks.error_plot import png
 from tests.benchmarks.flown_live import fly, pictures_in
 

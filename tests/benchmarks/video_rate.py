@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.covering import CoverSettings
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.graph.placement import Covered, Placement
+from gcs_mosaic.stitch.mapping.covering import CoverSettings
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.placement import Covered, Placement
 from sitl.flight import Flight, camera_names, plan
 from sitl.geometry import CameraState
 from sitl.path import Plan

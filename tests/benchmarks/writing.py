@@ -21,17 +21,17 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gcs_mosaic.config import Config
-from gcs_mosaic.events import CaptureResult, Frame, Source, TriggerEvent
-from gcs_mosaic.flight import placements
-from gcs_mosaic.flight.records import EventState, FrameState
-from gcs_mosaic.recorder import Recorder
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.islands import Island
-from gcs_mosaic.stitch.painting.canvas import Canvas
-from gcs_mosaic.stitch.painting.painted import Extent, Painted
-from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+from gcs_mosaic.app.flight_writer import Recorder
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
+from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.painted import Extent, Painted
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.mapping.islands import Island
+from gcs_mosaic.store import placements
+from gcs_mosaic.store.records import EventState, FrameState
 
 FRAMES = 3000
 EARLY, WINDOW = (50, 150), 100  # frames over which is averaged; of the late ones the last so many

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.graph.placement import Placement
 
 CAMERA = Camera(400, 300)
 SHIFT = (0.05, 0.0)  # half-diagonals: 12.5 px to the right everywhere

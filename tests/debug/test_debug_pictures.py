@@ -6,11 +6,11 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.batch import stitch
-from gcs_mosaic.config import Config
+from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.debug.pictures import MOST_LINES, DebugPictures
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.stitch.matching.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 from sitl.path import Plan
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from gcs_mosaic.debug.map_sheet import HEAD, LONGER_SIDE, MARGIN, MapSheet, draw_footprints, draw_residuals
 from gcs_mosaic.debug.sheet import PAPER
-from gcs_mosaic.stitch.observer import Residuals
+from gcs_mosaic.stitch.graph.observer import Residuals
 
 
 def ink(picture, places):

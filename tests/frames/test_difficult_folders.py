@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from image_files import encoded, picture, with_thumbnail
 
-from gcs_mosaic.events import DamagedFile, Frame, SourceReport
-from gcs_mosaic.frames import candidate
+from gcs_mosaic.frames import pending_file as candidate
 from gcs_mosaic.frames.directory import FolderWatch, Item
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.messages import DamagedFile, Frame, SourceReport
 
 JPEG, OTHER = with_thumbnail(encoded(".jpg")), encoded(".jpg", picture(seed=1))
 MOST_S = 5.0  # for a look at 10,000 files on a busy machine: a fortieth of that is usual

@@ -9,10 +9,10 @@ import pytest
 from image_files import encoded, picture
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.events import DamagedFile, Frame, Notice, SourceReport
 from gcs_mosaic.frames.directory import AGAIN_S, FIRST_LOOK, FolderWatch, Item, watch
 from gcs_mosaic.frames.scan import Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport
 
 JPEG, OTHER = encoded(".jpg"), encoded(".jpg", picture(seed=1))
 

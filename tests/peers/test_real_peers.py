@@ -11,8 +11,8 @@ from cameras import Camera, Station, forwarder, need_mavproxy, need_mavsdk
 from pymavlink import mavutil
 from running import Running, events_of, flying, frames_of, six_pictures
 
-from gcs_mosaic.link.recorded import read_recording
-from gcs_mosaic.link.settings import LinkSettings
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.tlog_reader import read_recording
 from sitl.__main__ import free_port
 
 SHOTS = 4

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.geometry import canvas_from_pixels, pixel_grid, similarity_between
-from gcs_mosaic.stitch.matching.features import Features, FeatureSettings, extract
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic, Placement
 from sitl.flight import plan
 from sitl.geometry import ground_from_pixels

@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painting.lattice import own_level
-from gcs_mosaic.stitch.painting.painted import Painted
-from gcs_mosaic.stitch.relief.displacement import ReliefDisplacement
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.warp_grid import own_level
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 
 SMALL = Camera(160, 120, focal=1.2, k1=-0.02)
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.graph.placement import Outcome
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.placement import Outcome
 
 SMALL_CAMERA = Camera(480, 360, 1.5, 0.0)
 

@@ -12,12 +12,12 @@ import pytest
 from faults import Fault, chosen, counted, raising
 from whole_state import digest
 
-from gcs_mosaic.stitch.adjusting.assembly import Assembly
-from gcs_mosaic.stitch.adjusting.solving import adjusted
-from gcs_mosaic.stitch.adjusting.upkeep import UpkeepSettings
-from gcs_mosaic.stitch.matching.features import Features
+from gcs_mosaic.stitch.bundle.island import adjusted
+from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.candidates import SearchSettings
+from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.search import SearchSettings
 from sitl.path import Plan, fly
 from tests.benchmarks import flight_of_points
 

@@ -6,20 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch import geometry
-from gcs_mosaic.stitch.adjusting import lens
-from gcs_mosaic.stitch.adjusting.adjustment import any_lens
-from gcs_mosaic.stitch.adjusting.solving import _lens_prior
-from gcs_mosaic.stitch.covering import CoverSettings
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.islands import Bridges, _reconciled
-from gcs_mosaic.stitch.matching.features import Features
-from gcs_mosaic.stitch.matching.registration import Registration
+from gcs_mosaic.stitch.bundle import lens
+from gcs_mosaic.stitch.bundle.island import _lens_prior
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import any_lens
+from gcs_mosaic.stitch.camera import geometry
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.projection import lens_row
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.candidates import Search
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.graph.view_graph import Bridge, Lens, Network
+from gcs_mosaic.stitch.mapping.covering import CoverSettings
+from gcs_mosaic.stitch.mapping.islands import Bridges, _reconciled
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.network import Bridge, Lens, Network
-from gcs_mosaic.stitch.placement import Placement
-from gcs_mosaic.stitch.projection import lens_row
-from gcs_mosaic.stitch.search import Search
+from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import attempt
 from tests.benchmarks.flight_of_points import features_of_flight
 

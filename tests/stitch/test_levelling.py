@@ -12,7 +12,14 @@ import numpy as np
 import pytest
 from stitch_ground import textured_ground
 
-from gcs_mosaic.stitch.geometry import Camera, Pose, canvas_from_pixels, frame_border, pixel_grid, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import (
+    Camera,
+    Pose,
+    canvas_from_pixels,
+    frame_border,
+    pixel_grid,
+    pixels_from_canvas,
+)
 from gcs_mosaic.stitch.mosaic import Mosaic
 
 BARREL = Camera(480, 360, 1.45, -0.1)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, fly, map_error, photograph, textured_ground
 
-from gcs_mosaic.stitch.adjusting.assembly import Assembly
-from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.islands import Bridges
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.graph.candidates import Search
+from gcs_mosaic.stitch.graph.placement import Placement, Rejection, Waiting
+from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
+from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.placement import Placement, Rejection, Waiting
-from gcs_mosaic.stitch.search import Search
 
 
 def line(x, y, count, step=130, **more):
@@ -144,7 +144,7 @@ def test_a_founder_is_compared_once_with_each_new_frame(ground, other_ground, mo
 
 def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, monkeypatch):
     """Frames that wait compete for the two tries beside a new frame; whoever loses always is asked at the end."""
-    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.WAITING_TRIES", 0)
     mosaic = Mosaic()
     fly(mosaic, ground, [Pose(300, 600), Pose(1000, 600), *line(430, 600, 4)])
     assert [w.name for w in mosaic.waiting()] == ["001"]
@@ -154,7 +154,7 @@ def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, mon
 
 
 def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypatch):
-    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
     truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
     mosaic = Mosaic()
     fly(mosaic, ground, truth)
@@ -169,7 +169,7 @@ def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypa
 
 def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(ground, monkeypatch):
     """Frames that lie awry agree with nothing; when their island has been adjusted they may."""
-    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
     mosaic, asked, register = Mosaic(), [], Search.register
     truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
     fly(mosaic, ground, truth)
@@ -200,7 +200,7 @@ def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(g
 
 
 def test_two_frames_that_raise_keep_no_others_from_being_compared(ground, monkeypatch):
-    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.BRIDGE_TRIES", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
     mosaic, compare, asked = Mosaic(), Assembly._compare, []
 
     def failing(assembly, frame, other):
@@ -223,7 +223,7 @@ def test_two_frames_that_raise_keep_no_others_from_being_compared(ground, monkey
 
 
 def test_a_waiting_frame_that_raises_keeps_no_other_from_its_place(ground, monkeypatch):
-    monkeypatch.setattr("gcs_mosaic.stitch.adjusting.assembly.WAITING_TRIES", 0)
+    monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.WAITING_TRIES", 0)
     mosaic = Mosaic()
     fly(mosaic, ground, [Pose(300, 600), Pose(1260, 600), Pose(780, 830), *line(430, 600, 6)])
     assert [w.name for w in mosaic.waiting()] == ["001", "002"]

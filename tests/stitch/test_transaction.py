@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from whole_state import digest
 
-from gcs_mosaic.stitch.matching.features import Features
-from gcs_mosaic.stitch.matching.retrieval import LEARN_AT, PER_FRAME, RetrievalIndex
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.features.retrieval import LEARN_AT, PER_FRAME, RetrievalIndex
 from gcs_mosaic.stitch.transaction import EachWhole, Kept, attempt, transaction
 
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs_mosaic.stitch.matching.retrieval import PER_FRAME, RetrievalIndex
-from gcs_mosaic.stitch.painting.layers import Store, _Held
+from gcs_mosaic.render.tile_cache import Store, _Held
+from gcs_mosaic.stitch.features.retrieval import PER_FRAME, RetrievalIndex
 
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic, PurePath, itertools.count)
 CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)

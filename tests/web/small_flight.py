@@ -9,15 +9,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.events import LinkReport, SourceReport
-from gcs_mosaic.flight.disk import write_beside
-from gcs_mosaic.flight.documents import write_json
-from gcs_mosaic.flight.listing import FrameNews
-from gcs_mosaic.flight.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.flight.records import Accounts, CoveredRecord, Estimate, EventAccount, FrameAccount, NoticeRecord
-from gcs_mosaic.flight.status import LastFrame, Status, status_document
-from gcs_mosaic.stitch.geometry import Camera, Pose
-from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.messages import LinkReport, SourceReport
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store.documents import write_json
+from gcs_mosaic.store.listing import FrameNews
+from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
+from gcs_mosaic.store.records import Accounts, CoveredRecord, Estimate, EventAccount, FrameAccount, NoticeRecord
+from gcs_mosaic.store.status import LastFrame, Status, status_document
 
 MIDDLE = 1 << 15  # the tile of level 16 whose top left corner is the canvas' origin (but for half a pixel)
 RED, GREEN, BLUE = (0, 0, 255), (0, 200, 0), (255, 0, 0)

@@ -11,7 +11,7 @@ import pytest
 from small_flight import MIDDLE, RED, SmallFlight
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.web import app as app_module
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed

@@ -4,7 +4,7 @@ import asyncio
 import json
 import threading
 
-from gcs_mosaic.stitch.painting.grid import Tile
+from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.web.feed import MOST_TILES, Change, Feed, finest
 
 A, B = (0, Tile(16, 8, 8)), (0, Tile(16, 9, 8))

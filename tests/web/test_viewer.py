@@ -10,13 +10,13 @@ import pytest
 from browser import CHROMIUM, Page, open_browser
 from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 
-from gcs_mosaic.events import LinkReport, Refusals
-from gcs_mosaic.flight.manifest import IslandEntry
-from gcs_mosaic.flight.records import Accounts, FrameAccount
-from gcs_mosaic.flight.status import Behind, LastFrame
-from gcs_mosaic.stitch.geometry import Pose
-from gcs_mosaic.stitch.painting.grid import Tile
-from gcs_mosaic.stitch.tearing import HeldOut
+from gcs_mosaic.messages import LinkReport, Refusals
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.store.manifest import IslandEntry
+from gcs_mosaic.store.records import Accounts, FrameAccount
+from gcs_mosaic.store.status import Behind, LastFrame
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer

@@ -1,0 +1,208 @@
+"""`gcs-mosaic stitch`: a folder of frames through the same pipeline as a live flight, without MAVLink."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.pipeline import Done, Pipeline
+from gcs_mosaic.app.prefetch import Preparation, Prepared, Unprepared
+from gcs_mosaic.app.turns import AHEAD
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import NothingPlaced, UsageError
+from gcs_mosaic.frames.files import Given, frames_in
+from gcs_mosaic.messages import DamagedFile, Frame, Notice
+from gcs_mosaic.render.display import display_of
+from gcs_mosaic.store.folder import open_flight_folder
+from gcs_mosaic.store.held_out import held_out_lines, largest
+from gcs_mosaic.store.log import log_notice
+
+if TYPE_CHECKING:
+    from gcs_mosaic.debug.pictures import DebugPictures
+
+logger = logging.getLogger(__name__)
+
+STAGES = ("decode", "features", "place", "paint", "write")
+
+
+def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console, debug: Path | None = None) -> Path:
+    """Stitch frames in the order of `frames_in`; returns the folder that holds the flight. `debug`: folder for pictures.
+
+    Raises UsageError before anything is written, and NothingPlaced in the end.
+    """
+    _refuse_map_among_frames(sources, out)  # before anything is written
+    given = frames_in(sources, config.frames)
+    pictures = _debug_pictures(debug) if debug else None
+    folder = open_flight_folder(out)
+    with closing(folder), flight_log(folder, config):
+        say(console, Notice(source="out", level="info", text=folder.said))
+        _introduce(given, console)
+        # Nobody writes into a finished folder any more, so its frames need no copies.
+        linking = replace(config, originals=replace(config.originals, keep="link"))
+
+        def told(notice: Notice) -> None:
+            say(console, notice)
+
+        # Nobody waits for the newest frame: all are painted once, in the end.
+        pipeline = Pipeline(folder.path, linking, told, punctual=True, paint_live=False, observer=pictures)
+        with closing(pipeline):
+            _stitch_into(pipeline, given, config, console)
+            placed = pipeline.accounts().frames.placed
+            if pictures:
+                pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
+                tell(console, f"debug pictures: {debug}")
+    if not placed:
+        raise NothingPlaced(
+            f"none of {_frames(given.count)} found a place: there is no map, {folder.path} has the reasons"
+        )
+    return folder.path
+
+
+def _refuse_map_among_frames(sources: Sequence[Path], out: Path) -> None:
+    """Raises UsageError if the map would be written among the frames."""
+    if any(source.is_dir() and source.resolve() == out.resolve() for source in sources):
+        raise UsageError(
+            f"--out {out} is the folder of the frames: choose another one, or the map would lie among them"
+        )
+
+
+def _introduce(given: Given, console: Console) -> None:
+    say(console, Notice(source="frames", level="info", text=given.order))
+    for text in given.passed_over:
+        say(console, Notice(source="frames", level="warning", text=text))
+    for text in given.notes:
+        logger.info("%s", text)
+
+
+def _seen(pipeline: Pipeline, name: str) -> NDArray[np.uint8] | None:
+    """A frame (h, w, 3) at full size for people, stretched by itself."""
+    image = pipeline.load_original(name, reduction=1)
+    return None if image is None else display_of(image).picture(image)
+
+
+def _debug_pictures(folder: Path) -> DebugPictures:
+    from gcs_mosaic.debug.pictures import DebugPictures
+
+    return DebugPictures(folder)
+
+
+def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Console) -> None:
+    start = time.monotonic()
+    preparation = Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
+    with progress_on(console) as progress:
+        task = progress.add_task("stitching", total=given.count)
+        done = _work_off(pipeline, preparation, given.frames, task, progress)
+        final = progress.add_task("final painting", total=None)
+        for _ in pipeline.finish():
+            progress.advance(final)
+            pipeline.save()
+        pipeline.save()
+    preparation.close()
+    summarise(pipeline, done, time.monotonic() - start, console)
+
+
+def _work_off(
+    pipeline: Pipeline,
+    preparation: Preparation,
+    found: Iterator[Frame | DamagedFile],
+    task: TaskID,
+    progress: Progress,
+) -> list[Done]:
+    done: list[Done] = []
+    while (prepared := _next(pipeline, preparation, found)) is not None:
+        worked_off = pipeline.work_off(prepared)
+        worked_off.seconds["write"] = pipeline.save()
+        done.append(worked_off)
+        progress.update(
+            task, completed=pipeline.taken_in - len(preparation), description=f"stitching {worked_off.name}"
+        )
+    return done
+
+
+def _next(
+    pipeline: Pipeline, preparation: Preparation, found: Iterator[Frame | DamagedFile]
+) -> Prepared | Unprepared | None:
+    """The next frame, while enough of those behind it are being prepared."""
+    while len(preparation) <= AHEAD and (item := next(found, None)) is not None:
+        if isinstance(item, DamagedFile):
+            pipeline.accept_damaged(item)
+        elif (frame := pipeline.accept(item)) is not None:
+            preparation.append(frame)
+    return preparation.next()
+
+
+def progress_on(console: Console) -> Progress:
+    """Bars that vanish when they are done."""
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
+    """One screen: what became of the frames, and where the time went."""
+    for line in _summary(pipeline, seconds):
+        tell(console, line)
+    table = Table("stage", "median s", "longest s", "total s", title="time per frame")
+    for stage, median, longest, total in _times(done):
+        logger.info("%s: median %s s, longest %s s, total %s s", stage, median, longest, total, extra={"said": True})
+        table.add_row(stage, median, longest, total)
+    console.print(table)
+
+
+def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
+    counts = _counts(pipeline.accounts().frames)
+    yield f"{counts['placed']} of {sum(counts.values())} frames placed in {seconds:.1f} s, {pipeline.recorder.out}"
+    yield from (f"  {count} {state}" for state, count in counts.items() if count and state != "placed")
+    reasons = Counter(frame.reason for frame in pipeline.recorder.ledger.frames() if frame.reason)
+    yield from (f"    {count} x {reason}" for reason, count in reasons.most_common(8))
+    yield _islands_in_words(sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1]))
+    yield from held_out_lines(largest(pipeline.mosaic.held_out(), 12))
+
+
+def _islands_in_words(islands: Sequence[tuple[int, int]]) -> str:
+    """Of numbers and how many frames each has, the largest first."""
+    if len(islands) == 1:
+        return f"one island, {_frames(islands[0][1])}"
+    sizes = ", ".join(f"number {number} with {_frames(count)}" for number, count in islands[:12])
+    return f"{len(islands)} islands: {sizes}{', ...' if len(islands) > 12 else ''}" if islands else "no island"
+
+
+def _frames(count: int) -> str:
+    return "1 frame" if count == 1 else f"{count} frames"
+
+
+def _counts(account: object) -> dict[str, int]:
+    return {state: getattr(account, state) for state in account.__slots__}  # type: ignore[attr-defined]
+
+
+def _times(done: list[Done]) -> Iterator[tuple[str, ...]]:
+    """Each stage with its seconds a frame: the median, the longest, and those of all frames."""
+    for stage in STAGES:
+        seconds = sorted(d.seconds[stage] for d in done if stage in d.seconds)
+        if seconds:
+            yield stage, f"{seconds[len(seconds) // 2]:.3f}", f"{seconds[-1]:.3f}", f"{sum(seconds):.1f}"
+
+
+def tell(console: Console, text: str) -> None:
+    """A line for the operator, which is written down too; it may quote names of files and words of errors."""
+    logger.info("%s", text, extra={"said": True})
+    console.print(text, markup=False)
+
+
+def say(console: Console, notice: Notice) -> None:
+    """Tell the operator."""
+    log_notice(logger, notice)
+    text = f"{notice.level}: {notice.text}" if notice.level != "info" else notice.text
+    console.print(text, markup=False)  # it may quote names of files

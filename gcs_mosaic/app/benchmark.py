@@ -1,0 +1,53 @@
+"""`gcs-mosaic benchmark`: what a frame costs on this machine, stage by stage, at full, half and quarter size.
+
+Decoding and finding features run ahead on other cores during a flight; here they are added up too, so the sum is what a
+frame costs in all. Frames are worked off one after another, nothing else running.
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from gcs_mosaic.app.batch import STAGES
+from gcs_mosaic.app.pipeline import Done, Pipeline
+from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.directory import frames_in
+from gcs_mosaic.messages import Frame
+
+SCALES = (1.0, 0.5, 0.25)
+
+
+def run(sources: Sequence[Path], config: Config, console: Console, most: int | None = None) -> None:
+    """Stitch the frames (the first `most` of them) at each scale into a folder that is thrown away; print a table."""
+    given = frames_in(sources, config.frames)
+    frames = [item for item in given.frames if isinstance(item, Frame)][:most]
+    table = Table("scale", *(f"{stage} s" for stage in STAGES), "sum s", title=f"median of {len(frames)} frames")
+    for scale in SCALES:
+        console.print(f"at {scale:.0%} of the size ...")
+        with tempfile.TemporaryDirectory(prefix="gcs-mosaic-benchmark-") as folder:
+            done = _stitch(frames, Path(folder), replace(config, scale=scale))
+        medians = [statistics.median(d.seconds[stage] for d in done if stage in d.seconds) for stage in STAGES]
+        table.add_row(f"{scale:.0%}", *(f"{m:.3f}" for m in medians), f"{sum(medians):.3f}")
+    console.print(table)
+
+
+def _stitch(frames: list[Frame], out: Path, config: Config) -> list[Done]:
+    pipeline = Pipeline(out, replace(config, originals=replace(config.originals, keep="link")), lambda notice: None)
+    done = []
+    for found in frames:
+        frame = pipeline.accept(found)
+        if frame is not None:
+            done.append(
+                pipeline.work_off(prepare(frame, pipeline.features_of, config.reduction, pipeline.feature_pixels))
+            )
+            done[-1].seconds["write"] = pipeline.save()
+    pipeline.close()
+    return done

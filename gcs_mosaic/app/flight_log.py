@@ -1,0 +1,138 @@
+"""flight.log from the first line of a flight to the last, and everything that must end up in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import logging
+import platform
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import FlightFailed, UsageError
+from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.folder import LEDGER_NAME, LOG_NAME, FlightFolder
+from gcs_mosaic.store.log import LEVELS, LogFile, TerminalHandler, masked, tell
+
+logger = logging.getLogger(__name__)
+
+PACKAGE = "gcs_mosaic"
+
+
+@contextmanager
+def flight_log(folder: FlightFolder, config: Config) -> Iterator[None]:
+    """Keep flight.log in the folder meanwhile. What nobody expected is written there and becomes FlightFailed."""
+    path = folder.path / LOG_NAME
+    file = LogFile(path, config.log, _tell)
+    handlers: list[logging.Handler] = [file, TerminalHandler(config.log)] if config.log.verbose else [file]
+    try:
+        with _listening(handlers, LEVELS[config.log.level]), _catching():
+            _introduce(config)
+            with _written_down(path):
+                yield
+    except (UsageError, CannotWrite):
+        if not (folder.path / LEDGER_NAME).exists():
+            path.unlink(missing_ok=True)  # of a flight that never began nothing stays behind
+        raise
+
+
+@contextmanager
+def _written_down(path: Path) -> Iterator[None]:
+    """How the flight ends."""
+    try:
+        yield
+    except (UsageError, CannotWrite) as error:
+        logger.error("%s", error, exc_info=True, extra={"said": True})
+        raise
+    except Exception as error:
+        logger.exception("the flight has failed")
+        raise FlightFailed(f"a fault of the program has ended the flight ({error!r}); {path} tells where") from error
+    except BaseException as error:
+        logger.warning("the flight is interrupted (%r)", error)
+        raise
+    logger.info("the flight has ended")
+
+
+@contextmanager
+def _listening(handlers: list[logging.Handler], level: int) -> Iterator[None]:
+    """All records reach the handlers: our own from `level` on, those of the libraries if they are warnings."""
+    root, ours = logging.getLogger(), logging.getLogger(PACKAGE)
+    before = ours.level
+    ours.setLevel(level)
+    for handler in handlers:
+        root.addHandler(handler)
+    try:
+        yield
+    finally:
+        ours.setLevel(before)
+        for handler in handlers:
+            root.removeHandler(handler)
+            handler.close()
+
+
+@contextmanager
+def _catching() -> Iterator[None]:
+    """What Python would print on the terminal is logged: the ends of threads, of what is thrown away, warnings."""
+    before = threading.excepthook, sys.unraisablehook, logging.raiseExceptions
+    threading.excepthook, sys.unraisablehook, logging.raiseExceptions = _thread_died, _thrown_away, False
+    logging.captureWarnings(True)
+    try:
+        yield
+    finally:
+        logging.captureWarnings(False)
+        threading.excepthook, sys.unraisablehook, logging.raiseExceptions = before
+
+
+def _thread_died(died: threading.ExceptHookArgs) -> None:
+    if died.exc_type is SystemExit:
+        return
+    name = died.thread.name if died.thread else "?"
+    logger.critical("the thread %s has died", name, exc_info=died.exc_value, extra={"said": True})
+    _tell(
+        f"a part of the program has died ({name}: {died.exc_value!r}), {LOG_NAME} tells where; start gcs-mosaic again"
+    )
+
+
+def _thrown_away(thrown: Any) -> None:
+    logger.error(
+        "%s %r",
+        thrown.err_msg or "an exception that could be raised to nobody, in",
+        thrown.object,
+        exc_info=thrown.exc_value,
+    )
+
+
+def _tell(text: str) -> None:
+    tell(masked(f"gcs-mosaic: {text}"))
+
+
+def _introduce(config: Config) -> None:
+    versions = f"Python {platform.python_version()}, OpenCV {cv2.__version__}, numpy {np.__version__}"
+    logger.info("gcs-mosaic %s, %s, %s", _version(), versions, platform.platform())
+    shown = dataclasses.replace(config, rtsp="…" if config.rtsp else None)  # it may hold a password
+    changed = ", ".join(_differences(shown, Config())) or "none"
+    logger.info("settings that are not the defaults: %s", changed)
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("gcs-mosaic")
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+def _differences(settings: Any, defaults: Any, where: str = "") -> Iterator[str]:
+    for field in dataclasses.fields(settings):
+        value, default = getattr(settings, field.name), getattr(defaults, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from _differences(value, default, f"{where}{field.name}.")
+        elif value != default:
+            yield f"{where}{field.name}={value!r}"

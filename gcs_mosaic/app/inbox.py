@@ -1,0 +1,128 @@
+"""What flows into a live flight: links and the watched folder, each on a thread of its own, into one inbox."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from gcs_mosaic.app.links import Item, Report, Source
+from gcs_mosaic.app.stream_requests import Asking
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.directory import watch
+from gcs_mosaic.frames.rtsp.requests import Requests
+from gcs_mosaic.frames.rtsp.source import stream, stream_name
+from gcs_mosaic.mavlink.tlog_writer import Recording
+from gcs_mosaic.messages import DroppedFrame, Frame, LinkReport, Notice, SourceReport
+from gcs_mosaic.store.folder import RECORDING_NAME
+
+logger = logging.getLogger(__name__)
+
+ROOM = 10_000  # items; a full inbox makes the sources wait, and what comes over the network waits in the kernel
+PICTURES = 64  # of a live stream, in memory: 0.1 GB of 4K; from a folder they stay on the disk
+PUT_S = 0.2  # longest wait for room before looking whether to stop
+STOP_S = 5.0  # for a source to end
+
+
+def record(config: Config, recording: Recording, out: Path) -> Notice | None:
+    """Begin the recording that the settings ask for, `out` being the flight's folder. Raises UsageError."""
+    if not config.record:
+        return None
+    if config.record is True:
+        return recording.open(out / RECORDING_NAME, ours=True)
+    return recording.open(Path(config.record), ours=False)
+
+
+def watching(config: Config, stop: threading.Event) -> Source:
+    """The watched folder, made if it is not there. Raises UsageError."""
+    failed = replace(at_first(config), state="ended")
+    return Source(watch(Path(config.watch), stop, config.frames), failed)
+
+
+def with_stream(address: str, links: Iterable[Source], config: Config, stop: threading.Event) -> list[Source]:
+    """The links, now also asking for frames, and the live stream that gives them. Raises UsageError."""
+    requests = Requests()
+    frames = stream(address, stop, requests, config.stream)
+    asking = Asking(requests, config.shots)
+    asking_links = [replace(link, items=asking.follow(link.items)) for link in links]
+    failed = replace(at_first(config), state="ended")
+    return [*asking_links, Source(frames, failed)]
+
+
+def at_first(config: Config) -> SourceReport:
+    """The source of frames before anything has come of it."""
+    if config.rtsp:
+        return SourceReport(kind="stream", name=stream_name(config.rtsp), state="connecting")
+    return SourceReport(kind="folder", name=config.watch, state="watching")
+
+
+class Inbox:
+    """Collects what sources bring until `stop` is set."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        self._stop = stop
+        self._items: queue.Queue[Item | None] = queue.Queue(ROOM)  # None only wakes who waits
+        self._threads: list[threading.Thread] = []
+        self._pictures = threading.BoundedSemaphore(PICTURES)
+
+    def __len__(self) -> int:
+        return self._items.qsize()
+
+    def fill(self, sources: Iterable[Source]) -> None:
+        """Start a thread for each source."""
+        for source in sources:
+            name = source.failed.address if isinstance(source.failed, LinkReport) else source.failed.kind
+            self._threads.append(threading.Thread(target=self._pump, args=(source,), name=name, daemon=True))
+            self._threads[-1].start()
+
+    def next(self, timeout_s: float) -> Item | None:
+        """The oldest item; None if there is none for so long, or until `wake` is called."""
+        with suppress(queue.Empty):
+            item = self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
+            while item is None:
+                item = self._items.get_nowait()
+            if isinstance(item, Frame) and item.data is not None:
+                self._pictures.release()
+            return item
+        return None
+
+    def wake(self) -> None:
+        """Let `next` wait no longer; from any thread."""
+        with suppress(queue.Full):
+            self._items.put_nowait(None)
+
+    def join(self) -> None:
+        """Wait until the sources have ended, which they do when `stop` is set; one that hangs is left to itself."""
+        for thread in self._threads:
+            thread.join(STOP_S)
+
+    def _pump(self, source: Source) -> None:
+        try:
+            for item in source.items:
+                self._put(item)
+        except Exception as error:  # a source that dies must not go unnoticed
+            logger.exception("a source has failed")
+            self._put(source.failed)
+            self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
+
+    def _put(self, item: Item) -> None:
+        if isinstance(item, Frame) and item.data is not None and not self._pictures.acquire(blocking=False):
+            reason = f"{PICTURES} frames of the stream wait already, the disk or the machine is too slow"
+            item = DroppedFrame(frame=replace(item, data=None), reason=reason)
+        while not self._stop.is_set():
+            with suppress(queue.Full):
+                self._items.put(item, timeout=PUT_S)
+                return
+
+
+def _last_words(failed: Report, error: Exception) -> str:
+    what = f"the link {failed.address}" if isinstance(failed, LinkReport) else _watching_of(failed)
+    return f"{what} has failed and brings nothing any more, start gcs-mosaic again ({error!r})"
+
+
+def _watching_of(source: SourceReport) -> str:
+    return f"the stream {source.name}" if source.kind == "stream" else f"the watching of {source.name}"

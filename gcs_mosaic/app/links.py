@@ -1,0 +1,76 @@
+"""The links of a live flight. Nothing here needs the stitching, so they are heard before that is loaded."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.mavlink.address import connection_string, parse_address
+from gcs_mosaic.mavlink.link import triggers
+from gcs_mosaic.mavlink.monitor import VehicleChoice
+from gcs_mosaic.mavlink.resend import Recovery
+from gcs_mosaic.mavlink.settings import Listening
+from gcs_mosaic.mavlink.signing import Signing, load_key
+from gcs_mosaic.mavlink.speaker import Speaker
+from gcs_mosaic.mavlink.tlog_writer import Recording
+from gcs_mosaic.mavlink.transmitter import Voice, check_identity
+from gcs_mosaic.messages import (
+    DamagedFile,
+    DroppedFrame,
+    Frame,
+    LinkReport,
+    Notice,
+    SourceReport,
+    StreamOffer,
+    TriggerEvent,
+)
+
+Report = LinkReport | SourceReport
+Item = TriggerEvent | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What one thread brings, and what is to be reported if it fails."""
+
+    items: Iterator[Item]
+    failed: Report
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """The links of a flight, opened; what records them once it is opened, and what speaks on them (nothing, as a rule)."""
+
+    sources: list[Source]
+    recording: Recording
+    speakers: list[Speaker]
+
+
+def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
+    """Open the links; `stack` gives them back. Raises UsageError."""
+    check_identity(config.link)
+    key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
+    choice, recovery, taken = VehicleChoice(config.link.vehicle), Recovery(), threading.Event()
+    links = Links([], Recording(), [])
+    stack.callback(links.recording.close)
+    for link_id, address in enumerate(map(parse_address, config.mavlink)):
+        name = connection_string(address)
+        signing = Signing(key) if key else None
+        speaker = None
+        if config.link.announce is not None:
+            voice = Voice(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
+            speaker = Speaker(name, voice, recovery if config.link.recover else None, taken)
+            links.speakers.append(speaker)
+        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
+        stack.callback(_close, items)
+        links.sources.append(Source(items, LinkReport(address=name, state="failed")))
+    return links
+
+
+def _close(items: Generator[Item, None, None]) -> None:
+    with suppress(ValueError):  # its thread still waits for the other side
+        items.close()

@@ -1,0 +1,309 @@
+"""The loop of a live flight: what the sources bring goes in, one thread works it off, tiles and news go out."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from rich.console import Console
+
+from gcs_mosaic.app.event_log import Logbook
+from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.inbox import Inbox, at_first, record, watching, with_stream
+from gcs_mosaic.app.links import Item, Links
+from gcs_mosaic.app.pipeline import Done, Pipeline
+from gcs_mosaic.app.prefetch import Preparation
+from gcs_mosaic.app.retry import Patience
+from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.app.status import Reporter
+from gcs_mosaic.app.statustext import Announcements
+from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.directory import FIRST_LOOK
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, TriggerEvent
+from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
+from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.server import WebServer
+
+logger = logging.getLogger(__name__)
+
+WAIT_S = 0.2  # longest wait for anything before looking whether to stop
+IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
+TAKE_IN_S = 0.5  # then frames that have come are worked off before more are taken in
+CONNECT_SHARE = 4  # one part in so many of the time that is left at the end may go into connecting the parts of the map
+RETRY_S = 2.0  # between attempts to write on a full disk
+
+
+def fly(config: Config, links: Links, console: Console, ending: Ending, *, resume: bool = False) -> None:
+    """Run until told to stop. Raises UsageError before anything is written if it cannot start.
+
+    `links` are those of these settings, opened; the sources of frames are added to them.
+    """
+    watched, out = Path(config.watch), Path(config.out)
+    if not config.rtsp:
+        refuse_watching_ourselves(watched, out)
+    with ExitStack() as stack:
+        # What can be refused comes first: addresses, ports and folders that are taken.
+        address = HttpAddress.parse(config.http) if config.http else None
+        if config.rtsp:
+            links.sources[:] = with_stream(config.rtsp, links.sources, config, ending.stop)
+        folder = open_flight_folder(out, resume=resume)
+        stack.callback(folder.close)
+        stack.enter_context(flight_log(folder, config))
+        recorded = record(config, links.recording, folder.path)
+        feed, page = _serve(address, folder, stack)
+        if not config.rtsp:
+            refuse_watching_ourselves(watched, folder.path)
+            links.sources.append(watching(config, ending.stop))
+        daemon = _Daemon(config, folder, console, ending, feed)
+        stack.callback(daemon.close)
+        daemon.say(Notice(source="out", level="info", text=folder.said))
+        if recorded:
+            daemon.say(recorded)
+        if page:
+            daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
+        daemon.run(links)
+
+
+def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
+    feed = Feed()
+    if address is None:
+        return feed, ""
+    server = WebServer(folder.path, address, feed)
+    page = server.start()
+    stack.callback(server.stop)
+    return feed, page
+
+
+class _Daemon:
+    def __init__(self, config: Config, folder: FlightFolder, console: Console, ending: Ending, feed: Feed) -> None:
+        self._config, self._ending = config, ending
+        self._announcements = Announcements()
+        self._inbox = Inbox(ending.stop)
+        self._patience = Patience(folder.path, self.say, self._wait_for_disk)
+        self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
+        self._preparation = Preparation(
+            self._pipeline.features_of,
+            config.reduction,
+            self._pipeline.feature_pixels,
+            # The paper's recipe refuses for good what does not overlap the frame before.
+            AsTheyCame() if config.method == "paper" else NewestFirst(),
+            self._inbox.wake,
+        )
+        self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
+        self._reporter.watch = at_first(config)
+        self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
+        self._came: dict[str, float] = {}  # when files were whole, by frame name
+        self._last_frame = 0.0
+        self._until = math.inf  # when to be done at the latest
+        self._state: DaemonState = "listening"
+        self._adjusting = False  # whether an adjustment that was begun in a pause is under way
+        self._looked = False  # whether all files that were there at the start have come
+
+    def run(self, links: Links) -> None:
+        """Work until told to stop, then finish."""
+        self._announcements.speakers = links.speakers
+        self._inbox.fill(links.sources)
+        self._patience.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
+        while not self._ending.stop.is_set():
+            self._take_in(0.0 if self._has_work() else WAIT_S)
+            self._work()
+            self._announcements.missing(self._logbook.tick(time.monotonic()))
+            self._patience.write(self._logbook.save)
+            self._report()
+        self._inbox.join()
+        self._finish()
+
+    def say(self, notice: Notice) -> None:
+        self._reporter.say(notice)
+        self._announcements.notice(notice)
+
+    def close(self) -> None:
+        self._preparation.close()
+        self._pipeline.close()
+
+    # Taking in
+
+    def _take_in(self, timeout_s: float) -> None:
+        """What is in the inbox, as far as there is time; waits for a first item if there is none."""
+        until = time.monotonic() + TAKE_IN_S
+        item = self._inbox.next(timeout_s)
+        while item is not None:
+            self._take(item)
+            item = self._inbox.next(0.0) if time.monotonic() < until else None
+
+    def _take(self, item: Item) -> None:
+        match item:
+            case TriggerEvent():
+                self._patience.write(lambda: self._logbook.event(item, item.received))
+            case Frame():
+                self._take_frame(item)
+            case DamagedFile():
+                self._patience.write(lambda: self._pipeline.accept_damaged(item))
+                self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
+            case DroppedFrame():
+                self._patience.write(lambda: self._pipeline.accept_dropped(item))
+                self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
+            case Notice():
+                self._looked |= item.source == FIRST_LOOK
+                self.say(item)
+            case LinkReport():
+                self._reporter.link(item)
+            case SourceReport():
+                self._reporter.watch = item
+
+    def _take_frame(self, found: Frame) -> None:
+        frame = self._patience.write(lambda: self._pipeline.accept(found))
+        # A copy of an earlier picture may be what an event names, but its time says nothing about when it was taken.
+        self._logbook.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
+        self._last_frame = time.monotonic()
+        if frame is not None:
+            self._came[frame.name] = found.received
+            self._preparation.append(frame)
+
+    # Working off
+
+    def _has_work(self) -> bool:
+        return self._preparation.is_ready or self._repainting()
+
+    def _repainting(self) -> bool:
+        return not len(self._preparation) and self._pipeline.has_repaints
+
+    def _work(self) -> None:
+        """Frames first; repainting only when there is none."""
+        if self._preparation.is_ready:
+            prepared = self._preparation.next()
+            assert prepared is not None, "a frame that is ready is there"
+            done = self._pipeline.work_off(prepared)
+            self._preparation.worked_off(done.name, done.on_map, waits=done.state is FrameState.WAITING)
+            self._take_in(0.0)
+            self._preparation.begin()  # with the newest, while this one is written
+            done.seconds["write"] = self._patience.write(self._pipeline.save)
+            self._note_done(done)
+        elif self._repainting() and self._pipeline.repaint_some():
+            self._patience.write(self._pipeline.save)
+        elif self._is_idle() and (self._state == "flying" or self._adjusting):
+            self._state = "idle"
+            self._adjust_in_a_pause()
+            self._patience.write(self._pipeline.save)
+
+    def _adjust_in_a_pause(self) -> None:
+        self._adjusting = False
+        try:
+            self._adjusting = self._pipeline.adjust_in_a_pause()
+        except Exception as error:  # a map that cannot be bettered is still a map
+            logger.exception("the map could not be adjusted in a pause")
+            self.say(Notice(source="daemon", level="error", text=f"the map could not be adjusted ({error!r})"))
+
+    def _is_idle(self) -> bool:
+        return not len(self._preparation) and time.monotonic() - self._last_frame > IDLE_AFTER_S
+
+    def _note_done(self, done: Done) -> None:
+        self._state = "flying"
+        self._announcements.frame(done.state)
+        latency = time.monotonic() - self._came.pop(done.name)
+        self._reporter.last_frame = LastFrame(
+            name=done.name,
+            outcome=done.state,
+            island=done.island,
+            utc=time.time(),
+            seconds_to_tile=latency if done.state is FrameState.PLACED else None,
+            reason=done.reason,
+            covered_by=done.covered_by,
+        )
+        where = f" on island {done.island}" if done.island else f" by {done.covered_by}" if done.covered_by else ""
+        why = f" ({done.reason})" if done.reason else ""
+        seconds = ", ".join(f"{stage} {taken:.2f} s" for stage, taken in done.seconds.items())
+        logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
+        self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
+
+    # Ending
+
+    def _finish(self) -> None:
+        """Work off what has come, adjust and paint a last time, close the accounts."""
+        self._state = "settling"
+        self._take_in_the_rest()
+        self.say(Notice(source="daemon", level="info", text=self._farewell()))
+        while len(self._preparation) and self._may_go_on():
+            self._preparation.wait(WAIT_S)
+            self._work()
+            self._report()
+        self._say_what_is_left()
+        self._paint_final()
+        self._logbook.close()
+        self._patience.write(self._logbook.save)
+        self._patience.write(self._pipeline.save)
+        self._state = "stopped"
+        self._report(now=True)
+        self._reporter.judge(self._pipeline.mosaic.held_out())
+
+    def _take_in_the_rest(self) -> None:
+        while len(self._inbox) and self._may_go_on():
+            self._take_in(0.0)
+            self._report()
+        if len(self._inbox):
+            text = f"{len(self._inbox)} files and messages that came last were left out, there was no time for them"
+            self.say(Notice(source="daemon", level="warning", text=text))
+
+    def _say_what_is_left(self) -> None:
+        if left := len(self._preparation):
+            kept = self._pipeline.recorder.out / "frames"
+            text = f"{left} frames are not on the map, there was no time: gcs-mosaic stitch {kept} makes one of all"
+            self.say(Notice(source="daemon", level="warning", text=text))
+
+    def _paint_final(self) -> None:
+        try:
+            for _ in self._pipeline.settle(self._time_to_connect()):
+                self._report()
+            if self._may_go_on():
+                self._repaint_all()
+        except Exception as error:  # the accounts close all the same
+            logger.exception("the final painting has failed")
+            text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
+            self.say(Notice(source="daemon", level="error", text=text))
+
+    def _repaint_all(self) -> None:
+        for _ in self._pipeline.repaint_all():
+            self._report()
+            if not self._may_go_on():
+                break
+
+    def _time_to_connect(self) -> Callable[[], bool]:
+        """Whether there is still time to connect the parts of the map: a share of what is left now, none in a hurry."""
+        self._may_go_on()  # so that the end is known
+        now = time.monotonic()
+        until = now + (self._until - now) / CONNECT_SHARE
+        return lambda: self._may_go_on() and time.monotonic() < until
+
+    def _may_go_on(self) -> bool:
+        """Whether there is time: all there is until told to stop, then as much as the settings give."""
+        if self._ending.stop.is_set() and math.isinf(self._until):
+            self._until = time.monotonic() + self._config.finish_s
+        return not self._ending.hurry.is_set() and time.monotonic() < self._until
+
+    def _wait_for_disk(self, trouble: CannotWrite) -> None:
+        """Between two attempts to write; at the end not for ever."""
+        self._report(now=True)
+        self._ending.hurry.wait(RETRY_S)
+        if not self._may_go_on():
+            raise trouble
+
+    def _farewell(self) -> str:
+        left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
+        return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
+
+    # Saying
+
+    def _report(self, *, now: bool = False) -> None:
+        pipeline, waiting = self._pipeline, self._preparation
+        behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
+        counted, revision = pipeline.accounts, pipeline.recorder.revision
+        self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)

@@ -1,0 +1,339 @@
+"""A frame's way through the program: the same for a live flight and for a folder of frames."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from gcs_mosaic.app.flight_writer import Recorder
+from gcs_mosaic.app.painting import Painting
+from gcs_mosaic.app.prefetch import Prepared, Unprepared
+from gcs_mosaic.baseline.mosaic import PaperMosaic
+from gcs_mosaic.baseline.painter import PaperPainter
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.decode import Unreadable, load_image
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice
+from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.repaint_queue import Painter
+from gcs_mosaic.stitch.bundle.worker import WorkerProcess
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.features.extraction import Features, extract
+from gcs_mosaic.stitch.graph.observer import Observer, Observers
+from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
+from gcs_mosaic.stitch.mapping.journal import Journal
+from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.transaction import Kept, transaction
+from gcs_mosaic.store.originals import is_intact
+from gcs_mosaic.store.records import Accounts, FrameState
+from gcs_mosaic.store.stages import stage
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of a frame, for the operator. `seconds` by stage."""
+
+    name: str
+    state: FrameState
+    reason: str | None
+    island: int | None
+    seconds: dict[str, float]
+    covered_by: str | None = None
+    on_map: tuple[str, ...] = ()  # frames that have their place since: this one, and such as waited for it
+
+
+class Pipeline(Kept):
+    """Owns the mosaic, the canvas and the output folder of one flight. Used by one thread.
+
+    A frame is placed and painted, or it is rejected and all is as if it had never come, whatever was raised on the way. What
+    is no fault of it does not cost it: an island that cannot be adjusted stays as it was, another frame that cannot be
+    painted stays unpainted and is tried again with the next ones, a part of the map that cannot be repainted
+    goes on showing what it shows. All that is said.
+
+    `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
+    the same frames always give the same map, however fast the machine is. `paint_live`: each frame is painted as it comes, not
+    all in the end. `observer` looks on while frames are placed. `utc`
+    tells the time that is written into documents.
+    """
+
+    FIXED = frozenset({"_worker", "_say"})
+
+    def __init__(
+        self,
+        out: Path,
+        config: Config,
+        say: Callable[[Notice], None],
+        published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
+        *,
+        punctual: bool = False,
+        paint_live: bool = True,
+        observer: Observer | None = None,
+        utc: Callable[[], float] = time.time,
+    ) -> None:
+        self.recorder = Recorder(out, config, published, utc)
+        self._worker = WorkerProcess()
+        self.mosaic: Mosaic | PaperMosaic
+        self._painter: Painter | PaperPainter
+        if config.method == "paper":
+            self.mosaic = PaperMosaic(config.paper, config.reduction)
+            self._painter = PaperPainter(self.mosaic)
+        else:
+            observers = Observers(Journal(), observer)
+            self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
+            note = self._note_painted
+            self._painter = Painter(self.load_original, note, config.paint, scratch=out, live=paint_live)
+        self.taken_in = 0  # files, whatever became of them
+        self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
+        self._reduction = config.reduction
+        self._feature_settings = config.stitch.features
+        self._say = say
+        self._orders: dict[str, int] = {}
+        self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
+        self._names: dict[str, str] = {}  # first frame's name by content hash
+        self._painting = Painting(
+            self._painter, self.recorder, self, self.load_original, lambda name: self._orders[name], say
+        )
+
+    @property
+    def has_repaints(self) -> bool:
+        """Whether some frames lie elsewhere than where they are painted."""
+        return self._painter.has_repaints
+
+    def accounts(self) -> Accounts:
+        return self.recorder.ledger.accounts()
+
+    def features_of(self, image: Bands, *, reduction: int) -> Features:
+        """What frames are placed by. May be called from any thread."""
+        if isinstance(self.mosaic, PaperMosaic):
+            return self.mosaic.features_of(image)
+        return extract(image, self._feature_settings, reduction)
+
+    @property
+    def feature_pixels(self) -> float:
+        """Pixels of a frame that features are sought in; the paper's method takes frames as they are."""
+        return 0.0 if isinstance(self.mosaic, PaperMosaic) else self._feature_settings.megapixels * 1e6
+
+    # Frames come in
+
+    def accept(self, frame: Frame) -> Frame | None:
+        """Write down that a frame has come, and keep its original; returns the frame to work off, as it is kept.
+
+        None if the same picture came before. After DiskFull nothing has happened: tell it again.
+        """
+        earlier = self._names.get(frame.content_hash)
+        if earlier is not None:
+            self.recorder.accept_duplicate(frame, earlier)
+            logger.info("%s: duplicate, the same picture as %s", frame.name, earlier)
+            self.taken_in += 1
+            return None
+        self.recorder.in_a_pause = False
+        kept, said = self.recorder.accept(frame)
+        self.taken_in += 1
+        self._names[frame.content_hash] = frame.name
+        self._orders[frame.name] = len(self._orders)
+        self._places[frame.name] = (kept.path, frame.content_hash)
+        for notice in said:
+            self._say(notice)
+        return kept
+
+    def accept_damaged(self, damaged: DamagedFile) -> None:
+        """Write down that a file is not whole."""
+        self.recorder.accept_damaged(damaged)
+        logger.info("%s: damaged, %s", damaged.name, damaged.reason)
+        self.taken_in += 1
+
+    def accept_dropped(self, dropped: DroppedFrame) -> None:
+        """Write down that there was no room for a stream's frame."""
+        self.recorder.accept_dropped(dropped)
+        logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
+        self.taken_in += 1
+
+    # Frames are worked off
+
+    def work_off(self, prepared: Prepared | Unprepared) -> Done:
+        """Place a frame, paint it and whatever finds its place because of it. `save` is to follow."""
+        name = prepared.frame.name
+        try:
+            with transaction(self):
+                return self._work_off(prepared)
+        except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
+            logger.exception("%s could not be worked off", name)
+            reason = f"it could not be worked off ({error!r})"
+            self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
+            self._settle(name, FrameState.REJECTED, reason)
+            return Done(name, FrameState.REJECTED, reason, None, {})
+
+    def _work_off(self, prepared: Prepared | Unprepared) -> Done:
+        name = prepared.frame.name
+        if isinstance(prepared, Unprepared):
+            self._names.pop(prepared.frame.content_hash, None)  # it may come again, and be readable then
+            self._settle(name, FrameState.DAMAGED, prepared.reason)
+            return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
+        self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
+        start = time.perf_counter()
+        self._painter.begin_look(name, prepared.image)
+        with stage("place", name):
+            in_sight = self._painter.in_sight(prepared.features, prepared.image)
+            outcome = self.mosaic.place(in_sight, name, self._orders[name])
+        with stage("adjust", name):
+            self._adjusted(self.mosaic.adjust)
+        placed = time.perf_counter()
+        state, reason = _state_of(outcome)
+        self._settle(name, state, reason)
+        covered_by = self.recorder.changes.cover(outcome) if isinstance(outcome, Covered) else None
+        with stage("paint", name):
+            found = self._paint_moved(prepared)
+        seconds = {"place": placed - start, "paint": time.perf_counter() - placed}
+        island = outcome.island if isinstance(outcome, Placement) else None
+        on_map = (*found, name) if covered_by else found
+        return Done(name, state, reason, island, prepared.seconds | seconds, covered_by, on_map)
+
+    def repaint_some(self) -> bool:
+        """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
+        with stage("repaint", ""):
+            some = self._painting.repaint_some()
+        self._say_problem("canvas", self._painter.canvas.problem)
+        return some
+
+    def adjust_in_a_pause(self) -> bool:
+        """Use a pause in the flight to adjust every island that has grown. `save` is to follow.
+
+        To be called again while it returns True: the adjustment is under way in the background.
+        """
+        self.recorder.in_a_pause = True
+        under_way = self._adjusted(self.mosaic.adjust_in_a_pause) or self._connected_some()
+        with transaction(self):
+            self._paint_moved(None)
+        return bool(under_way)
+
+    def _connected_some(self) -> bool:
+        """Compare some frames that look alike and are not connected; whether there are more."""
+        try:
+            more = self.mosaic.connect_some()
+        except Exception as error:
+            logger.exception("frames could not be compared")
+            self._say_problem(
+                "islands", f"some frames could not be compared with those that look like them ({error!r})"
+            )
+            more = True  # maybe; what has raised is not compared again, so this comes to an end
+        self._adjusted(self.mosaic.adjust)
+        return more
+
+    def finish(self) -> Iterator[None]:
+        """The flight is over: settle it, then paint all, step by step. `save` may be called after each step."""
+        yield from self.settle()
+        yield from self.repaint_all()
+
+    def settle(self, may_connect: Callable[[], bool] = lambda: True) -> Iterator[None]:
+        """The flight is over: connect what can be, adjust everything, reject the rest, step by step.
+
+        To be gone through to its end, or frames stay waiting; when time is short, `may_connect` says so. It tells whether
+        more frames may be compared that are not connected: a map that is painted comes before one that is in fewer parts.
+        """
+        self.recorder.in_a_pause = True
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
+        while self._connected_some():
+            if not may_connect():
+                text = "there was no time to connect more parts of the map: stitch goes on with it"
+                self._say(Notice(source="adjustment", level="info", text=text))
+                break
+            with transaction(self):
+                self._paint_moved(None)
+            yield
+        self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
+        self._adjusted(partial(self.mosaic.adjust, everything=True))
+        with transaction(self):
+            self._paint_moved(None)
+            for rejection in self.mosaic.finish():
+                self._settle(rejection.name, FrameState.REJECTED, rejection.reason)
+        yield
+
+    def repaint_all(self) -> Iterator[None]:
+        """Bring everything to its final place and brightness, step by step; to be left off whenever time is over."""
+        yield from self._painting.repaint_all(self.mosaic.placements())
+
+    def _paint_moved(self, prepared: Prepared | None) -> tuple[str, ...]:
+        """Paint what has found its place, and return the names; note what must be painted elsewhere."""
+        moved = self.mosaic.moved()
+        self.recorder.changes.placements |= {placement.name: placement for placement in moved}
+        found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
+        for name in found:
+            self._settle(name, FrameState.PLACED, None)
+        self._painting.follow(moved, prepared)
+        return found
+
+    def _adjusted(self, adjust: Callable[[], T]) -> T | None:
+        """What goes wrong here is not the fault of the frame that has just been placed: a map is a map, bettered or not."""
+        found = self._tried(adjust, "the map could not be adjusted")
+        self._say_problem("adjustment", self.mosaic.problem)
+        return found
+
+    def _tried(self, attempt: Callable[[], T], otherwise: str) -> T | None:
+        """What it returns; None if it raises. A fault that comes again at every frame is said and logged once."""
+        try:
+            found = attempt()
+        except Exception as error:
+            text = f"{otherwise} ({error!r})"
+            if text != self._said_problems.get(otherwise):
+                logger.exception("%s", otherwise)
+                self._say(Notice(source="adjustment", level="error", text=text))
+            self._said_problems[otherwise] = text
+            return None
+        self._said_problems.pop(otherwise, None)
+        return found
+
+    def _say_problem(self, source: str, problem: str | None) -> None:
+        if problem and problem != self._said_problems.get(source):
+            self._say(Notice(source=source, level="warning", text=problem))
+        self._said_problems[source] = problem
+
+    def load_original(self, name: str, reduction: int | None = None) -> Bands | None:
+        """A frame as it came, reduced as in all of this flight or by another factor; None if it is gone or has changed."""
+        path, content_hash = self._places[name]
+        if not is_intact(path, content_hash):
+            return None
+        image = load_image(path, reduction=reduction or self._reduction)
+        return None if isinstance(image, Unreadable) else image
+
+    def _note_painted(self, painted: Painted) -> None:
+        self.recorder.changes.painted[painted.name] = painted
+        assert isinstance(self.mosaic, Mosaic), "the paper's painter tells of nothing painted"
+        self.mosaic.hold(painted.name, painted.pose, painted.camera)
+
+    def _settle(self, name: str, state: FrameState, reason: str | None) -> None:
+        if self.recorder.changes.states.get(name) != (state, reason):
+            logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
+        self.recorder.changes.states[name] = (state, reason)
+
+    def save(self) -> float:
+        """Write everything that has changed; returns the seconds it took. After DiskFull call it again."""
+        start = time.perf_counter()
+        mosaic = self.mosaic
+        self.recorder.save(self._painter.canvas, mosaic.islands, mosaic.frame_counts(), mosaic.held_out)
+        return time.perf_counter() - start
+
+    def close(self) -> None:
+        """Let go of everything; what is not saved is lost."""
+        self._worker.close()
+        self._painter.close()
+        self.recorder.close()
+
+
+def _state_of(outcome: Outcome) -> tuple[FrameState, str | None]:
+    match outcome:
+        case Placement():
+            return FrameState.PLACED, None
+        case Covered():
+            return FrameState.COVERED, None
+        case Waiting():
+            return FrameState.WAITING, None
+        case Rejection():
+            return FrameState.REJECTED, outcome.reason

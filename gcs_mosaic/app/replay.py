@@ -1,0 +1,188 @@
+"""`gcs-mosaic replay`: a recorded flight through the same code as a live one, with the same result every time.
+
+Time is the recording's own, whatever the clock on the wall says, and adjustments come after fixed numbers of frames.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+from rich.console import Console
+from rich.progress import Progress
+
+from gcs_mosaic.app.batch import progress_on, say, summarise, tell
+from gcs_mosaic.app.event_log import Logbook
+from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.pipeline import Done, Pipeline
+from gcs_mosaic.app.prefetch import FindFeatures, Preparation, Prepared, Unprepared
+from gcs_mosaic.app.replay_timing import Arrivals, arrivals
+from gcs_mosaic.app.turns import AHEAD
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.files import looks_in, read_frame
+from gcs_mosaic.frames.scan import Look
+from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.store.folder import open_flight_folder
+from gcs_mosaic.store.records import EventAccount
+
+_FOUND_AFTER = 1.5  # looks: a file is taken at the second that finds it unchanged
+
+Happening: TypeAlias = tuple[float, TriggerEvent | Notice | tuple[Look, bool]]
+"""When, in seconds of the recording, and what: a message, words, or a file and whether it came in the flight."""
+
+
+def replay(recording: Path, frames: Path, out: Path, config: Config, console: Console, speed: float = 0.0) -> Path:
+    """Fly `recording` again with the pictures in `frames`; returns the folder that holds the flight.
+
+    `speed` is how many times as fast as it was flown; 0 as fast as it goes. Raises UsageError before anything is written.
+    """
+    if not 0 <= speed < math.inf:
+        raise UsageError(f"--speed {speed:g} is not understood: give 1 for as it was flown, 2 for twice as fast, or 0.")
+    looks, passed_over = looks_in(frames)
+    with progress_on(console) as progress:
+        link = _read(recording, config, progress)
+        came = arrivals(looks, link, config.shots, _FOUND_AFTER * config.frames.poll_s)
+        folder = open_flight_folder(out)
+        with closing(folder), flight_log(folder, config):
+            for text in (folder.said, _described(link, looks, came)):
+                say(console, Notice(source="replay", level="info", text=text))
+            for text in passed_over:
+                say(console, Notice(source="frames", level="warning", text=text))
+            with closing(_Replay(folder.path, config, console, link)) as flight:
+                start = time.monotonic()
+                done = flight.fly(_happenings(link, looks, came), speed, progress)
+                flight.summarise(done, time.monotonic() - start)
+    return folder.path
+
+
+def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
+    size = recording.stat().st_size if recording.is_file() else None
+    task = progress.add_task(f"reading {recording.name}", total=size)
+    link = read_recording(recording, config.link, lambda read: progress.update(task, completed=read))
+    progress.remove_task(task)
+    return link
+
+
+def _happenings(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> list[Happening]:
+    """All that happens, in order; a message before the file that comes at the same moment."""
+    files = [(seconds, (look, fresh)) for seconds, look, fresh in zip(came.seconds, looks, came.fresh, strict=True)]
+    return sorted([*link.heard, *files], key=lambda happening: happening[0])  # stable, so nothing else decides
+
+
+def _described(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> str:
+    what = f"{link.packets} packets of {link.seconds:.0f} s with {len(link.events)} camera messages"
+    return f"{what}; {len(looks)} files, which came as told by {came.told_by}"
+
+
+class _Replay:
+    def __init__(self, out: Path, config: Config, console: Console, link: RecordedLink) -> None:
+        # Nobody writes into a finished folder any more, so its frames need no copies.
+        linking = replace(config, originals=replace(config.originals, keep="link"))
+        self._config, self._console, self._now = config, console, 0.0
+        began_utc = link.began_utc or 0.0
+        self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
+        self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
+        self._done: list[Done] = []
+
+    def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
+        """All that happens, then the final painting; returns what became of the frames."""
+        looks = [what[0] for _, what in happenings if isinstance(what, tuple)]
+        task, start = progress.add_task("flying", total=len(looks)), time.monotonic()
+        with closing(
+            _ReadAhead(looks, self._config, self._pipeline.features_of, self._pipeline.feature_pixels)
+        ) as files:
+            for seconds, what in happenings:
+                if speed:
+                    time.sleep(max(0.0, start + seconds / speed - time.monotonic()))
+                self._take(seconds, what, files)
+                progress.update(task, completed=files.taken, description=f"flying, {seconds:.0f} s")
+        self._finish(progress)
+        return self._done
+
+    def summarise(self, done: list[Done], seconds: float) -> None:
+        """What became of the frames and of the events."""
+        summarise(self._pipeline, done, seconds, self._console)
+        tell(self._console, f"events: {_told(self._pipeline.accounts().events)}")
+
+    def close(self) -> None:
+        self._pipeline.close()
+
+    def _take(self, now: float, what: TriggerEvent | Notice | tuple[Look, bool], files: _ReadAhead) -> None:
+        self._now = now
+        self._logbook.tick(now)
+        match what:
+            case TriggerEvent():
+                self._logbook.event(what, now)
+            case Notice():
+                self._say(what)
+            case (_, fresh):
+                self._take_file(files.next(), now, fresh)
+        self._logbook.save()
+
+    def _take_file(self, file: Prepared | Unprepared | DamagedFile, now: float, fresh: bool) -> None:
+        if isinstance(file, DamagedFile):
+            self._pipeline.accept_damaged(file)
+            return
+        found = replace(file.frame, received=now)
+        frame = self._pipeline.accept(found)
+        self._logbook.frame(found, now, fresh=fresh and frame is not None)
+        if frame is not None:
+            done = self._pipeline.work_off(replace(file, frame=frame))
+            done.seconds["write"] = self._pipeline.save()
+            self._done.append(done)
+
+    def _finish(self, progress: Progress) -> None:
+        task = progress.add_task("final painting", total=None)
+        for _ in self._pipeline.finish():
+            progress.advance(task)
+            self._pipeline.save()
+        self._logbook.close()
+        self._logbook.save()
+        self._pipeline.save()
+
+    def _say(self, notice: Notice) -> None:
+        say(self._console, notice)
+
+
+class _ReadAhead:
+    """Files in the order in which they came, read and prepared before it is their turn."""
+
+    def __init__(self, looks: Sequence[Look], config: Config, find: FindFeatures, least_pixels: float) -> None:
+        self.taken = 0
+        self._looks, self._settings = iter(looks), config.frames
+        self._read: deque[Frame | DamagedFile] = deque()
+        self._preparation = Preparation(find, config.reduction, least_pixels)
+
+    def next(self) -> Prepared | Unprepared | DamagedFile:
+        """The next file; there must be one."""
+        self._read_on()
+        self.taken += 1
+        found = self._read.popleft()
+        if isinstance(found, DamagedFile):
+            return found
+        prepared = self._preparation.next()
+        assert prepared is not None, "every frame that was read is being prepared"
+        return prepared
+
+    def close(self) -> None:
+        self._preparation.close()
+
+    def _read_on(self) -> None:
+        while len(self._read) <= AHEAD and (look := next(self._looks, None)) is not None:
+            found = read_frame(look, look.name, self._settings)
+            self._read.append(found)
+            if isinstance(found, Frame):
+                self._preparation.append(found)
+
+
+def _told(account: EventAccount) -> str:
+    counts = {state: getattr(account, state) for state in account.__slots__}
+    return ", ".join(f"{count} {state}" for state, count in counts.items() if count) or "none"

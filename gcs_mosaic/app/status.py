@@ -1,0 +1,119 @@
+"""What the operator hears and sees of a running flight: lines in the terminal, notices in the ledger, status.json."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sqlite3
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from gcs_mosaic.messages import LinkReport, Notice, SourceReport
+from gcs_mosaic.store.disk import DiskFull, overwrite, write_beside
+from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.log import log_notice
+from gcs_mosaic.store.records import Accounts, FlightRecord, NoticeRecord
+from gcs_mosaic.store.status import Behind, DaemonState, LastFrame, Status, status_document
+
+logger = logging.getLogger(__name__)
+
+STATUS_EACH_S = 1.0
+NOTICES_SHOWN = 20
+ISLANDS_SHOWN = 12  # all are in mosaic.json
+STATUS_BYTES = 8192  # more than the document needs: it is filled up, so that it fits where it is when the disk is full
+STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
+
+
+class Reporter:
+    """Says things aloud and keeps status.json up to date. A full disk never stops it."""
+
+    def __init__(self, out: Path, flight: FlightRecord, ledger: Ledger, console: Console) -> None:
+        self._path = out / "status.json"
+        self._flight, self._ledger, self._console = flight, ledger, console
+        self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
+        self._written = 0.0
+        self._links: dict[str, LinkReport] = {}
+        self.watch: SourceReport | None = None
+        self.last_frame: LastFrame | None = None
+
+    def say(self, notice: Notice) -> None:
+        """Tell the operator, and remember that it was told."""
+        now = time.time()
+        log_notice(logger, notice)
+        self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
+        self.line(notice.text, STYLES[notice.level])
+        with suppress(DiskFull, sqlite3.OperationalError):
+            self._ledger.record_notice(notice, now)
+
+    def line(self, text: str, style: str = "") -> None:
+        """One line in the terminal, with the time of day. A terminal that has gone must not end the flight."""
+        line = f"{datetime.now():%H:%M:%S} {escape(text)}"
+        try:
+            self._console.print(line, style=style, highlight=False, soft_wrap=True)
+        except (OSError, SystemExit):  # the second is what rich makes of a broken pipe
+            logger.info("the terminal is gone", exc_info=True)
+            self._console = Console(quiet=True)
+
+    def judge(self, held_out: Figures) -> None:
+        """Say how good the map has become."""
+        for line in held_out_lines(largest(held_out, ISLANDS_SHOWN)):
+            logger.info("%s", line, extra={"said": True})
+            self.line(line)
+
+    def link(self, report: LinkReport) -> None:
+        """How a link is; when it was heard last stays known."""
+        before = self._links.get(report.address)
+        heard = report.last_heard_utc or (before.last_heard_utc if before else None)
+        self._links[report.address] = replace(report, last_heard_utc=heard)
+
+    def write(
+        self,
+        state: DaemonState,
+        behind: Behind,
+        revision: int,
+        accounts: Callable[[], Accounts],
+        held_out: Callable[[], Figures] = dict,
+        *,
+        now: bool = False,
+    ) -> None:
+        """Write status.json, but not more often than is useful."""
+        if not now and time.monotonic() - self._written < STATUS_EACH_S:
+            return
+        try:
+            counted = accounts()
+        except sqlite3.OperationalError:  # the disk is gone, as whoever writes the ledger tells
+            logger.debug("the accounts cannot be read", exc_info=True)
+            return
+        status = Status(
+            flight=self._flight.name,
+            state=state,
+            updated_utc=time.time(),
+            started_utc=self._flight.started_utc,
+            revision=revision,
+            mavlink=tuple(self._links.values()),
+            watch=self.watch,
+            behind=behind,
+            last_frame=self.last_frame,
+            accounts=counted,
+            held_out=largest(held_out(), ISLANDS_SHOWN),
+            notices=tuple(self._notices),
+        )
+        self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
+        self._written = time.monotonic()
+
+    def _put(self, data: bytes) -> None:
+        try:
+            write_beside(self._path, data)
+        except (DiskFull, OSError):  # whoever writes the map tells of it
+            logger.debug("%s cannot be written beside", self._path.name, exc_info=True)
+            with suppress(DiskFull, OSError):
+                overwrite(self._path, data)

@@ -1,0 +1,51 @@
+"""What the operator at the ground station is told, in a few words, where announcing was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from gcs_mosaic.mavlink.announcements import Announcement, Topic
+from gcs_mosaic.mavlink.speaker import Speaker
+from gcs_mosaic.messages import Notice
+from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.triggers import Missing
+
+DISK_SOURCES = ("disk", "originals")  # of notices about writing and about what is left to write on
+
+
+class Announcements:
+    """Picks what is worth a word from what happens, and has it said by the `speakers` of all links: none, as a rule."""
+
+    def __init__(self) -> None:
+        self.speakers: Sequence[Speaker] = ()
+        self._overlapping, self._ever_overlapped = False, False
+        self._missing = 0
+
+    def frame(self, state: FrameState) -> None:
+        """A frame was worked off: does the flight still overlap with the map?"""
+        if state is FrameState.WAITING and self._overlapping:
+            self._overlapping = False
+            self._tell("overlap", "Mosaic: overlap lost, frames match nothing")
+        elif state in (FrameState.PLACED, FrameState.COVERED):
+            if not self._overlapping and self._ever_overlapped:
+                self._tell("overlap", "Mosaic: overlap is back", warning=False)
+            self._overlapping = self._ever_overlapped = True
+
+    def missing(self, events: Iterable[Missing]) -> None:
+        """These shots have no frame."""
+        for event in events:
+            self._missing += 1
+            number = event.event.sequence
+            shots = "shot" if self._missing == 1 else "shots"
+            last = "" if number is None else f", last: {number}"
+            self._tell("frames", f"Mosaic: {self._missing} {shots} without frame{last}")
+
+    def notice(self, notice: Notice) -> None:
+        """Something was said aloud."""
+        if notice.source in DISK_SOURCES and notice.level != "info":
+            bad = notice.level == "error"
+            self._tell("disk", "Mosaic: the disk cannot be written" if bad else "Mosaic: the disk is filling up")
+
+    def _tell(self, topic: Topic, text: str, *, warning: bool = True) -> None:
+        for speaker in self.speakers:
+            speaker.tell(Announcement(topic, text, warning))

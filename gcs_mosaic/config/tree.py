@@ -1,0 +1,74 @@
+"""All settings in one tree, read from YAML. Each room's defaults stand beside the room; here they are only put together."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gcs_mosaic.baseline.mosaic import PaperSettings
+from gcs_mosaic.config.methods import Method
+from gcs_mosaic.config.settings_file import from_mapping, read_settings
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.mavlink.settings import Listening
+from gcs_mosaic.render.repaint_queue import PaintSettings
+from gcs_mosaic.stitch.features.detectors import FeatureKind
+from gcs_mosaic.stitch.mosaic import StitchSettings
+from gcs_mosaic.store.log import LogSettings
+from gcs_mosaic.store.originals import OriginalsSettings
+from gcs_mosaic.store.tiles import TileSettings
+from gcs_mosaic.triggers import PairingSettings
+from gcs_mosaic.triggers.shots import ShotSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Config(Listening):
+    """What `gcs-mosaic` runs with. Paths are relative to where it is started."""
+
+    watch: str = "frames"  # folder in which the camera's files appear
+    # live stream instead of a folder, such as rtsp://HOST:554/main; auto: where the aircraft says that it is; null: none
+    rtsp: str | None = None
+    out: str = "mosaic"  # folder for tiles, ledger and originals
+    http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
+    method: Method = "adjusted"  # paper: its recipe literally, to compare with; it breaks on long flights
+    scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
+    # what is heard is kept as FILE.tlog, or with true as flight.tlog in the output folder, for replay; false: it is not
+    record: bool | str = False
+    finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
+    frames: FolderSettings = field(default_factory=FolderSettings)
+    stream: StreamSettings = field(default_factory=StreamSettings)
+    shots: ShotSettings = field(default_factory=ShotSettings)
+    pairing: PairingSettings = field(default_factory=PairingSettings)
+    stitch: StitchSettings = field(default_factory=StitchSettings)
+    paper: PaperSettings = field(default_factory=PaperSettings)
+    paint: PaintSettings = field(default_factory=PaintSettings)
+    originals: OriginalsSettings = field(default_factory=OriginalsSettings)
+    tiles: TileSettings = field(default_factory=TileSettings)
+    log: LogSettings = field(default_factory=LogSettings)
+
+    def __post_init__(self) -> None:
+        if self.scale not in (1, 0.5, 0.25):
+            raise ValueError(f"scale: expected 1, 0.5 or 0.25, got {self.scale:g}")
+
+    @property
+    def features(self) -> FeatureKind:
+        """What frames are placed by."""
+        return self.paper.features if self.method == "paper" else self.stitch.features.kind
+
+    def with_features(self, kind: FeatureKind) -> Config:
+        """The same with other features, in whichever method."""
+        features = dataclasses.replace(self.stitch.features, kind=kind)
+        stitch = dataclasses.replace(self.stitch, features=features)
+        return dataclasses.replace(self, stitch=stitch, paper=dataclasses.replace(self.paper, features=kind))
+
+    @property
+    def reduction(self) -> int:
+        """Whole factor by which frames are reduced."""
+        return round(1 / self.scale)
+
+
+def load_config(path: Path) -> Config:
+    """Settings from a YAML file over the defaults. UsageError names what is unknown or of the wrong kind."""
+    return typing.cast(Config, from_mapping(Config, read_settings(path), str(path)))

@@ -1,0 +1,115 @@
+"""A flight for other programs: where every pixel of every frame lies, and the map as one picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, cast
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.export.tile_reader import level_within, picture, pixel_bounds
+from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.camera.relief import on_plane
+from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store.documents import Document, write_json
+from gcs_mosaic.store.folder import LEDGER_NAME, find_flight
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.listing import FrameNews, Listing
+from gcs_mosaic.store.manifest import last_revision
+from gcs_mosaic.store.records import Estimate, FrameState
+from gcs_mosaic.store.tiles import encode
+
+WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points a lens is straight to a hundredth of a pixel
+LARGEST_PICTURE = 100_000_000  # pixels, if no level is given; more than most programs open
+MOST_PIXELS = 1_500_000_000  # pixels, whatever is asked for: 6 GB
+
+
+def export_placements(flight: Path, target: Path) -> str:
+    """Write the placements of a flight's ledger with the exact place of a grid of pixels; returns what was done."""
+    with Ledger(find_flight(flight) / LEDGER_NAME, read_only=True) as ledger:
+        listing, estimates = Listing(), ledger.estimates()
+        rejected = {frame.name: frame.reason or "" for frame in ledger.frames(FrameState.REJECTED)}
+        waiting = [frame.name for frame in ledger.frames(FrameState.WAITING)]
+        covered, newest = ledger.covered(), ledger.newest_on_map()
+    listing.tell(FrameNews(estimates=estimates, covered=covered, rejected=rejected, waiting=waiting, newest=newest))
+    document: Document = json.loads(listing.text(last_revision(flight)))
+    for entry, estimate in zip(cast("list[Document]", document["frames"]), estimates, strict=True):
+        entry["warp"] = warp(estimate)
+    with telling_where(target):
+        write_json(target, document)
+    return f"{len(estimates)} placements written to {target}"
+
+
+def warp(estimate: Estimate) -> Document:
+    """Where a grid of a frame's pixels lies on the canvas, lens, relief and all; null above the horizon."""
+    grid = pixel_grid(estimate.camera, WARP_COLUMNS, WARP_ROWS)
+    places = _places(estimate, grid).round(3)
+    rows = places.astype(object).reshape(WARP_ROWS, WARP_COLUMNS, 2)
+    rows[np.isnan(places.reshape(rows.shape))] = None  # JSON has no NaN
+    return {
+        "x": grid[:WARP_COLUMNS, 0].tolist(),
+        "y": grid[::WARP_COLUMNS, 1].tolist(),
+        "canvas": rows.tolist(),
+    }
+
+
+def _places(estimate: Estimate, pixels: Array) -> Array:
+    """Canvas places (n, 2) of a frame's pixels (n, 2)."""
+    if estimate.homography is not None:
+        return np.asarray(cv2.perspectiveTransform(pixels[None], np.array(estimate.homography))[0], dtype=np.float64)
+    return canvas_from_pixels(estimate.pose, estimate.camera, on_plane(estimate.relief, estimate.camera, pixels))
+
+
+def export_png(flight: Path, target: Path, *, island: int | None = None, level: int | None = None) -> str:
+    """Write an island (the largest if none is named) as one picture with alpha; returns what was done."""
+    chosen = chosen_island(find_flight(flight), island)
+    bounds, finest = chosen["bounds"], chosen["maxzoom"]
+    zoom = level_within(bounds, LARGEST_PICTURE, finest) if level is None else level
+    left, top, right, bottom = pixel_bounds(bounds, zoom)
+    if (right - left) * (bottom - top) > MOST_PIXELS:
+        raise UsageError(
+            f"A picture of level {zoom} would have {right - left} x {bottom - top} pixels; give a lower --zoom."
+        )
+    bgra = picture(flight, chosen["id"], bounds, zoom)
+    with telling_where(target):
+        write_beside(target, encode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 1]))
+    finer = f"; --zoom {finest} is the finest" if zoom < finest else ""
+    return (
+        f"island {chosen['id']} at level {zoom}, {bgra.shape[1]} x {bgra.shape[0]} pixels, written to {target}{finer}"
+    )
+
+
+def chosen_island(flight: Path, number: int | None) -> dict[str, Any]:
+    """The entry of mosaic.json for an island."""
+    islands = [i for i in _islands(flight) if "merged_into" not in i]
+    if not islands:
+        raise UsageError(f"{flight} holds no picture: no frame was placed in this flight.")
+    wanted = [i for i in islands if number is None or i["id"] == number]
+    if not wanted:
+        there = ", ".join(str(i["id"]) for i in islands) or "none"
+        raise UsageError(f"There is no island {number} in {flight}; there are: {there}.")
+    return max(wanted, key=lambda i: i["frames"])
+
+
+def _islands(flight: Path) -> list[dict[str, Any]]:
+    """What mosaic.json lists; nothing if the flight was ended before its first frame."""
+    try:
+        return list(json.loads((flight / "mosaic.json").read_bytes())["islands"])
+    except FileNotFoundError:
+        return []
+    except (ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{flight / 'mosaic.json'} is not a map that this gcs-mosaic can read: update it.") from error
+
+
+@contextmanager
+def telling_where(target: Path) -> Iterator[None]:
+    """A place that cannot be written is the operator's to change."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"{target} cannot be written ({error.strerror}); give another file with --to.") from error

@@ -1,0 +1,163 @@
+"""What a tile shows when its holes are filled from coarser tiles, the finer picture fading into the coarser one.
+
+A tile holds only what was seen at its level. Tiles on disk may change or vanish while we read; what is not there, not whole or
+not a tile counts as unseen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.tile_cache import full_coverage
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.store.tiles import read_mask, read_tile
+
+Image = NDArray[np.uint8]
+Opacity = NDArray[np.float32]
+DEEPEST = 8  # levels between a tile and the ancestor it is filled from: there one pixel fills it
+FADE = 24  # px from where the finer picture ends to where it stands alone
+
+
+class Tiles(Protocol):
+    """The tiles of one island, wherever they are."""
+
+    def picture(self, tile: Tile) -> TilePicture | None:
+        """What is shown of a tile; None if nothing."""
+
+    def mask(self, tile: Tile) -> Image | None:
+        """Its coverage, `full_coverage(256)` itself if it is full; None if there is no tile."""
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenTiles:
+    """The tiles of an island in a flight's folder."""
+
+    root: Path
+    island: int
+
+    def picture(self, tile: Tile) -> TilePicture | None:
+        return read_tile(self.root, self.island, tile)
+
+    def mask(self, tile: Tile) -> Image | None:
+        return read_mask(self.root, self.island, tile)
+
+
+def filled_picture(tiles: Tiles, tile: Tile) -> TilePicture | None:
+    """A tile with its holes filled from the nearest ancestors that have something there; None if there is nothing."""
+    layers = _layers(tiles, tile)
+    shown: TilePicture | None = None
+    for level, picture in reversed(layers):
+        shown = picture if shown is None else _over(picture, shown, _opacity(tiles, tile, level))
+    return shown if shown is not None and shown.coverage.any() else None
+
+
+def fade(tiles: Tiles, tile: Tile) -> Opacity | None:
+    """How a tile becomes transparent towards places that only a coarser level knows, its neighbours' among them: 0 there,
+    1 from `FADE` px on; None if it is 1 everywhere."""
+    around = [Tile(tile.z, tile.x + dx, tile.y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    covered = [tiles.mask(near) for near in around]
+    if all(mask is full_coverage(TILE_SIZE) for mask in covered):
+        return None
+    ends = _nine([_known_coarser_only(tiles, near, mask) for near, mask in zip(around, covered, strict=True)])
+    if not ends.any():
+        return None
+    distance = cv2.distanceTransform((~ends).astype(np.uint8), cv2.DIST_L2, 3)[FADE:-FADE, FADE:-FADE]
+    return np.asarray(np.minimum(distance / FADE, 1), dtype=np.float32)
+
+
+def _layers(tiles: Tiles, tile: Tile) -> list[tuple[int, TilePicture]]:
+    """The tile and its ancestors, enlarged to its size, as far as they are needed to fill it; finest first."""
+    layers: list[tuple[int, TilePicture]] = []
+    for level in range(tile.z, max(tile.z - DEEPEST, 0) - 1, -1):
+        source = ancestor(tile, level)
+        picture = tiles.picture(source)
+        if picture is not None:
+            layers.append((level, picture if level == tile.z else _enlarged(picture, tile, level)))
+            if picture.coverage is full_coverage(TILE_SIZE) and fade(tiles, source) is None:
+                break
+    return layers
+
+
+def _opacity(tiles: Tiles, tile: Tile, level: int) -> Opacity | None:
+    at_level = fade(tiles, ancestor(tile, level))
+    if at_level is None or level == tile.z:
+        return at_level
+    return _resampled(at_level, coarse_from_tile(tile, level))
+
+
+def _known_coarser_only(tiles: Tiles, tile: Tile, mask: Image | None) -> NDArray[np.bool_]:
+    """Where a tile has a hole, and one of the two levels above it has none."""
+    holes = np.ones((TILE_SIZE, TILE_SIZE), dtype=bool) if mask is None else mask == 0
+    coarser = np.zeros((TILE_SIZE, TILE_SIZE), dtype=bool)
+    for level in range(max(tile.z - 2, 0), tile.z if holes.any() else 0):
+        above = tiles.mask(ancestor(tile, level))
+        if above is not None:
+            # Wholly covered only: at the map's outer border coarser pixels always reach a little farther.
+            whole = (above == 255).astype(np.uint8)
+            coarser |= _resampled(whole, coarse_from_tile(tile, level), cv2.INTER_NEAREST) > 0
+    return holes & coarser
+
+
+def _nine(parts: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Nine tiles, column by column, put together and cut to the middle one and `FADE` px around it."""
+    whole = np.hstack([np.vstack(parts[i : i + 3]) for i in (0, 3, 6)])
+    cut = slice(TILE_SIZE - FADE, 2 * TILE_SIZE + FADE)
+    return whole[cut, cut]
+
+
+def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
+    """The part of an ancestor's picture that a tile covers, at the tile's size."""
+    place = coarse_from_tile(tile, level)
+    if coarse.coverage is full_coverage(TILE_SIZE):
+        whole, coverage = None, coarse.coverage
+    else:
+        # Wholly covered pixels only: at the map's outer border coarser ones reach farther than what was seen.
+        whole = _resampled((coarse.coverage == 255).astype(np.float32), place) > 0.999
+        coverage = np.where(whole, 255, 0).astype(np.uint8)
+
+    def enlarged(bands: Bands) -> Bands:
+        wide = _resampled(bands, place)
+        return wide if whole is None else np.where(whole[..., None], wide, 0).astype(bands.dtype)
+
+    return TilePicture(enlarged(coarse.colour), coverage, None if coarse.bands is None else enlarged(coarse.bands))
+
+
+def coarse_from_tile(tile: Tile, level: int) -> NDArray[np.float64]:
+    """Pixels of the ancestor at a level from pixels of a tile (2x3); OpenCV's pixel centres are whole numbers."""
+    up = 1 << (tile.z - level)
+    x, y = ((i % up) * TILE_SIZE / up + 0.5 / up - 0.5 for i in (tile.x, tile.y))
+    return np.array([[1 / up, 0, x], [0, 1 / up, y]])
+
+
+def _resampled(
+    image: NDArray[Any], source_from_target: NDArray[np.float64], interpolation: int = cv2.INTER_LINEAR
+) -> NDArray[Any]:
+    """An image (h, w[, bands]), of the same type."""
+    flags = interpolation | cv2.WARP_INVERSE_MAP
+    size = TILE_SIZE, TILE_SIZE
+    if image.ndim == 3 and image.shape[2] not in (3, 4):
+        bands = (np.ascontiguousarray(image[..., band]) for band in range(image.shape[2]))
+        return np.stack([_resampled(band, source_from_target, interpolation) for band in bands], axis=-1)
+    return np.asarray(cv2.warpAffine(image, source_from_target, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
+
+
+def _over(picture: TilePicture, below: TilePicture, opacity: Opacity | None) -> TilePicture:
+    """A picture laid over another: opaque where it alone covers, else as opaque as it is covered and as `opacity` says."""
+    share = picture.coverage / np.float32(255)
+    share = share if opacity is None else np.minimum(share, opacity)
+    share = np.where(below.coverage == 0, np.float32(1), share)[..., None]
+
+    def mixed(upper: Bands, lower: Bands) -> Bands:
+        return np.rint(upper * share + lower * (1 - share)).astype(upper.dtype)
+
+    both = picture.bands is not None and below.bands is not None
+    bands = mixed(picture.bands, below.bands) if both else None  # type: ignore[arg-type]
+    return TilePicture(mixed(picture.colour, below.colour), np.maximum(picture.coverage, below.coverage), bands)

@@ -1,0 +1,88 @@
+"""`gcs-mosaic export --format tiff`: the map with every band of the frames at its depth.
+
+Tiles are eight-bit pictures of what is shown; the bands are painted again from the originals, by the same poses and in the
+same shares, so that all of them are cut where the tiles are.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.export.export import MOST_PIXELS, chosen_island, telling_where
+from gcs_mosaic.export.raster_file import Region, write_raster
+from gcs_mosaic.export.rebuild import RebuiltTiles, Source, rebuilt, source_of
+from gcs_mosaic.export.tile_reader import level_within
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, level_from_canvas, pixel_size, tile_box, tile_range
+from gcs_mosaic.store.folder import find_flight
+
+
+def export_tiff(
+    flight: Path, target: Path, *, island: int | None = None, level: int | None = None, gains: bool = True
+) -> str:
+    """Write an island (the largest if none is named) with all bands; returns what was done.
+
+    `gains`: with the brightness of the frames made to agree, as on the map; else the counts as the camera wrote them.
+    """
+    folder = find_flight(flight)
+    source = source_of(folder, chosen_island(folder, island)["id"])
+    bands, kind = _bands_of(source)
+    with (
+        telling_where(target),
+        rebuilt(source, "gained" if gains else "raw", target.resolve().parent) as tiles,
+    ):
+        extent = tiles.extent
+        zoom = level_within(extent.box, MOST_PIXELS, extent.finest) if level is None else level
+        region = region_of(extent.box, zoom)
+        beside = target.with_name(f".{target.name}.part")
+        try:
+            write_raster(beside, tiles, region, bands, kind, _about(tiles, region, gains))
+            beside.replace(target)
+        finally:
+            beside.unlink(missing_ok=True)
+    finer = f"; --zoom {extent.finest} is the finest" if zoom < extent.finest else ""
+    return (
+        f"island {tiles.island} at level {zoom}, {region.width} x {region.height} pixels, {bands} "
+        f"{'band' if bands == 1 else 'bands'} of {8 * kind.itemsize} bits and transparency, "
+        f"{'with gains' if gains else 'without gains'}, written to {target}{finer}{_left_out(source)}"
+    )
+
+
+def region_of(box: Box, level: int) -> Region:
+    """The tiles of a level that hold a canvas box, cut off at its right and lower edge. UsageError if they are too many."""
+    first, last = tile_range(box, level)
+    right, bottom = np.ceil(level_from_canvas(level, np.array(box[2:]))).astype(int).tolist()
+    width, height = right - first.x * TILE_SIZE, bottom - first.y * TILE_SIZE
+    if width * height > MOST_PIXELS:
+        raise UsageError(f"A picture of level {level} would have {width} x {height} pixels; give a lower --zoom.")
+    return Region(first, last, width, height)
+
+
+def _bands_of(source: Source) -> tuple[int, np.dtype[Any]]:
+    """How many bands the frames have, and their type."""
+    image = source.load(source.frames[0].name)
+    if image is None:
+        raise UsageError(f"{source.originals[source.frames[0].name]} cannot be read any more.")
+    return image.shape[2], image.dtype
+
+
+def _about(tiles: RebuiltTiles, region: Region, gains: bool) -> dict[str, Any]:
+    """What the file says of itself: where its pixels lie (edges, not centres), and what was done to the counts."""
+    left, top, _, _ = tile_box(region.first)
+    size = pixel_size(region.first.z)
+    return {
+        "software": "gcs-mosaic",
+        "island": tiles.island,
+        "level": region.first.z,
+        "canvas_from_pixel_edges": [[size, 0.0, left], [0.0, size, top]],
+        "gains_applied": gains,
+    }
+
+
+def _left_out(source: Source) -> str:
+    reasons = {"of another kind": source.of_another_kind, "whose originals are gone": source.gone}
+    told = [f"{count} frames {reason}" for reason, count in reasons.items() if count]
+    return f"; left out: {', '.join(told)}" if told else ""

@@ -1,0 +1,69 @@
+"""A map with all its bands as one TIFF: tiled, compressed, BigTIFF where that is needed, transparent where nothing was seen."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from gcs_mosaic.export.hole_filling import Tiles, filled_picture
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+
+BIG = 3_900_000_000  # bytes before compression from which offsets of 32 bits might not do
+GDAL_NODATA = 42113  # tag: the count, as text, where there is nothing
+UNASSOCIATED_ALPHA = 2  # of TIFF's ExtraSamples
+
+
+class Region(NamedTuple):
+    """Tiles from `first` to `last` (both included) of one level, cut off at so many pixels to the right and below."""
+
+    first: Tile
+    last: Tile
+    width: int
+    height: int
+
+
+def write_raster(
+    path: Path, tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any], about: dict[str, Any]
+) -> None:
+    """Write a region's bands, three as red, green and blue, others in their order, and as the last one the coverage.
+
+    A tile is in memory at a time. `about` is what the file tells of itself, as JSON. OSError if it cannot be written.
+    """
+    size = region.width * region.height * (bands + 1) * kind.itemsize
+    tifffile.imwrite(
+        path,
+        _tiles(tiles, region, bands, kind),
+        shape=(region.height, region.width, bands + 1),
+        dtype=kind,
+        tile=(TILE_SIZE, TILE_SIZE),
+        photometric="rgb" if bands == 3 else "minisblack",
+        planarconfig="contig",
+        extrasamples=[0] * (bands - (3 if bands == 3 else 1)) + [UNASSOCIATED_ALPHA],
+        compression="zlib",
+        predictor=True,
+        bigtiff=size > BIG,
+        # Of a file with an own number of bands many programs take no band for transparency, but this they know.
+        extratags=[] if bands in (1, 3) else [(GDAL_NODATA, "s", 0, "0", True)],
+        metadata=None,
+        description=json.dumps(about),
+    )
+
+
+def _tiles(tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
+    """(256, 256, bands + 1) each, row by row."""
+    opaque = np.iinfo(kind).max // 255
+    nothing = np.zeros((TILE_SIZE, TILE_SIZE, bands + 1), kind)
+    for y in range(region.first.y, region.last.y + 1):
+        for x in range(region.first.x, region.last.x + 1):
+            seen = filled_picture(tiles, Tile(region.first.z, x, y))
+            if seen is None or seen.bands is None:
+                yield nothing
+            else:
+                ordered = seen.bands[..., ::-1] if bands == 3 else seen.bands
+                yield np.dstack([ordered, seen.coverage.astype(kind) * kind.type(opaque)])

@@ -1,0 +1,111 @@
+"""A flight's map made anew from its ledger and its originals, with all bands of the frames on its tiles."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.decode import Unreadable, load_image
+from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.painted import Extent, Painted
+from gcs_mosaic.render.pixels import KeepBands
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.originals import is_intact
+from gcs_mosaic.store.records import FrameRecord
+
+KEPT_TILES = 128  # tiles at hand while holes are filled from around and above: 2 MB each with eight bands of 16 bits
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What an island is made anew from. Left out are frames of another kind (bands, depth) than most, and those whose originals
+    are gone."""
+
+    frames: Sequence[Painted]
+    originals: dict[str, Path]  # by frame name
+    reductions: dict[str, int]  # at which the frames were painted, by name
+    canvas: CanvasSettings
+    of_another_kind: int
+    gone: int
+
+    def load(self, name: str) -> Bands | None:
+        """A frame (h, w, bands) as it was painted."""
+        image = load_image(self.originals[name], reduction=self.reductions[name])
+        return None if isinstance(image, Unreadable) else image
+
+
+class RebuiltTiles:
+    """The tiles of an island, as `flight.filling.Tiles`."""
+
+    def __init__(self, canvas: Canvas, island: int, extent: Extent) -> None:
+        self.island, self.extent = island, extent
+        self._picture = lru_cache(KEPT_TILES)(lambda tile: canvas.tile(island, tile))
+
+    def picture(self, tile: Tile) -> TilePicture | None:
+        return self._picture(tile)
+
+    def mask(self, tile: Tile) -> NDArray[np.uint8] | None:
+        picture = self._picture(tile)
+        return None if picture is None else picture.coverage
+
+
+def source_of(flight: Path, island: int) -> Source:
+    """What the ledger knows of an island. UsageError if none of its frames can be read."""
+    with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
+        painted, record = ledger.painted(island), ledger.flight()
+        frames = {frame.name: frame for frame in ledger.frames()}
+    if not painted:
+        raise UsageError(
+            f"{flight} is a map of --method paper, which is not painted again from its frames: give --format png."
+        )
+    kinds = Counter(one.display for one in painted)
+    of_kind = [one for one in painted if one.display == kinds.most_common(1)[0][0]]
+    there = [one for one in of_kind if _is_there(flight, frames[one.name])]
+    if not there:
+        raise UsageError(
+            f"{flight} has no original of a frame that is painted on island {island}: only they have all bands."
+        )
+    return Source(
+        frames=there,
+        originals={one.name: flight / str(frames[one.name].original) for one in there},
+        reductions={one.name: _reduction(one, frames[one.name]) for one in there},
+        canvas=record.canvas if record else CanvasSettings(),
+        of_another_kind=len(painted) - len(of_kind),
+        gone=len(of_kind) - len(there),
+    )
+
+
+@contextmanager
+def rebuilt(source: Source, keep_bands: KeepBands, scratch: Path) -> Iterator[RebuiltTiles]:
+    """The island's tiles with all bands; `scratch` is a folder for what does not fit into memory."""
+    island = source.frames[0].island
+    with Canvas(source.load, source.canvas, scratch=scratch, keep_bands=keep_bands) as canvas:
+        canvas.move(source.frames)
+        for _ in canvas.repaint():
+            pass
+        extent = canvas.extent(island)
+        assert extent is not None, "frames that were painted touch tiles"
+        yield RebuiltTiles(canvas, island, extent)
+
+
+def _is_there(flight: Path, frame: FrameRecord) -> bool:
+    """Whether the frame's original is what came."""
+    if frame.original is None or frame.content_hash is None:
+        return False
+    return is_intact(flight / frame.original, frame.content_hash)
+
+
+def _reduction(painted: Painted, frame: FrameRecord) -> int:
+    return round((frame.width or painted.camera.width) / painted.camera.width)

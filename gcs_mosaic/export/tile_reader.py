@@ -1,0 +1,95 @@
+"""Reading tiles: holes are filled from the nearest coarser tiles, and a whole island becomes one picture.
+
+A tile on disk holds only what was seen at its level. Tiles may change or vanish while we read; what is not there, not whole
+or not a tile counts as unseen.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.export.hole_filling import WrittenTiles, fade, filled_picture
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
+from gcs_mosaic.store.tiles import encode, encode_jpeg, mask_path, tile_path
+
+logger = logging.getLogger(__name__)
+
+Image = NDArray[np.uint8]
+FILLED_QUALITY = 90  # JPEG and WebP; what is made here is looked at and thrown away
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedTile:
+    data: bytes
+    media_type: str
+
+
+def filled(root: Path, island: int, tile: Tile) -> EncodedTile | None:
+    """A tile ready to be shown; None where nothing was seen at any level.
+
+    JPEG where there are no holes (a full tile's bytes are passed on as they are), else WebP with alpha: as quick to make as
+    PNG (4 ms) and a tenth as large.
+    """
+    straight = _full_tile(root, island, tile)
+    if straight is not None:
+        return EncodedTile(straight, "image/jpeg")
+    picture = filled_picture(WrittenTiles(root, island), tile)
+    if picture is None:
+        return None
+    if int(picture.coverage.min()) == 255:
+        return EncodedTile(encode_jpeg(picture.colour, picture.coverage, FILLED_QUALITY), "image/jpeg")
+    bgra = np.dstack([picture.colour, picture.coverage])
+    return EncodedTile(encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp")
+
+
+def picture(root: Path, island: int, bounds: Box, level: int) -> Image:
+    """A canvas box as one picture at a level, BGRA (h, w, 4), transparent where nothing was seen.
+
+    It needs the memory of its result and one tile. `level_within` finds a level that fits a limit.
+    """
+    left, top, right, bottom = pixel_bounds(bounds, level)
+    result = np.zeros((bottom - top, right - left, 4), np.uint8)
+    for tile in tiles_over(bounds, level):
+        seen = filled_picture(WrittenTiles(root, island), tile)
+        if seen is not None:
+            x, y = tile.x * TILE_SIZE, tile.y * TILE_SIZE
+            rows = slice(max(top - y, 0), max(bottom - y, 0))
+            columns = slice(max(left - x, 0), max(right - x, 0))
+            part = np.dstack([seen.colour, seen.coverage])[rows, columns]
+            into = result[max(y - top, 0) :, max(x - left, 0) :]
+            into[: part.shape[0], : part.shape[1]] = part
+    return result
+
+
+def pixel_bounds(bounds: Box, level: int) -> tuple[int, int, int, int]:
+    """The pixels of a level that a canvas box touches: left, top, and right, bottom not included."""
+    left, top, right, bottom = level_from_canvas(level, np.array(bounds)).tolist()
+    return math.floor(left), math.floor(top), math.ceil(right), math.ceil(bottom)
+
+
+def level_within(bounds: Box, most_pixels: int, finest: int) -> int:
+    """The finest level, `finest` at most, at which a picture of a box has no more pixels than that."""
+    area = (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
+    level = finest
+    while level > 0 and area / pixel_size(level) ** 2 > most_pixels:
+        level -= 1
+    return level
+
+
+def _full_tile(root: Path, island: int, tile: Tile) -> bytes | None:
+    try:
+        data = tile_path(root, island, tile).read_bytes()
+    except OSError as error:
+        if not isinstance(error, FileNotFoundError):
+            logger.warning("a tile of island %d cannot be read", island, exc_info=True)
+        return None
+    return (
+        None if mask_path(root, island, tile).exists() or fade(WrittenTiles(root, island), tile) is not None else data
+    )

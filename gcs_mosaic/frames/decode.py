@@ -1,0 +1,106 @@
+"""An image file -> pixels, or the reason why not."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.frames.bands import decode_bands, needs_bands
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
+from gcs_mosaic.frames.structure import StructureError, Whole
+from gcs_mosaic.messages import Frame
+
+logger = logging.getLogger(__name__)
+
+Bands = NDArray[Any]  # (h, w, bands) uint8 or uint16
+
+# Pixels as they were taken: a camera that turns its pictures would change its geometry.
+_AS_TAKEN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+_COLOUR = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
+_GREY = {1: cv2.IMREAD_GRAYSCALE, 2: cv2.IMREAD_REDUCED_GRAYSCALE_2, 4: cv2.IMREAD_REDUCED_GRAYSCALE_4}
+_JPEG = b"\xff\xd8"
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """Why a file gives no picture."""
+
+    reason: str
+
+
+def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
+    """The frame's pixels as in `decode_image`; Unreadable also if the file is no longer the one that was found."""
+    data = _read(frame.read)
+    if isinstance(data, Unreadable):
+        return data
+    if content_hash(data) != frame.content_hash:
+        return Unreadable("overwritten since it was found")
+    return decode_image(data, max_pixels, reduction)
+
+
+def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
+    """The pixels of the file at `path` as in `decode_image`."""
+    data = _read(path.read_bytes)
+    return data if isinstance(data, Unreadable) else decode_image(data, max_pixels, reduction)
+
+
+def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
+    """(height, width, bands) uint8 or uint16 from a whole JPEG, PNG or TIFF, without transparency: three bands are blue, green
+    and red, others stand in the order of the file.
+
+    A `reduction` of 2 or 4 gives a picture of half or a quarter of the size (rounded up), which a JPEG is decoded to at once.
+    """
+    whole = is_whole(data, max_pixels)
+    if isinstance(whole, NotWhole):
+        return Unreadable(whole.reason)
+    at_once = reduction if data.startswith(_JPEG) else 1
+    try:
+        image = decode_bands(data) if needs_bands(data) else _decoded(data, whole, at_once)
+    except StructureError as error:
+        return Unreadable(str(error))
+    except cv2.error as error:
+        logger.info("a picture cannot be decoded", exc_info=True)
+        return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})")
+    if image is None:
+        return Unreadable("cannot be decoded")
+    wanted = (-(-whole.height // at_once), -(-whole.width // at_once), whole.bands)
+    if image.shape != wanted or image.dtype not in (np.uint8, np.uint16):
+        return Unreadable(f"decodes to {image.shape} {image.dtype}, not to counts of 8 or 16 bits {wanted}")
+    return image if at_once == reduction else _reduced(image, reduction)
+
+
+def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
+    """What OpenCV reads: one band or three."""
+    flags = (_GREY if whole.bands == 1 else _COLOUR)[reduction] | _AS_TAKEN
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    return image if image is None or image.ndim == 3 else image[..., None]
+
+
+def _reduced(image: Bands, reduction: int) -> Bands:
+    """The mean of each square of so many pixels; at the far borders of what there is of it, the last row or column repeated."""
+    below, right = -image.shape[0] % reduction, -image.shape[1] % reduction
+    size = (image.shape[1] + right) // reduction, (image.shape[0] + below) // reduction
+    bands = [
+        cv2.resize(
+            cv2.copyMakeBorder(np.ascontiguousarray(image[..., band]), 0, below, 0, right, cv2.BORDER_REPLICATE),
+            size,
+            interpolation=cv2.INTER_AREA,
+        )
+        for band in range(image.shape[2])
+    ]
+    return np.stack(bands, axis=-1)
+
+
+def _read(read: Callable[[], bytes]) -> bytes | Unreadable:
+    try:
+        return read()
+    except OSError as error:
+        return Unreadable(f"cannot be read ({error.strerror})")

@@ -1,0 +1,108 @@
+"""Frames that are all there: files and folders named on the command line."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.frames.exif import capture_time
+from gcs_mosaic.frames.integrity import NotWhole
+from gcs_mosaic.frames.pending_file import frame_of, read_whole, versioned
+from gcs_mosaic.frames.scan import Look, scan, shown_name
+from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.messages import DamagedFile, Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """How many files there are; each as a frame or with the reason why it is none, read when it is asked for.
+
+    In words for the operator: `order`, how they are ordered; `passed_over`, what could not be looked at. `notes`: what else is
+    worth to be written down.
+    """
+
+    count: int
+    frames: Iterator[Frame | DamagedFile]
+    order: str
+    passed_over: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = None) -> Given:
+    """The frames of files and folders.
+
+    Files come in the order given. Those of folders (and below them) come in the order of their capture times, if every one
+    has one and no two are the same; else folder by folder in the order of their names, numbers counting as numbers.
+    Raises UsageError, at once, for a path that is not there and for a folder without images.
+    """
+    given, notes = [paths] if isinstance(paths, Path) else list(paths), list[str]()
+    found = [looks_in(path) for path in given]
+    looks = [look for looks, _ in found for look in looks]
+    passed_over = tuple(text for _, texts in found for text in texts)
+    in_folders = all(path.is_dir() for path in given)
+    ordered, order = _in_order(looks, notes.append) if in_folders else (looks, "in the order given")
+    frames = _frames(ordered, settings or FolderSettings())
+    return Given(len(looks), frames, f"{len(looks)} frames {order}", passed_over, tuple(notes))
+
+
+def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look], str]:
+    """Files that are in the order of their names, in the better order if there is one, and which it is."""
+    by_names = "in the order of their names"
+    times = [capture_time(look.path, note) for look in looks]
+    firsts: dict[datetime, Look] = {}
+    for look, time in zip(looks, times, strict=True):
+        if time is None:
+            return looks, f"{by_names} ({look.name} tells no capture time)" if any(times) else by_names
+        if time in firsts:
+            return looks, f"{by_names} ({firsts[time].name} and {look.name} have the same capture time)"
+        firsts[time] = look
+    return [firsts[time] for time in sorted(firsts)], "in the order of their capture times (EXIF)"
+
+
+def name_order(name: str) -> tuple[tuple[tuple[int, str], ...], str]:
+    """Sort key: IMG_9 before IMG_10; no two names have the same one."""
+    return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)), name
+
+
+def looks_in(path: Path) -> tuple[list[Look], list[str]]:
+    """The file, or those of the folder in the order of their names; and what could not be looked at, in words.
+
+    Raises UsageError as `frames_in` does.
+    """
+    try:
+        if not path.is_dir():
+            status = path.stat()
+            return [Look(path, shown_name(Path(path.name)), status.st_size, status.st_mtime_ns)], []
+        next(path.iterdir(), None)  # says why a folder cannot be read; a scan passes over it
+    except OSError as error:
+        raise UsageError(
+            f"{str(path)!r} cannot be read ({error.strerror}): give image files or a folder of them."
+        ) from error
+    found = scan(path)
+    images = sorted(found.images, key=lambda look: name_order(look.name))
+    if not images:
+        raise UsageError(
+            f"{str(path)!r} holds no images: give a folder with JPEG, PNG or TIFF files (links are not followed)."
+        )
+    return images, sorted(found.unreadable)
+
+
+def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | DamagedFile]:
+    seen = Counter[str]()
+    for look in looks:
+        seen[look.name] += 1
+        yield read_frame(look, versioned(look.name, seen[look.name]), settings)
+
+
+def read_frame(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
+    """The file as a frame of this name, or why it is none."""
+    data = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
+    if isinstance(data, bytes):
+        return frame_of(look, name, data, content_hash(data))
+    return DamagedFile(name=name, reason=data.reason if data else "it changed or went while it was read")

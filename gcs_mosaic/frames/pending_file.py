@@ -1,0 +1,101 @@
+"""One file that is, or may become, a frame."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.scan import Look
+from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.messages import DamagedFile, Frame
+
+
+@dataclass(slots=True)
+class Candidate:
+    """What is remembered of a file between two looks. `content` is the hash of what was last taken from it."""
+
+    settings: FolderSettings
+    content: str | None = None
+    _signature: tuple[int, int] | None = None
+    _settled: bool = False  # nothing to do until the signature changes
+    _broken_since: float | None = None
+    _reported: bool = False
+    _check_at: float = 0.0
+
+    @property
+    def worth_keeping(self) -> bool:
+        """Whether the file must be known again if it vanishes and comes back."""
+        return self._settled or self.content is not None
+
+    def leave(self, look: Look) -> None:
+        """The file is not wanted as it is now."""
+        self._signature, self._settled = look.signature, True
+
+    def is_changed(self, look: Look) -> bool:
+        """Whether the file is not as it was at the last look; new ones are not."""
+        return look.signature != self._signature
+
+    def is_ready(self, look: Look, now: float) -> bool:
+        """Whether it is time to read the file: it has not changed since the last look, and is not known to be done."""
+        if look.signature != self._signature:
+            self._signature, self._settled, self._broken_since, self._check_at = look.signature, False, None, now
+            return False
+        return not self._settled and now >= self._check_at
+
+    def take(self, look: Look, now: float, version: int) -> Frame | DamagedFile | None:
+        """The file as a frame, as damaged (once), or nothing: not yet, gone again, or the content that was taken before."""
+        data = read_whole(look, self.settings)
+        if data is None:
+            self._signature = None
+            return None
+        if isinstance(data, NotWhole):
+            return self._broken(versioned(look.name, version), data.reason, now)
+        self._settled, self._reported = True, False
+        taken_before, self.content = self.content, content_hash(data)
+        if self.content == taken_before:
+            return None
+        return frame_of(look, versioned(look.name, version), data, self.content)
+
+    def _broken(self, name: str, reason: str, now: float) -> DamagedFile | None:
+        since = self._broken_since = now if self._broken_since is None else self._broken_since
+        self._check_at = now + min((now - since) / 2, self.settings.recheck_longest_s)
+        if self._reported or now - since < self.settings.damaged_after_s:
+            return None
+        self._reported = True
+        return DamagedFile(name=name, reason=reason)
+
+
+def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
+    """The bytes of a complete image; why it is none; None if the file has gone or changed since the look."""
+    if look.size > settings.max_file_bytes:
+        return NotWhole(f"{look.size} bytes, more than the limit of {settings.max_file_bytes}")
+    try:
+        data = look.path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return NotWhole(f"cannot be read ({error.strerror})")
+    if len(data) != look.size:
+        return None
+    whole = is_whole(data, settings.max_pixels)
+    return whole if isinstance(whole, NotWhole) else data
+
+
+def versioned(name: str, version: int) -> str:
+    """The frame's name: the file's, and a number from the second time on."""
+    return name if version == 1 else f"{name}#{version}"
+
+
+def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
+    """The frame that `data`, just read, is."""
+    return Frame(
+        name=name,
+        path=Path(look.path),
+        content_hash=digest,
+        size=len(data),
+        received=time.monotonic(),
+        modified=look.modified_ns / 1e9,
+    )

@@ -1,0 +1,158 @@
+"""One connection to a camera: packets in, dated pictures out. The only module that knows PyAV."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from statistics import median
+from typing import TypeAlias
+
+import av
+import av.error
+import av.logging
+from av.container import InputContainer
+from av.packet import Packet
+from av.video.stream import VideoStream
+
+from gcs_mosaic.frames.rtsp.address import StreamAddress
+from gcs_mosaic.frames.rtsp.clock import CaptureClock
+from gcs_mosaic.frames.rtsp.packet_loss import DamageWatch, tells_of_damage
+from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+
+Log: TypeAlias = list[tuple[int, str, str]]
+
+_PAUSES = 3.0  # usual intervals without a picture: a slow stream is no broken one
+_INTERVALS = 31
+_OPTIONS = {
+    "allowed_media_types": "video",  # with sound beside it, picture times leap at the first sender report
+    "analyzeduration": "200000",
+    "probesize": "200000",
+    "fpsprobesize": "0",  # the rate is of no interest, and counting it takes two seconds
+    "flags": "low_delay",
+    "max_delay": "100000",  # microseconds that a packet over UDP is waited for
+    "protocol_whitelist": "rtsp,rtsps,rtp,srtp,tcp,udp,tls,crypto",  # a camera must not lead us to files
+}
+
+
+@dataclass(frozen=True, slots=True)
+class NotConnected:
+    """Why there is no stream (any more); holds nothing of the address."""
+
+    reason: str
+
+
+class Connection:
+    """A stream that has been opened. `log` is where PyAV puts what FFmpeg says on this thread; it is emptied here."""
+
+    def __init__(
+        self, address: StreamAddress, container: InputContainer, video: VideoStream, settings: StreamSettings, log: Log
+    ) -> None:
+        self.address = address
+        self.paused_s: float | None = None
+        """Seconds without any picture before the newest, if they were unusually many."""
+        self._container, self._video, self._settings, self._log = container, video, settings, log
+        self._packets: Iterator[Packet[VideoStream]] = container.demux(video)
+        self._watch = DamageWatch()
+        self._fault = False
+        self._clock = self._new_clock()
+        self._last: tuple[float, float] | None = None  # time and arrival of the newest picture
+        self._intervals: deque[float] = deque(maxlen=_INTERVALS)
+
+    @classmethod
+    def open(cls, address: StreamAddress, settings: StreamSettings, log: Log) -> Connection | NotConnected:
+        """Connect; takes as long as the settings allow."""
+        av.logging.set_level(av.logging.WARNING)
+        av.logging.set_skip_repeated(False)  # a second lost packet is as bad as the first
+        timeout = (settings.open_timeout_s, settings.read_timeout_s)
+        options = _OPTIONS | {"rtsp_transport": settings.transport}
+        try:
+            container = av.open(address.url, format="rtsp", options=options, timeout=timeout)
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            return NotConnected(_reason(error))
+        if not container.streams.video:
+            container.close()
+            return NotConnected("it has no video")
+        video = container.streams.video[0]
+        # On one thread what is logged belongs to the picture in hand, and nothing is held back.
+        video.codec_context.thread_type = "NONE"
+        return cls(address, container, video, settings, log)
+
+    @property
+    def described(self) -> str:
+        """Codec, size and transport, for people."""
+        codec = {"h264": "H.264", "hevc": "H.265"}.get(self._video.codec_context.name, self._video.codec_context.name)
+        return f"{codec}, {self._video.width} x {self._video.height}, over {self._settings.transport.upper()}"
+
+    def read(self) -> list[Picture] | NotConnected:
+        """The pictures in the next packet: one, or none."""
+        self.paused_s = None
+        try:
+            packet = next(self._packets, None)
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            return NotConnected(_reason(error))
+        # The last packet is empty and would bring out what the decoder has kept: pictures of long ago.
+        if packet is None or not packet.size:
+            return NotConnected("the camera ended it")
+        arrival, arrival_utc = time.monotonic(), time.time()
+        self._fault |= packet.is_corrupt
+        pictures = self._decode(packet, arrival)
+        if packet.pts is not None:
+            picture_s = float(packet.pts * packet.time_base)
+            self._clock.note(picture_s, arrival, arrival_utc, _camera_utc(packet))
+        return pictures
+
+    def close(self) -> None:
+        self._container.close()
+
+    def _decode(self, packet: Packet[VideoStream], arrival: float) -> list[Picture]:
+        try:
+            frames = packet.decode()
+        except (av.error.FFmpegError, ValueError):
+            frames, self._fault = [], True
+        self._fault |= tells_of_damage(self._log)
+        self._log.clear()
+        pictures = []
+        for frame in frames:
+            damaged = self._watch.is_damaged(fault=self._fault or frame.is_corrupt, key=frame.key_frame)
+            self._fault = False
+            if frame.pts is not None and frame.time_base is not None:
+                picture_s = float(frame.pts * frame.time_base)
+                self._follow(picture_s, arrival)
+                pictures.append(Picture(frame, picture_s, self._clock, damaged))
+        return pictures
+
+    def _follow(self, picture_s: float, arrival: float) -> None:
+        """Begin a new clock where the pictures' times or their arrivals have made a leap."""
+        if self._last is not None:
+            step_s, pause_s = picture_s - self._last[0], arrival - self._last[1]
+            usual_s = median(self._intervals) if self._intervals else 0.0
+            longest_s = max(self._settings.gap_s, _PAUSES * usual_s)
+            if pause_s > longest_s:
+                self.paused_s = pause_s
+            if pause_s > longest_s or step_s <= 0 or step_s > pause_s + longest_s:
+                self._clock = self._new_clock()
+            else:
+                self._intervals.append(step_s)
+        self._last = (picture_s, arrival)
+
+    def _new_clock(self) -> CaptureClock:
+        return CaptureClock(time.monotonic(), self._settings.latency_s)
+
+
+def _camera_utc(packet: Packet[VideoStream]) -> float | None:
+    """When the camera says that the picture was taken: FFmpeg's AVProducerReferenceTime, microseconds since 1970."""
+    for data in packet.iter_sidedata():
+        if data.data_type == "prft" and data.data_size >= 8:
+            return float(struct.unpack("=q", bytes(data)[:8])[0] / 1e6)
+    return None
+
+
+def _reason(error: BaseException) -> str:
+    """What went wrong, without the address that FFmpeg puts into its messages."""
+    if isinstance(error, av.error.ExitError):
+        return "no answer in time"
+    return getattr(error, "strerror", None) or type(error).__name__

@@ -1,0 +1,90 @@
+"""Which picture of a stream is the frame of a trigger. No clock, no thread: time comes as an argument."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.messages import TriggerEvent
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """A frame of this moment (host's monotonic clock) is wanted; `event` asks for it, or nobody but the clock."""
+
+    moment: float
+    event: TriggerEvent | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """The picture that is taken for `ask`, and when it was made."""
+
+    ask: Ask
+    picture: Picture
+    moment: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unanswered:
+    """Why no picture can be taken for `ask`."""
+
+    ask: Ask
+    reason: str
+
+
+class Picker:
+    """Keeps what is asked for until the pictures around its moment have come."""
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self._settings = settings
+        self._waiting: list[tuple[float, Ask]] = []  # with when it was asked
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def ask(self, ask: Ask, now: float) -> None:
+        self._waiting.append((now, ask))
+
+    def due(self, pictures: Sequence[Picture], now: float) -> list[Pick | Unanswered]:
+        """What can be decided by now, in the order of asking; `pictures` are the ring's, oldest first."""
+        if not self._waiting:
+            return []
+        decided: list[Pick | Unanswered] = []
+        left = []
+        dated = [(picture.moment, picture) for picture in pictures]
+        newest = dated[-1][0] if dated and pictures[-1].clock.is_settled(now) else None
+        for asked, ask in self._waiting:
+            seen_enough = newest is not None and newest >= ask.moment + self._settings.window_s
+            if seen_enough or now >= max(asked, ask.moment) + self._settings.patience_s:
+                decided.append(self._decide(ask, dated))
+            else:
+                left.append((asked, ask))
+        self._waiting = left
+        return decided
+
+    def _decide(self, ask: Ask, dated: list[tuple[float, Picture]]) -> Pick | Unanswered:
+        settings = self._settings
+        near = [
+            (abs(moment - ask.moment), moment, picture)
+            for moment, picture in dated
+            if abs(moment - ask.moment) <= max(settings.farthest_s, settings.window_s) and not picture.taken
+        ]
+        whole = sorted((one for one in near if not one[2].damaged), key=lambda one: one[0])
+        if not whole:
+            reason = "only damaged pictures" if near else "no picture of that time has come"
+            return Unanswered(ask, reason)
+        inside = [one for one in whole if one[0] <= settings.window_s]
+        _, moment, picture = _nearest_sharp(inside, settings.sharp_enough) if inside else whole[0]
+        picture.taken = True
+        return Pick(ask, picture, moment)
+
+
+def _nearest_sharp(near: list[tuple[float, float, Picture]], share: float) -> tuple[float, float, Picture]:
+    """The first, nearest first, that is nearly as sharp as the sharpest: another moment is another place too."""
+    if len(near) == 1:
+        return near[0]
+    sharpest = max(picture.sharpness for _, _, picture in near)
+    return next(one for one in near if one[2].sharpness >= share * sharpest)

@@ -1,0 +1,67 @@
+"""Frames without triggers: one every so often, or whenever the view has moved."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal
+
+from gcs_mosaic.frames.rtsp.motion import ViewMotion
+from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+
+SHORTEST_S = 0.1  # a map has nothing from more frames than that
+LOOK_EACH_S = 0.15  # how often the motion of the view is measured: some milliseconds each
+
+
+def parse_every(text: str) -> float | Literal["overlap"]:
+    """Seconds between frames, or "overlap". Raises ValueError for anything else."""
+    words = text.strip().lower()
+    if words == "overlap":
+        return "overlap"
+    seconds = re.fullmatch(r"(\d{1,5}(?:\.\d{1,3})?)\s*s?", words, re.ASCII)
+    if seconds and float(seconds[1]) >= SHORTEST_S:
+        return float(seconds[1])
+    raise ValueError(f"every: expected overlap or seconds from {SHORTEST_S:g} on, such as 1 s, got {text!r}")
+
+
+class Wishes:
+    """Says of the newest picture, told one after the other, whether it is time to take one."""
+
+    def __init__(self, every: str | None, moved: float) -> None:
+        """`every` as in the settings; `moved` is the share that must be new."""
+        self._every = None if every is None else parse_every(every)
+        self._moved = moved
+        self._motion = ViewMotion()
+        self._looked: float | None = None  # at which moment
+
+    @property
+    def described(self) -> str:
+        """When frames are taken without a trigger, for people; empty if never."""
+        if self._every is None:
+            return ""
+        if self._every == "overlap":
+            return f"whenever {self._moved:.0%} of the view is new"
+        return f"every {self._every:g} s"
+
+    def moment(self, newest: Picture) -> float | None:
+        """The moment of which a frame is wanted, if one is wanted now."""
+        if self._every is None:
+            return None
+        moment = newest.moment
+        if self._every == "overlap":
+            return moment if self._is_time(moment, LOOK_EACH_S) and self._has_moved(newest) else None
+        return moment if self._is_time(moment, self._every) else None
+
+    def _is_time(self, moment: float, interval_s: float) -> bool:
+        """Keeps pace: a picture that comes a little late does not delay all that follow."""
+        passed = None if self._looked is None else moment - self._looked
+        if passed is not None and 0 <= passed < interval_s:
+            return False
+        in_pace = passed is not None and interval_s <= passed < 2 * interval_s
+        self._looked = self._looked + interval_s if in_pace and self._looked is not None else moment
+        return True
+
+    def _has_moved(self, picture: Picture) -> bool:
+        if self._motion.new_share(picture.grey()) < self._moved:
+            return False
+        self._motion.taken()
+        return True

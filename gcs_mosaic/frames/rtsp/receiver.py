@@ -1,0 +1,145 @@
+"""Receives a stream on a thread of its own, so that a slow stitcher never makes it late, and opens it again when it is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import threading
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+import av
+import av.logging
+
+from gcs_mosaic.frames.rtsp.address import StreamAddress
+from gcs_mosaic.frames.rtsp.connection import Connection, NotConnected
+from gcs_mosaic.frames.rtsp.ring_buffer import Ring
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.messages import Notice
+
+logger = logging.getLogger(__name__)
+
+_STOP_S = 0.5  # for the thread to end; one that waits for a silent camera is left to itself
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was received so far. `since` and `last_arrival` are on the monotonic clock."""
+
+    state: Literal["connecting", "connected", "lost"] = "connecting"
+    since: float = 0.0
+    last_arrival: float | None = None
+    seen: int = 0
+    damaged: int = 0
+    gaps: int = 0
+
+
+class Receiver:
+    """Puts every decoded picture into `ring` until `stop` is set. `notices` are for the operator."""
+
+    def __init__(self, ring: Ring, settings: StreamSettings, stop: threading.Event) -> None:
+        self.ring, self.tally = ring, Tally(since=time.monotonic())
+        self.notices: queue.SimpleQueue[Notice] = queue.SimpleQueue()
+        self._settings, self._stop = settings, stop
+        self._address: StreamAddress | None = None
+        self._addressed = threading.Event()
+        self._said = ""  # why there is no connection, as it was said last
+        self._size: tuple[int, int] | None = None
+        self._thread = threading.Thread(target=self._run, name="stream", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait a little for the end that `stop` asks for."""
+        self._thread.join(_STOP_S)
+
+    def use(self, address: StreamAddress) -> None:
+        """Where the stream is from now on; a connection that works is not given up for it."""
+        self._address = address
+        self._addressed.set()
+
+    def _run(self) -> None:
+        wait_s = self._settings.reconnect_first_s
+        while not self._stop.is_set():
+            if self._address is None:
+                self._addressed.wait(self._settings.reconnect_longest_s)
+                continue
+            seen = self.tally.seen
+            self._lost(self._address, self._received(self._address))
+            if self.tally.seen > seen:
+                wait_s = self._settings.reconnect_first_s
+            self._stop.wait(wait_s)
+            wait_s = min(2 * wait_s, self._settings.reconnect_longest_s)
+
+    def _received(self, address: StreamAddress) -> str:
+        """One connection to its end; returns why it ended, whatever went wrong: nobody would notice a thread that died."""
+        try:
+            return self._receive(address)
+        except Exception as error:
+            reason = f"a fault of the kind {type(error).__name__}"  # its own words may hold the address
+            if reason != self._said:  # else once for each attempt
+                fault = RuntimeError(reason).with_traceback(error.__traceback__)
+                logger.error("%s cannot be received", address.shown, exc_info=fault)
+            return reason
+
+    def _receive(self, address: StreamAddress) -> str:
+        """One connection to its end; returns why it ended."""
+        # What FFmpeg logs may name the address with its password: it is caught here and shown to nobody.
+        with av.logging.Capture() as log:
+            connection = Connection.open(address, self._settings, log)
+            if isinstance(connection, NotConnected):
+                return connection.reason
+            with contextlib.closing(connection):
+                self._connected(address, connection)
+                return self._read(connection)
+
+    def _read(self, connection: Connection) -> str:
+        while not self._stop.is_set():
+            pictures = connection.read()
+            if isinstance(pictures, NotConnected):
+                return pictures.reason
+            now = time.monotonic()
+            self._note_gap(connection, now)
+            for picture in pictures:
+                self.tally.seen += 1
+                self.tally.damaged += picture.damaged
+                self._note_size(connection.address, (picture.video.width, picture.video.height))
+                self.ring.put(picture, now)
+        return "ended"
+
+    # Saying
+
+    def _connected(self, address: StreamAddress, connection: Connection) -> None:
+        now, tally = time.monotonic(), self.tally
+        after = f" again after {now - tally.since:.1f} s" if tally.state == "lost" else ""
+        tally.state, tally.since, tally.last_arrival, self._said = "connected", now, now, ""
+        self._say(address, "info", f"is connected{after}: {connection.described}")
+
+    def _lost(self, address: StreamAddress, reason: str) -> None:
+        if self._stop.is_set():
+            return
+        if self.tally.state == "connected":
+            self.tally.state, self.tally.since = "lost", time.monotonic()
+            self.tally.gaps += 1
+            self._say(address, "error", f"is lost ({reason}); trying again until it is back")
+        elif reason != self._said:
+            self._say(address, "warning", f"cannot be received ({reason}); trying again until it can")
+        self._said = reason
+
+    def _note_gap(self, connection: Connection, now: float) -> None:
+        if connection.paused_s is not None:
+            self.tally.gaps += 1
+            text = f"brought nothing for {connection.paused_s:.1f} s; frames of that time are missing"
+            self._say(connection.address, "warning", text)
+        self.tally.last_arrival = now
+
+    def _note_size(self, address: StreamAddress, size: tuple[int, int]) -> None:
+        if self._size not in (None, size):
+            self._say(address, "warning", f"has changed its pictures to {size[0]} x {size[1]} pixels")
+        self._size = size
+
+    def _say(self, address: StreamAddress, level: Literal["info", "warning", "error"], text: str) -> None:
+        self.notices.put(Notice(source="stream", level=level, text=f"{address.shown} {text}"))

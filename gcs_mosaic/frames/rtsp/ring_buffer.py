@@ -1,0 +1,102 @@
+"""The newest pictures of a stream, decoded, for triggers that are still to come."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.frames.rtsp.clock import CaptureClock
+from gcs_mosaic.frames.rtsp.sharpness import sharpness
+
+Image = NDArray[np.uint8]
+
+
+class VideoPicture(Protocol):
+    """What is needed of PyAV's VideoFrame."""
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+    def to_ndarray(self, *, format: str) -> NDArray[Any]: ...
+
+
+@dataclass(slots=True, eq=False)
+class Picture:
+    """A picture as it was received; its pixels stay in the video's own format until they are wanted."""
+
+    video: VideoPicture
+    time_s: float  # the stream's own
+    clock: CaptureClock
+    damaged: bool
+    taken: bool = False
+    _sharpness: float | None = None
+
+    @property
+    def moment(self) -> float:
+        """When it was taken, on the host's monotonic clock, as far as is known by now."""
+        return self.clock.moment(self.time_s)
+
+    @property
+    def sharpness(self) -> float:
+        """Measured when it is asked for, once."""
+        if self._sharpness is None:
+            self._sharpness = sharpness(self.grey())
+        return self._sharpness
+
+    def grey(self) -> Image:
+        """(height, width) uint8."""
+        return np.asarray(self.video.to_ndarray(format="gray"), np.uint8)
+
+    def colour(self) -> Image:
+        """(height, width, 3) BGR uint8."""
+        return np.asarray(self.video.to_ndarray(format="bgr24"), np.uint8)
+
+    @property
+    def bytes(self) -> int:
+        """Memory that it takes: video has half as many colour samples as grey ones."""
+        return self.video.width * self.video.height * 3 // 2
+
+
+class Ring:
+    """Pictures of the last `seconds`, or as many as fit into `most_bytes`. For a thread that puts and one that looks."""
+
+    def __init__(self, seconds: float, most_bytes: int) -> None:
+        self._seconds, self._most_bytes = seconds, most_bytes
+        self._pictures: deque[tuple[float, Picture]] = deque()  # with when they came
+        self._bytes = 0
+        self._changed = threading.Condition()
+        self.cut_short = False
+        """Whether memory, not time, has ever decided how long a picture is kept."""
+
+    def put(self, picture: Picture, now: float) -> None:
+        """Add the newest; the oldest leave."""
+        with self._changed:
+            self._pictures.append((now, picture))
+            self._bytes += picture.bytes
+            while len(self._pictures) > 1 and self._is_over(now):
+                self._bytes -= self._pictures.popleft()[1].bytes
+            self._changed.notify_all()
+
+    def pictures(self) -> list[Picture]:
+        """All of them, oldest first."""
+        with self._changed:
+            return [picture for _, picture in self._pictures]
+
+    def wait(self, timeout_s: float) -> None:
+        """Until the next picture comes, but not longer than this."""
+        with self._changed:
+            self._changed.wait(timeout_s)
+
+    def _is_over(self, now: float) -> bool:
+        too_old = now - self._pictures[0][0] > self._seconds
+        too_many = self._bytes > self._most_bytes
+        self.cut_short |= too_many and not too_old
+        return too_old or too_many

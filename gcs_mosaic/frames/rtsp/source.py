@@ -1,0 +1,191 @@
+"""Frames from a live stream, as triggers, the clock or the motion of the view ask for them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import cv2
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.content import content_hash
+from gcs_mosaic.frames.pending_file import versioned
+from gcs_mosaic.frames.rtsp.address import AUTO, StreamAddress, check_allowed, is_allowed, parse_stream
+from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
+from gcs_mosaic.frames.rtsp.interval import Wishes
+from gcs_mosaic.frames.rtsp.requests import Offer, Requests
+from gcs_mosaic.frames.rtsp.ring_buffer import Ring
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.messages import Frame, Notice, SourceReport
+
+if TYPE_CHECKING:
+    from gcs_mosaic.frames.rtsp.receiver import Receiver
+
+Item: TypeAlias = Frame | Notice | SourceReport
+
+_LOOK_S = 0.05  # longest wait for a picture before looking for triggers
+_REPORT_S = 1.0
+_MB = 1_000_000
+
+
+def stream(
+    address: str, stop: threading.Event, requests: Requests, settings: StreamSettings | None = None
+) -> Iterator[Item]:
+    """Frames of the stream at `address` (or `auto`), each for a request or as the settings want them, until `stop` is set.
+
+    Every trigger gets the sharpest undamaged picture of its moment; a frame carries its JPEG with it. Raises UsageError,
+    at once, for an address that cannot be one, and without PyAV.
+    """
+    settings = settings or StreamSettings()
+    if address == AUTO:
+        check_allowed(settings.allowed_hosts)
+    given = None if address == AUTO else parse_stream(address)
+    try:
+        from gcs_mosaic.frames.rtsp.receiver import Receiver
+    except ImportError:
+        raise UsageError(
+            "--rtsp needs PyAV, which is not installed: pip install 'gcs-mosaic[rtsp]' brings it."
+        ) from None
+    receiver = Receiver(Ring(settings.ring_s, settings.ring_mb * _MB), settings, stop)
+    return _Stream(given, receiver, requests, settings).items(stop)
+
+
+def stream_name(address: str) -> str:
+    """How the source is shown; never with a password."""
+    return AUTO if address == AUTO else parse_stream(address).shown
+
+
+class _Stream:
+    def __init__(
+        self, address: StreamAddress | None, receiver: Receiver, requests: Requests, settings: StreamSettings
+    ) -> None:
+        self._address, self._receiver, self._requests, self._settings = address, receiver, requests, settings
+        self._ring = receiver.ring
+        self._picker = Picker(settings)
+        self._wishes = Wishes(settings.every, settings.moved)
+        self._names: Counter[str] = Counter()
+        self._taken = self._unanswered = 0
+        self._said_cut_short = False
+        self._reported: tuple[SourceReport, float] | None = None
+
+    def items(self, stop: threading.Event) -> Iterator[Item]:
+        """Everything, until `stop` is set."""
+        yield from self._begin()
+        self._receiver.start()
+        while not stop.is_set():
+            self._ring.wait(_LOOK_S)
+            yield from self._take_requests()
+            yield from self._drain_notices()
+            yield from self._take_frames()
+            yield from self._report(time.monotonic())
+        self._receiver.join()
+
+    def _begin(self) -> Iterator[Notice]:
+        if self._address:
+            self._receiver.use(self._address)
+        where = self._address.shown if self._address else "the stream that the aircraft will tell of"
+        when = f"and {self._wishes.described} " if self._wishes.described else ""
+        yield _notice("info", f"frames come from {where}, one for each trigger {when}(every: 1 s needs no triggers)")
+
+    def _take_requests(self) -> Iterator[Notice]:
+        now = time.monotonic()
+        for request in self._requests.drain():
+            if isinstance(request, Ask):
+                self._picker.ask(request, now)
+            else:
+                yield from self._hear(request)
+        pictures = self._ring.pictures()
+        if pictures and not pictures[-1].damaged and pictures[-1].clock.is_settled(now):
+            moment = self._wishes.moment(pictures[-1])
+            if moment is not None:
+                self._picker.ask(Ask(moment), now)
+
+    def _hear(self, offer: Offer) -> Iterator[Notice]:
+        """The aircraft tells where its stream is: believed only if that is on the list."""
+        try:
+            address = parse_stream(offer.url)
+        except UsageError:
+            yield _notice("warning", "the aircraft tells of a stream whose address is not understood")
+            return
+        if address == self._address:
+            return
+        if not is_allowed(address.host, self._settings.allowed_hosts):
+            yield _notice("warning", f"{address.shown}, of which the aircraft tells, is not in stream: allowed_hosts")
+            return
+        self._address = address
+        self._receiver.use(address)
+        yield _notice("info", f"the aircraft's stream is {address.shown}")
+
+    def _drain_notices(self) -> Iterator[Notice]:
+        while not self._receiver.notices.empty():
+            yield self._receiver.notices.get()
+        if self._ring.cut_short and not self._said_cut_short:
+            self._said_cut_short = True
+            text = f"pictures are kept for less than {self._settings.ring_s:g} s: {self._settings.ring_mb} MB are full"
+            yield _notice("warning", text)
+
+    def _take_frames(self) -> Iterator[Frame | Notice]:
+        for decided in self._picker.due(self._ring.pictures(), time.monotonic()):
+            if isinstance(decided, Unanswered):
+                if decided.ask.event:
+                    yield from self._note_unanswered(decided)
+                continue
+            if self._unanswered > 1:
+                yield _notice("info", f"triggers get frames again, {self._unanswered} got none")
+            self._unanswered = 0
+            self._taken += 1
+            yield self._frame(decided)
+
+    def _note_unanswered(self, unanswered: Unanswered) -> Iterator[Notice]:
+        """Said for the first of a row only: the others are counted."""
+        self._unanswered += 1
+        if self._unanswered == 1:
+            yield _notice("warning", f"a trigger gets no frame: {unanswered.reason}")
+
+    def _frame(self, pick: Pick) -> Frame:
+        """Encoded once; what is stitched is what is kept."""
+        quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.jpeg_quality]
+        data = cv2.imencode(".jpg", pick.picture.colour(), quality)[1].tobytes()
+        utc = time.time() - time.monotonic() + pick.moment
+        name = f"stream/{datetime.fromtimestamp(utc, UTC):%Y%m%d-%H%M%S.%f}"[:-3]
+        self._names[name] += 1
+        return Frame(
+            name=f"{versioned(name, self._names[name])}.jpg",
+            path=Path(f"{name}.jpg"),
+            data=data,
+            content_hash=content_hash(data),
+            size=len(data),
+            received=time.monotonic(),
+            modified=utc,
+            taken_for=pick.ask.event,
+        )
+
+    def _report(self, now: float) -> Iterator[SourceReport]:
+        tally = self._receiver.tally
+        last = tally.last_arrival
+        quiet = tally.state == "connected" and last is not None and now - last > self._settings.gap_s
+        utc_of_zero = time.time() - now
+        report = SourceReport(
+            kind="stream",
+            name=self._address.shown if self._address else AUTO,
+            state="silent" if quiet else tally.state,
+            since_utc=(last if quiet and last is not None else tally.since) + utc_of_zero,
+            last_seen_utc=None if last is None else last + utc_of_zero,
+            seen=tally.seen,
+            taken=self._taken,
+            damaged=tally.damaged,
+            gaps=tally.gaps,
+        )
+        before = self._reported
+        if before is None or before[0].state != report.state or now - before[1] >= _REPORT_S:
+            self._reported = (report, now)
+            yield report
+
+
+def _notice(level: Literal["info", "warning"], text: str) -> Notice:
+    return Notice(source="stream", level=level, text=text)

@@ -1,0 +1,170 @@
+"""Where messages come from: one reader for each kind of address. They send what they are given, which is nothing unless
+somebody asked for it (`Speaker`)."""
+
+from __future__ import annotations
+
+import logging
+import math
+import socket
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Protocol
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.mavlink import streams, tlog
+from gcs_mosaic.mavlink.address import LinkAddress, connection_string
+from gcs_mosaic.mavlink.datagrams import DatagramReader
+from gcs_mosaic.mavlink.parser import PacketReader
+from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.signing import Signing
+from gcs_mosaic.mavlink.sockets import bind_udp
+from gcs_mosaic.messages import Notice
+
+logger = logging.getLogger(__name__)
+
+_LARGEST_DATAGRAM = 65535
+_MOST_PEERS = 32  # senders whose unfinished packets are kept; the one that was silent longest is forgotten
+_PEER_GONE_S = 10.0  # a sender that was not heard for ten heartbeats is not spoken to
+
+Admits = Callable[[bytes], bool]
+
+
+class Channel(Protocol):
+    """A source of messages."""
+
+    ended: bool
+    """There can be no more."""
+    working: bool
+    """False while it cannot be opened."""
+
+    @property
+    def skipped_bytes(self) -> int:
+        """How many bytes have come that were no MAVLink."""
+
+    def read(self, timeout_s: float) -> list[Arrival | Notice]:
+        """What has come, after at most about `timeout_s`; empty if nothing has."""
+
+    def send(self, packet: bytes) -> bool:
+        """Send `packet` to whom we hear; whether it went out. Never waits."""
+
+    def close(self) -> None:
+        """Give the port, device or file back."""
+
+
+def open_channel(address: LinkAddress, settings: LinkSettings, signing: Signing | None = None) -> Channel:
+    """The channel at `address`; packets that `signing` does not admit are left out.
+
+    Raises UsageError for a port that is taken, a file that is not there, or an address that calls out if we are not to.
+    """
+    admits = signing.admits if signing else None
+    match address.kind:
+        case "udp":
+            return UdpChannel(address, settings, admits)
+        case "udpout":
+            return CallingChannel(address, settings, admits)
+        case "tcp" | "tcpin" | "serial":
+            opener = streams.opener(address, settings)
+            return streams.StreamChannel(connection_string(address), opener, settings, admits)
+        case "file":
+            return tlog.TlogChannel(address)
+
+
+@dataclass(slots=True)
+class _Peer:
+    """One sender, and when the last packet came from it that was believed."""
+
+    reader: PacketReader
+    heard: float = -math.inf
+
+
+class UdpChannel:
+    """Listens on a UDP port that nobody else holds. Senders are kept apart, so that none can damage another's bytes."""
+
+    def __init__(self, address: LinkAddress, settings: LinkSettings, admits: Admits | None = None) -> None:
+        self.ended, self.working = False, True
+        self._admits = admits
+        self._socket = bind_udp(address.host, address.port, settings.receive_buffer_bytes)
+        self._datagrams = DatagramReader(self._socket)
+        self._peers: OrderedDict[tuple[str, int], _Peer] = OrderedDict()
+
+    @property
+    def skipped_bytes(self) -> int:
+        return sum(peer.reader.skipped_bytes for peer in self._peers.values())
+
+    def read(self, timeout_s: float) -> list[Arrival | Notice]:
+        arrivals: list[Arrival | Notice] = []
+        for data, sender, received in self._datagrams.read(timeout_s):
+            peer = self._peer(sender)
+            messages = peer.reader.feed(data)
+            if messages:
+                peer.heard = received
+            arrivals += [Arrival(message, received, f"{sender[0]}:{sender[1]}") for message in messages]
+        return arrivals
+
+    def send(self, packet: bytes) -> bool:
+        now, sent = time.monotonic(), False
+        for address, peer in self._peers.items():
+            if now - peer.heard <= _PEER_GONE_S:
+                with suppress(OSError):  # a network that is away, or a full buffer: radio is like that
+                    sent |= self._socket.sendto(packet, address) > 0
+        return sent
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _peer(self, address: tuple[str, int]) -> _Peer:
+        peer = self._peers.setdefault(address, _Peer(PacketReader(datagrams=True, admits=self._admits)))
+        self._peers.move_to_end(address)
+        if len(self._peers) > _MOST_PEERS:
+            self._peers.popitem(last=False)
+        return peer
+
+
+class CallingChannel:
+    """Calls a UDP port, and hears what comes back from there alone."""
+
+    def __init__(self, address: LinkAddress, settings: LinkSettings, admits: Admits | None = None) -> None:
+        if settings.announce is None:
+            raise UsageError(
+                f"--mavlink {connection_string(address)!r} calls out, but nothing is ever sent and so nothing would "
+                "answer: use udp:14550 and let the other side send to that port, or add --announce."
+            )
+        self.ended, self.working = False, True
+        self._reader = PacketReader(datagrams=True, admits=admits)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, settings.receive_buffer_bytes)
+        try:
+            self._socket.connect((address.host, address.port))
+        except OSError as error:
+            self._socket.close()
+            raise UsageError(
+                f"--mavlink {connection_string(address)!r} cannot be called ({error.strerror}): give the address of a "
+                "machine that can be reached, such as udpout:192.168.1.10:14550."
+            ) from error
+
+    @property
+    def skipped_bytes(self) -> int:
+        return self._reader.skipped_bytes
+
+    def read(self, timeout_s: float) -> list[Arrival | Notice]:
+        self._socket.settimeout(timeout_s)
+        try:
+            data = self._socket.recv(_LARGEST_DATAGRAM)
+        except (TimeoutError, ConnectionError):  # nobody listens there yet
+            return []
+        received = time.monotonic()
+        return [Arrival(message, received) for message in self._reader.feed(data)]
+
+    def send(self, packet: bytes) -> bool:
+        try:
+            return self._socket.send(packet) > 0
+        except OSError:
+            logger.debug("nothing can be sent", exc_info=True)
+            return False
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,97 @@
+"""Camera triggers from a MAVLink link. Without a speaker it only listens: not one byte is ever sent."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Generator
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from gcs_mosaic.mavlink.address import LinkAddress
+from gcs_mosaic.mavlink.channels import Channel, open_channel
+from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener, VehicleChoice
+from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.signing import Signing
+from gcs_mosaic.mavlink.speaker import Speaker
+from gcs_mosaic.mavlink.tlog_writer import Recording
+from gcs_mosaic.messages import LinkReport, Notice, StreamOffer, TriggerEvent
+
+Items: TypeAlias = Generator[TriggerEvent | StreamOffer | Notice | LinkReport, None, None]
+
+
+def triggers(
+    address: LinkAddress,
+    stop: threading.Event,
+    settings: LinkSettings | None = None,
+    choice: VehicleChoice | None = None,
+    recording: Recording | None = None,
+    signing: Signing | None = None,
+    speaker: Speaker | None = None,
+) -> Items:
+    """Camera events, how the link is, and what must be said about it, until `stop` is set (or a recording ends).
+
+    The link is opened by this call, not by the first `next`: UsageError (a port that is taken, a file that is not
+    there) comes at once. `close` gives the link back. Several links to one aircraft share a `choice`
+    and a `recording`; `signing` and `speaker` are this link's own.
+    """
+    settings = settings or LinkSettings()
+    choice = choice or VehicleChoice(settings.vehicle)
+    channel = open_channel(address, settings, signing)
+    now = time.monotonic()
+    listener = Listener(address, settings, choice, now, time.time() - now)
+    link = _Link(channel, listener, recording or Recording(), signing, speaker)
+    listening = link.listen(stop, settings.poll_s)
+    next(listening)  # because only a generator that has begun gives its port back when it is closed
+    return listening
+
+
+@dataclass(slots=True)
+class _Link:
+    """All that belongs to one open link."""
+
+    channel: Channel
+    listener: Listener
+    recording: Recording
+    signing: Signing | None
+    speaker: Speaker | None
+    sent: int = 0  # packets
+
+    def listen(self, stop: threading.Event, poll_s: float) -> Items:
+        with closing(self.channel):
+            greeting = self.listener.greeting(self.speaker.identity if self.speaker else None)
+            yield greeting  # to `triggers`, to begin
+            yield greeting
+            while not stop.is_set() and not self.channel.ended:
+                for arrival in self.channel.read(poll_s):
+                    yield from (arrival,) if isinstance(arrival, Notice) else self._hear(arrival)
+                yield from self.recording.flush(time.monotonic())
+                if self.speaker:
+                    self._speak(self.speaker)
+                yield from self._look()
+            yield self.listener.farewell()
+
+    def _hear(self, arrival: Arrival) -> Items:
+        self.recording.record(arrival)
+        for item in self.listener.hear(arrival.message, arrival.received, arrival.sender):
+            if self.speaker and isinstance(item, TriggerEvent):
+                self.speaker.note(item, arrival.received)
+            yield item
+        if self.speaker:
+            yield from self.speaker.hear(arrival.message, arrival.received)
+
+    def _speak(self, speaker: Speaker) -> None:
+        for packet in speaker.due(time.monotonic()):
+            speaker.reachable = self.channel.send(packet)
+            self.sent += speaker.reachable
+
+    def _look(self) -> Items:
+        yield from self.listener.tick(
+            time.monotonic(),
+            working=self.channel.working,
+            noise=self.channel.skipped_bytes,
+            refused=self.signing.refused if self.signing else NO_REFUSALS,
+            sent=self.sent,
+        )

@@ -1,0 +1,130 @@
+"""Asking a camera again for CAMERA_IMAGE_CAPTURED messages that got lost. Pure; time comes as an argument.
+
+A gap in a camera's image_index means that a message was lost on the way; MAV_CMD_REQUEST_MESSAGE (512) asks for the one
+with a certain index. Shared by all links of a flight, because a message that one of them lost may come over another.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+from gcs_mosaic.mavlink.messages import MavMessage
+from gcs_mosaic.mavlink.parser import dialect
+from gcs_mosaic.mavlink.transmitter import OWN_COMPONENT
+from gcs_mosaic.messages import Source, TriggerEvent
+
+ASK_EVERY_S = 1.0
+ASK_AGAIN_S = 3.0  # for the same index: slow radios answer after a second or two
+TRIES = 3
+PATIENCE_S = 1.0  # a message may be late, or come over the other link
+LARGEST_GAP = 64  # indices; a counter that leaps further has begun anew
+_REMEMBERED = 256  # indices of a camera by which a repetition is told from a counter that begins anew
+_MOST_CAMERAS = 8
+_LARGEST_INDEX = 2**24  # the command's parameters are floats
+_ANSWER_S = 5.0  # an answer that comes later is somebody else's
+_REFUSED = (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED)
+
+
+@dataclass(slots=True)
+class _Lost:
+    due: float
+    tries: int = 0
+
+
+@dataclass(slots=True)
+class _Camera:
+    """What is known of one counter. Lost indices stay known after the last try, for they may still come."""
+
+    vehicle: int
+    component: int
+    highest: int = -1
+    heard: OrderedDict[int, float | None] = field(default_factory=OrderedDict)  # index -> time on the camera's clock
+    lost: OrderedDict[int, _Lost] = field(default_factory=OrderedDict)
+    links: set[str] = field(default_factory=set)  # over which it is heard
+    asked: float | None = None  # when, for the last time
+    refuses: bool = False
+
+
+class Recovery:
+    """Which message to ask for, and when. Threads may share it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._cameras: dict[tuple[int, int, int], _Camera] = {}
+        self._next_ask = 0.0
+
+    def note(self, event: TriggerEvent, link: str, now: float) -> None:
+        """A picture was told on `link` (a name); what is missing before it was lost."""
+        if event.source < Source.IMAGE_CAPTURED_BY_AUTOPILOT or event.sequence is None:
+            return
+        key = (event.vehicle, event.component, event.camera)
+        with self._lock:
+            if key not in self._cameras and len(self._cameras) >= _MOST_CAMERAS:
+                return
+            camera = self._cameras.setdefault(key, _Camera(event.vehicle, event.component))
+            camera.links.add(link)
+            _count(camera, event.sequence, event.source_time, now)
+
+    def due(self, link: str, now: float) -> MavMessage | None:
+        """The question that is to be asked on `link` now, if there is one."""
+        with self._lock:
+            if now < self._next_ask:
+                return None
+            for camera in self._cameras.values():
+                ripe = (index for index, lost in camera.lost.items() if lost.tries < TRIES and now >= lost.due)
+                index = next(ripe, None) if link in camera.links and not camera.refuses else None
+                if index is not None:
+                    self._next_ask = now + ASK_EVERY_S
+                    lost = camera.lost[index]
+                    lost.tries, lost.due, camera.asked = lost.tries + 1, now + ASK_AGAIN_S, now
+                    return _question(camera, index)
+        return None
+
+    def acknowledged(self, message: MavMessage, own_system: int, now: float) -> bool:
+        """Whether `message` is a camera's refusal of our question, after which it is asked no more."""
+        if message.get_type() != "COMMAND_ACK" or message.command != dialect.MAV_CMD_REQUEST_MESSAGE:
+            return False
+        ours = message.target_system in (0, own_system) and message.target_component in (0, OWN_COMPONENT)
+        if not ours or message.result not in _REFUSED:
+            return False
+        refused = False
+        with self._lock:
+            for camera in self._cameras.values():
+                asked = camera.asked is not None and now - camera.asked <= _ANSWER_S
+                same = (camera.vehicle, camera.component) == (message.get_srcSystem(), message.get_srcComponent())
+                if asked and same and not camera.refuses:
+                    camera.refuses = refused = True
+        return refused
+
+
+def _count(camera: _Camera, index: int, source_time: float | None, now: float) -> None:
+    recovered = camera.lost.pop(index, None) is not None
+    # A failed attempt and the next picture may have one index.
+    repeated = index == camera.highest or (index in camera.heard and camera.heard[index] == source_time)
+    if not recovered and not repeated:
+        if 0 <= camera.highest < index <= camera.highest + LARGEST_GAP + 1:
+            for missing in range(camera.highest + 1, min(index, _LARGEST_INDEX)):
+                camera.lost[missing] = _Lost(now + PATIENCE_S)
+        else:  # the first picture, or a counter that has begun anew
+            camera.heard.clear()
+            camera.lost.clear()
+        camera.highest = index
+    camera.heard[index] = source_time
+    while len(camera.heard) > _REMEMBERED:
+        camera.heard.popitem(last=False)
+    while len(camera.lost) > _REMEMBERED:
+        camera.lost.popitem(last=False)
+
+
+def _question(camera: _Camera, index: int) -> MavMessage:
+    return dialect.MAVLink_command_long_message(
+        camera.vehicle,
+        camera.component,
+        dialect.MAV_CMD_REQUEST_MESSAGE,
+        confirmation=0,
+        param1=dialect.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED,
+        param2=index,
+        **dict.fromkeys((f"param{number}" for number in range(3, 8)), 0),
+    )

@@ -1,0 +1,118 @@
+"""MAVLink 2 packet signing: the key, and which packets are believed. No I/O but reading the key's file.
+
+Source: the MAVLink guide on message signing. A signature is the first 48 bits of SHA-256 over key, packet, link id and
+timestamp; the timestamp counts 10 µs since 2015 and must grow within a stream (link id, system, component). pymavlink
+checks this too, but notes the timestamp before it knows that the signature is right, so that one forged packet from the
+future would silence a stream.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import re
+import stat
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.messages import Refusals
+
+KEY_BYTES = 32
+_LARGEST_FILE = 1024  # bytes; a passphrase is a line, not a letter
+_EPOCH_UTC = 1_420_070_400.0  # 2015-01-01
+_TICKS_PER_S = 100_000
+_NEW_STREAM_TICKS = 60 * _TICKS_PER_S  # a stream that was not heard before may lie so far behind the newest one
+_MARKER_V1, _SIGNED = 0xFE, 0x01
+_LINK_ID, _SIGNATURE = -13, -6  # where they begin in a signed packet
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """32 secret bytes that show themselves nowhere."""
+
+    secret: bytes = field(repr=False)
+
+    def signature(self, signed: bytes) -> bytes:
+        """The six bytes that go behind `signed`."""
+        return hashlib.sha256(self.secret + signed).digest()[:6]
+
+    def __reduce__(self) -> str:
+        raise TypeError("a signing key is not to be written anywhere")
+
+
+def load_key(path: Path) -> SigningKey:
+    """The key in a file that only its owner may read. Raises UsageError, which never shows what is in the file."""
+    try:
+        with open(path, "rb", opener=_open_at_once) as file:
+            state = os.fstat(file.fileno())
+            content = file.read(_LARGEST_FILE + 1) if stat.S_ISREG(state.st_mode) else b""
+    except OSError as error:
+        raise UsageError(f"The signing key {path} cannot be read ({error.strerror}): give a file with a key.") from None
+    if os.name == "posix" and state.st_mode & 0o077:
+        mode = stat.S_IMODE(state.st_mode)
+        raise UsageError(f"The signing key {path} can be read or changed by others (mode {mode:o}): chmod 600 {path}.")
+    secret = secret_of(content)
+    if secret is None:
+        raise UsageError(
+            f"The signing key {path} is none: give a file with 32 bytes, with 64 hexadecimal digits, or with one line "
+            "that is the passphrase given to the ground station."
+        )
+    return SigningKey(secret)
+
+
+def secret_of(content: bytes) -> bytes | None:
+    """The 32 bytes that the content of a key file stands for; None if it stands for none.
+
+    A passphrase is hashed with SHA-256, as MAVProxy, Mission Planner and QGroundControl do.
+    """
+    try:
+        line = content.decode().rstrip("\r\n")
+    except UnicodeDecodeError:
+        line = ""
+    if re.fullmatch(r"[0-9A-Fa-f]{64}", line):
+        secret = bytes.fromhex(line)
+    elif line.strip() and line.isprintable() and len(content) <= _LARGEST_FILE:
+        secret = hashlib.sha256(line.encode()).digest()
+    else:
+        secret = content
+    # All zeros mean "no signing" in SETUP_SIGNING.
+    return secret if len(secret) == KEY_BYTES and any(secret) else None
+
+
+class Signing:
+    """One link's: which packets that come are believed, and the timestamps of those that go."""
+
+    def __init__(self, key: SigningKey) -> None:
+        self.key = key
+        self.refused = Refusals()
+        # Ticks. Where to begin is for the others to say: an aircraft without a GPS fix, and a laptop, may be years off.
+        self._newest, self._sent = 0, 0
+        self._streams: dict[tuple[int, int, int], int] = {}  # the newest timestamp of each (link id, system, component)
+
+    def admits(self, packet: bytes) -> bool:
+        """Whether `packet`, whole and undamaged, is signed with our key and newer than all before; counts if not."""
+        if packet[0] == _MARKER_V1 or not packet[2] & _SIGNED:
+            self.refused = replace(self.refused, unsigned=self.refused.unsigned + 1)
+            return False
+        if not hmac.compare_digest(self.key.signature(packet[:_SIGNATURE]), packet[_SIGNATURE:]):
+            self.refused = replace(self.refused, forged=self.refused.forged + 1)
+            return False
+        stream = (packet[_LINK_ID], packet[5], packet[6])
+        ticks = int.from_bytes(packet[_LINK_ID + 1 : _SIGNATURE], "little")
+        if ticks <= self._streams.get(stream, self._newest - _NEW_STREAM_TICKS):
+            self.refused = replace(self.refused, replayed=self.refused.replayed + 1)
+            return False
+        self._streams[stream] = ticks
+        self._newest = max(self._newest, ticks)
+        return True
+
+    def next_timestamp(self, utc: float) -> int:
+        """Ticks for a packet that goes out at `utc`: newer than all that came and went, or it would not be believed."""
+        self._sent = max(self._sent + 1, self._newest + 1, round((utc - _EPOCH_UTC) * _TICKS_PER_S))
+        return self._sent
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe that nobody writes to would never open

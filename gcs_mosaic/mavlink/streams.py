@@ -1,0 +1,205 @@
+"""Links that are streams of bytes (TCP, serial): opened again, with growing waits, whenever they are lost."""
+
+from __future__ import annotations
+
+import io
+import logging
+import select
+import socket
+import time
+from collections.abc import Callable
+from typing import Literal
+
+from gcs_mosaic.mavlink.address import LinkAddress
+from gcs_mosaic.mavlink.parser import PacketReader
+from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.sockets import listen_tcp
+from gcs_mosaic.messages import Notice
+
+logger = logging.getLogger(__name__)
+
+_CHUNK = 4096
+_KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # seconds, seconds, questions: gone after 25 s
+
+Mode = Literal["rb", "rwb"]
+Opener = Callable[[], io.RawIOBase | None]
+"""Opens the stream; None if there is nobody yet, OSError if it cannot be opened now."""
+
+
+class StreamChannel:
+    """Reads a stream and opens it again when it is lost; both are said once, not at every try.
+
+    Only a stream that has brought something counts as one that works: where somebody takes the call and hangs up, or a
+    device opens and fails, the waits grow too.
+    """
+
+    def __init__(
+        self, name: str, opener: Opener, settings: LinkSettings, admits: Callable[[bytes], bool] | None = None
+    ) -> None:
+        self.ended, self.working = False, True
+        self._name, self._open, self._settings = name, opener, settings
+        self._stream: io.RawIOBase | None = None
+        self._admits = admits
+        self._reader = PacketReader(datagrams=False, admits=admits)
+        self._unsent = b""  # the rest of a packet that was begun
+        self._trouble: str | None = None  # the last one that was said
+        self._brought, self._hangs_up = False, False  # this connection something; the one before nothing
+        self._skipped_before = 0  # bytes, by the connections before
+        self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
+
+    @property
+    def skipped_bytes(self) -> int:
+        return self._skipped_before + self._reader.skipped_bytes
+
+    def read(self, timeout_s: float) -> list[Arrival | Notice]:
+        if self._stream is None:
+            return self._reopened(timeout_s)
+        if not select.select([self._stream], [], [], timeout_s)[0]:
+            return []
+        try:
+            data = self._stream.read(_CHUNK)
+        except OSError as error:
+            return self._lost(error.strerror or str(error))
+        if not data:
+            return self._lost("the other side has closed it")
+        received = time.monotonic()
+        arrivals = [Arrival(message, received) for message in self._reader.feed(data)]
+        return [*self._works(), *arrivals]
+
+    def send(self, packet: bytes) -> bool:
+        if self._unsent:  # what was begun comes first, or a packet would be cut off
+            self._unsent = self._unsent[self._written(self._unsent) :]
+        if self._unsent:
+            return False
+        written = self._written(packet)
+        self._unsent = packet[written:] if written else b""
+        return written > 0
+
+    def _written(self, data: bytes) -> int:
+        """How many bytes of `data` the stream takes now."""
+        if self._stream is None:
+            return 0
+        try:
+            ready = select.select([], [self._stream], [], 0.0)[1]
+            return (self._stream.write(data) or 0) if ready else 0
+        except OSError:  # reading will find out what is wrong
+            logger.debug("nothing can be sent", exc_info=True)
+            return 0
+
+    def close(self) -> None:
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+        if isinstance(self._open, TcpServer):
+            self._open.close()
+
+    def _reopened(self, timeout_s: float) -> list[Arrival | Notice]:
+        wait = self._next_try - time.monotonic()
+        if wait > 0:
+            time.sleep(min(wait, timeout_s))
+            return []
+        try:
+            self._stream = self._open()
+        except OSError as error:
+            return self._not_yet(error.strerror or str(error))
+        if self._stream is None:
+            return []
+        self._skipped_before += self._reader.skipped_bytes
+        self._reader, self._unsent = PacketReader(datagrams=False, admits=self._admits), b""
+        self.working, self._brought = True, False
+        return [] if self._hangs_up else [self._connected()]
+
+    def _works(self) -> list[Arrival | Notice]:
+        """Something has come: troubles are over."""
+        news = [self._connected()] if self._hangs_up else []
+        self._brought, self._hangs_up = True, False
+        self._trouble, self._wait_s = None, self._settings.reconnect_first_s
+        return [*news]
+
+    def _connected(self) -> Notice:
+        return Notice(source=self._name, level="info", text=f"{self._name} is connected")
+
+    def _not_yet(self, reason: str) -> list[Arrival | Notice]:
+        return self._later(f"{self._name} cannot be opened ({reason}); trying again until it can")
+
+    def _lost(self, reason: str) -> list[Arrival | Notice]:
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+        self._hangs_up = not self._brought
+        return self._later(f"{self._name} is lost ({reason}); opening it again")
+
+    def _later(self, trouble: str) -> list[Arrival | Notice]:
+        """Try again in a while; what is wrong is said if that is news."""
+        self.working = False
+        self._next_try = time.monotonic() + self._wait_s
+        self._wait_s = min(2 * self._wait_s, self._settings.reconnect_longest_s)
+        if trouble == self._trouble:
+            return []
+        self._trouble = trouble
+        return [Notice(source=self._name, level="warning", text=trouble)]
+
+
+def opener(address: LinkAddress, settings: LinkSettings) -> Opener:
+    """What opens a TCP or serial address: for reading alone, unless we are to announce ourselves."""
+    mode: Mode = "rb" if settings.announce is None else "rwb"
+    match address.kind:
+        case "tcp":
+            return tcp_client(address, settings, mode)
+        case "tcpin":
+            return TcpServer(address, settings, mode)
+        case _:
+            return serial(address, mode)
+
+
+def tcp_client(address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") -> Opener:
+    """Connects to the address."""
+
+    def connect() -> io.RawIOBase:
+        where = (address.host, address.port)
+        with socket.create_connection(where, timeout=settings.connect_timeout_s) as connection:
+            notice_when_gone(connection)
+            return connection.makefile(mode, buffering=0)  # keeps the connection open after the socket object is gone
+
+    return connect
+
+
+def notice_when_gone(connection: socket.socket) -> None:
+    """Let the kernel ask now and then: whoever only listens never learns that the other side was switched off."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _KEEPALIVE.items():
+        if option := getattr(socket, name, None):  # not every system lets us choose
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
+
+
+class TcpServer:
+    """Takes one caller at a time; the port is taken at once, so that a wrong one is known at the start."""
+
+    def __init__(self, address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") -> None:
+        self._mode: Mode = mode
+        self._listener = listen_tcp(address.host, address.port, settings.receive_buffer_bytes)
+        self._listener.settimeout(settings.poll_s)
+
+    def __call__(self) -> io.RawIOBase | None:
+        try:
+            connection, _ = self._listener.accept()
+        except TimeoutError:
+            return None
+        with connection:
+            notice_when_gone(connection)
+            return connection.makefile(self._mode, buffering=0)
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+def serial(address: LinkAddress, mode: Mode = "rb") -> Opener:
+    """Opens the serial device."""
+
+    def open_device() -> io.RawIOBase:
+        from gcs_mosaic.mavlink.serial_port import open_serial
+
+        return open_serial(address.device, address.baud, writing=mode == "rwb")
+
+    return open_device

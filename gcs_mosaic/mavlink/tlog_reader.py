@@ -1,0 +1,85 @@
+"""What was heard on a recorded link (.tlog): through the same listener as a live one, on the recording's own time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.mavlink.address import LinkAddress
+from gcs_mosaic.mavlink.clock import plausible_utc
+from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
+from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.tlog import on_one_clock, read_tlog
+from gcs_mosaic.messages import Notice, TriggerEvent
+
+_LEAP_S = 2.0  # by so much a recording's clock may be out of step with itself: links that were written a little late
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedLink:
+    """A recording's events and notices. All times are in seconds from its first packet, which is the time zero."""
+
+    heard: list[tuple[float, TriggerEvent | Notice]]  # in order; `received` of the events is on this clock too
+    seconds: float  # to the last packet
+    packets: int
+    began_utc: float | None  # seconds since 1970; None if the recording's clock was not set or has leapt
+
+    @property
+    def events(self) -> list[TriggerEvent]:
+        return [item for _, item in self.heard if isinstance(item, TriggerEvent)]
+
+
+def read_recording(path: Path, settings: LinkSettings, read: Callable[[int], None] = lambda size: None) -> RecordedLink:
+    """All of the recording at `path`; `read` is told now and then how many bytes of it have been read.
+
+    Raises UsageError for a file that is not there and for one that holds no MAVLink.
+    """
+    try:
+        with path.open("rb") as file:
+            recorded = _Recorded(path, settings)
+            for arrival in on_one_clock(recorded.noting_utc(read_tlog(file)), start=0.0):
+                recorded.hear(arrival)
+                read(file.tell())
+    except OSError as error:
+        raise UsageError(
+            f"the recording {str(path)!r} cannot be read ({error.strerror}): give a .tlog file that exists."
+        ) from error
+    if not recorded.packets:
+        raise UsageError(
+            f"{str(path)!r} holds no MAVLink packet: give a recording (.tlog) as MAVProxy, Mission Planner, "
+            "QGroundControl or gcs-mosaic --record write it."
+        )
+    return recorded.link()
+
+
+class _Recorded:
+    def __init__(self, path: Path, settings: LinkSettings) -> None:
+        address = LinkAddress(kind="file", path=path)
+        self._listener = Listener(address, settings, VehicleChoice(settings.vehicle), 0.0, 0.0)
+        self._heard: list[tuple[float, TriggerEvent | Notice]] = []
+        self._first_utc = self._last_utc = self._seconds = 0.0
+        self.packets = 0
+
+    def noting_utc(self, recorded: Iterator[tuple[float, object]]) -> Iterator[tuple[float, object]]:
+        for utc, message in recorded:
+            self._first_utc = self._first_utc if self.packets else utc
+            self._last_utc = utc
+            self.packets += 1
+            yield utc, message
+
+    def hear(self, arrival: Arrival) -> None:
+        self._seconds = arrival.received
+        said = [*self._listener.tick(arrival.received), *self._listener.hear(arrival.message, arrival.received)]
+        self._heard += [(arrival.received, item) for item in said if isinstance(item, TriggerEvent | Notice)]
+
+    def link(self) -> RecordedLink:
+        runs_through = abs(self._last_utc - self._first_utc - self._seconds) <= _LEAP_S
+        return RecordedLink(
+            heard=self._heard,
+            seconds=self._seconds,
+            packets=self.packets,
+            began_utc=plausible_utc(self._first_utc) if runs_through else None,
+        )

@@ -1,0 +1,116 @@
+"""What is heard, written down as a recording (.tlog) that MAVProxy, Mission Planner, QGroundControl and `replay` read.
+
+The form has no header: before each packet the time it came, in microseconds since 1970 (big-endian, 64 bits).
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from io import FileIO
+from pathlib import Path
+from typing import Literal
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.tlog import TIME
+from gcs_mosaic.messages import Notice
+
+FLUSH_S = 0.5  # a kill loses no more than this; each packet by itself would cost a system call
+_RETRY_S = 2.0  # between attempts to write on a full disk
+_MOST_UNWRITTEN = 1 << 20  # bytes; what is written is at most a second of the fastest link
+
+
+class Recording:
+    """One file for all links. What cannot be written is lost, counted and said; it never ends a flight or stops a link.
+
+    `record` may be called from several threads. Nothing is written before `open`.
+    """
+
+    def __init__(self) -> None:
+        self._file: FileIO | None = None
+        self._path = Path()
+        self._lock = threading.Lock()
+        self._utc_of_zero = time.time() - time.monotonic()  # once, so that the laptop's clock may be set meanwhile
+        self._unwritten = bytearray()
+        self._packets = 0  # in what is unwritten
+        self._last_us = 0
+        self._next_write = 0.0
+        self._lost: int | None = None  # packets since the disk takes nothing
+
+    def open(self, path: Path, *, ours: bool) -> Notice:
+        """Write to `path` from now on; a file that is there is gone on with if it is `ours`, else UsageError."""
+        try:
+            self._file = path.open("ab" if ours else "xb", buffering=0)
+        except OSError as error:
+            why = "is there already" if isinstance(error, FileExistsError) else f"cannot be written ({error.strerror})"
+            raise UsageError(f"--record {str(path)!r} {why}: give a new file, such as flight-2.tlog.") from error
+        self._path = path
+        return _notice("info", f"what is heard is recorded to {path}")
+
+    def record(self, arrival: Arrival) -> None:
+        """Keep the packet that a message came in; it is written by `flush`."""
+        if self._file is None:
+            return
+        with self._lock:
+            # Links on several threads are a little out of step; a time that goes back would read as damage.
+            self._last_us = max(self._last_us, int((arrival.received + self._utc_of_zero) * 1e6))
+            self._unwritten += TIME.pack(self._last_us) + arrival.message.get_msgbuf()
+            self._packets += 1
+
+    def flush(self, now: float, *, at_once: bool = False) -> Iterator[Notice]:
+        """Hand to the operating system what was kept, at `now` (monotonic seconds) if it is time; what must be said."""
+        with self._lock:
+            if self._file is not None and (at_once or now >= self._next_write or self._is_long()):
+                yield from self._write(self._file, now)
+
+    def close(self) -> None:
+        """Write the rest. A file that nothing was written to is taken away."""
+        if self._file is None:
+            return
+        list(self.flush(time.monotonic(), at_once=True))
+        with self._file as file:
+            is_empty = file.tell() == 0
+        self._file = None
+        if is_empty:
+            self._path.unlink(missing_ok=True)
+
+    def _is_long(self) -> bool:
+        return len(self._unwritten) > _MOST_UNWRITTEN
+
+    def _write(self, file: FileIO, now: float) -> Iterator[Notice]:
+        end = file.seek(0, 2)
+        try:
+            _write_whole(file, self._unwritten)
+        except OSError as error:
+            file.truncate(end)  # half a packet would hide the next one
+            self._next_write = now + _RETRY_S
+            if self._lost is None:
+                self._lost = 0
+                text = f"the recording {self._path} cannot be written ({error.strerror}): the flight goes on without it"
+                yield _notice("error", text)
+            if self._is_long():
+                self._lost += self._packets
+                self._forget()
+            return
+        self._forget()
+        self._next_write = now + FLUSH_S
+        if self._lost is not None:
+            text = f"the recording {self._path} is written again; {self._lost} packets are missing in it"
+            self._lost = None
+            yield _notice("info", text)
+
+    def _forget(self) -> None:
+        self._unwritten.clear()
+        self._packets = 0
+
+
+def _notice(level: Literal["info", "error"], text: str) -> Notice:
+    return Notice(source="recording", level=level, text=text)
+
+
+def _write_whole(file: FileIO, data: bytes | bytearray) -> None:
+    left = memoryview(bytes(data))
+    while left:
+        left = left[file.write(left) :]

@@ -1,0 +1,61 @@
+"""How painted frames come to agree in brightness: what two of them see of the same ground, and the gains that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.display import Display
+from gcs_mosaic.render.exposure import (
+    ExposureSettings,
+    Gain,
+    Levels,
+    Observation,
+    OverlapMeans,
+    overlap_means,
+    solve_gains,
+)
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.vignetting import Vignetting
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixels_from_canvas
+
+Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, what they see of each other
+
+
+def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> OverlapMeans | None:
+    """What two frames see of the same ground, told from their thumbnails (h, w, bands) in grey levels; None if nothing."""
+    scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
+
+    def j_from_i(pixels: Array) -> Array:
+        places = canvas_from_pixels(i.pose, i.camera, (pixels + 0.5) * scale_i - 0.5)
+        there = (pixels_from_canvas(j.pose, j.camera, places) + 0.5) / scale_j - 0.5
+        alive = _is_alive(i.dead.scaled(1 / scale_i), pixels, small_i)
+        alive &= _is_alive(j.dead.scaled(1 / scale_j), there, small_j)
+        return np.where(alive[:, None], there, np.nan)
+
+    return overlap_means(small_i, small_j, j_from_i)
+
+
+def _is_alive(dead: DeadBorder, pixels: Array, thumbnail: Levels) -> NDArray[np.bool_]:
+    """Which pixels (n, 2) of a thumbnail, or places between them, are mixed of living ones alone."""
+    return dead.spares(pixels, thumbnail.shape[1], thumbnail.shape[0])
+
+
+def agreed_gains(
+    frames: Iterable[Painted], overlaps: Sequence[Overlap], curves: Mapping[str, Vignetting], settings: ExposureSettings
+) -> dict[str, Gain]:
+    """The gain of each frame by all that is known; `curves`: the vignetting of each, by name."""
+    kinds: dict[Display, list[Painted]] = {}  # frames of different kinds tell nothing of each other's exposure
+    for painted in frames:
+        kinds.setdefault(painted.display, []).append(painted)
+    gains: dict[str, Gain] = {}
+    for display, alike in kinds.items():
+        names = {painted.name: number for number, painted in enumerate(alike)}
+        seen: list[Observation] = [
+            (names[i], names[j], means.flattened(curves[i], curves[j])) for i, j, means in overlaps if i in names
+        ]
+        gains |= dict(zip(names, solve_gains(len(names), seen, settings, len(display.black)), strict=True))
+    return gains

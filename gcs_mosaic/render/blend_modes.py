@@ -1,0 +1,66 @@
+"""The ways in which frames can be blended, by name: who shows where is decided on cells, pixels follow from that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render import edges, seams
+from gcs_mosaic.render.cells import OPEN, PARTLY, Cells, Owned, Seen, Window
+from gcs_mosaic.render.guests import Admit, admit
+from gcs_mosaic.render.looks import Of, Sight
+from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.sampling import CUT, inside, lattice_part
+from gcs_mosaic.render.seam_path import hard
+from gcs_mosaic.render.warp_grid import Lattice
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """How frames are blended.
+
+    `look`: a frame's picture, made smaller if it is large -> what is kept of it; None: nothing. `see`: what a frame brings to a
+    window of its tiles. `decide`: (what is known, what a new frame brings) -> above 0 where that one is to show, the farther
+    from 0 the clearer. `own`: who shows in the end, which depends on no cell farther away than a tile is wide. `planes`: how many
+    are kept of a cell. `admit`: lets a frame of a coarser level show where it has what nobody else has; None: never. `toned`:
+    whether tones are brought together along seams. `sharp`: whether a cell is one frame's alone.
+    """
+
+    see: Callable[[PlacedFrame, Sight | None, Window], Seen]
+    decide: Callable[[Cells, Seen], Lattice]
+    own: Callable[[Cells], Owned]
+    look: Callable[[Image, Of], Sight] | None = None
+    planes: int = 0
+    admit: Admit | None = None
+    toned: bool = False
+    sharp: bool = True
+
+
+def _just_there(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
+    covered = inside(frame.lattice, lattice_part(frame.lattice, window))
+    return Seen(covered, np.float32(-CUT) * (covered == PARTLY), np.zeros((0, *covered.shape), np.uint8))
+
+
+def _newest(cells: Cells, seen: Seen) -> Lattice:
+    return np.asarray(seen.score - cells.score + OPEN, np.float32)
+
+
+def _first(cells: Cells, seen: Seen) -> Lattice:
+    return np.asarray(seen.score - cells.score - OPEN, np.float32)
+
+
+def _as_decided(cells: Cells) -> Owned:
+    return hard(cells, np.zeros(cells.first.shape, np.bool_))
+
+
+MODES: dict[str, Mode] = {
+    "seam": Mode(seams.see, seams.decide, seams.steered, seams.look_for_seams, seams.KEPT, admit, toned=True),
+    "edge": Mode(edges.see, edges.decide, edges.mixed, edges.look_for_edges, 1, sharp=False),
+    "newest": Mode(_just_there, _newest, _as_decided),
+    "first": Mode(_just_there, _first, _as_decided),
+}

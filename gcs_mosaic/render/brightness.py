@@ -1,0 +1,96 @@
+"""How bright frames are to be painted, by what overlapping ones see of the same ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import replace
+
+from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
+from gcs_mosaic.render.exposure import ExposureSettings, Gain, Levels, OverlapMeans, gain_beside, is_false_colour
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.transaction import Kept
+
+Size = tuple[int, int]  # width, height of frames as they are painted
+Camera = tuple[Size, int]  # and how many bands they have
+
+
+class Brightness(Kept):
+    """Thumbnails of all painted frames, and what their overlaps tell of gains and vignetting.
+
+    `dead_of` tells the border that is known to be dead of frames of a size.
+    """
+
+    FIXED = frozenset({"_dead_of"})
+
+    def __init__(
+        self, exposure: ExposureSettings, vignetting: VignettingSettings, dead_of: Callable[[Size], DeadBorder]
+    ) -> None:
+        self._exposure = exposure
+        self._no_estimate = VignettingEstimate(vignetting)
+        self._dead_of = dead_of
+        self._thumbnails: dict[str, Levels] = {}
+        self._false_colour: set[str] = set()  # a palette that follows each frame's own range says nothing of brightness
+        self._overlaps: list[Overlap] = []
+        self._estimates: dict[Camera, VignettingEstimate] = {}
+
+    def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted]) -> Painted:
+        """A frame at the brightness that fits those beside it which are painted; it counts for others from now on."""
+        self._thumbnails[new.name] = thumbnail
+        if is_false_colour(thumbnail):
+            self._false_colour.add(new.name)
+        found = self._find_overlaps(new, beside)
+        curves = self.curves_of(new)
+        shares = [(means.flattened(curves, other.vignetting), other.gain) for means, other in found]
+        return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
+
+    def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
+        """What overlaps of these frames told included their dead borders, or left out too much.
+
+        Two frames may be painted on different islands for a while, when these have been joined: what they told stays.
+        """
+        kept: list[Overlap] = []
+        for i, j, means in self._overlaps:
+            changed = (i in names or j in names) and painted[i].island == painted[j].island
+            again = self._overlap(painted[i], painted[j]) if changed else means
+            kept += [] if again is None else [(i, j, again)]
+        self._overlaps = kept
+
+    def final(self, painted: Mapping[str, Painted]) -> dict[str, tuple[Gain, Vignetting]]:
+        """Gain and vignetting of each frame by all that is known."""
+        curves = {name: self.curves_of(one) for name, one in painted.items()}
+        gains = agreed_gains(painted.values(), self._overlaps, curves, self._exposure)
+        return {name: (gains[name], curves[name]) for name in painted}
+
+    def curves_of(self, painted: Painted) -> Vignetting:
+        """The vignetting of a frame's camera, as far as it is known."""
+        return self._estimates.get(_camera_of(painted), self._no_estimate).curves
+
+    def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
+        """What a new frame has in common with others of the same kind; kept for the end, and told the vignetting."""
+        found: list[tuple[OverlapMeans, Painted]] = []
+        for painted in beside:
+            if painted.island == new.island and painted.display == new.display:
+                means = self._overlap(new, painted)
+                if means is not None:
+                    self._overlaps.append((new.name, painted.name, means))
+                    found.append((means, painted))
+                    camera = _camera_of(painted)
+                    self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)
+        return found
+
+    def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
+        """Without the borders that are known to be dead, even where these are still painted."""
+        if not self._false_colour.isdisjoint((one.name, other.name)):
+            return None
+        i, j = (replace(painted, dead=self._dead_of(size_of(painted))) for painted in (one, other))
+        return overlap_of(i, self._thumbnails[i.name], j, self._thumbnails[j.name])
+
+
+def size_of(painted: Painted) -> Size:
+    return painted.camera.width, painted.camera.height
+
+
+def _camera_of(painted: Painted) -> Camera:
+    return size_of(painted), len(painted.display.black)

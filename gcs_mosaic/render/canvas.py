@@ -1,0 +1,448 @@
+"""Frames onto tiles: added one by one as they come, painted again when poses change, the same picture either way.
+
+Which frame shows where is decided first, on cells, by a fold over the frames in capture order (`cells`); pixels are made only
+where that changes what is shown, and once (`plans`, `pixels`). Coarser tiles are made of finer ones (`overviews`). So a tile is
+a pure function of the `Painted` frames around it, however and whenever it was painted. A tile that no longer follows its frames
+is *behind*: it goes on showing what it showed, with newer frames laid on top so that nothing new is held back, until `repaint`
+has made it anew.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.render.blend_modes import MODES
+from gcs_mosaic.render.blending import mix, mix_pixels
+from gcs_mosaic.render.cells import around
+from gcs_mosaic.render.display import Display
+from gcs_mosaic.render.gallery import Gallery
+from gcs_mosaic.render.originals import LoadImage
+from gcs_mosaic.render.painted import Extent, Painted, PaintedFrames, TileKey, Turn
+from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part
+from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.plans import Plan, Recipe
+from gcs_mosaic.render.pyramid import LoadTile, TilePicture, TileStack, top_level
+from gcs_mosaic.render.territory import Territory
+from gcs_mosaic.render.tile_cache import Layer, Store
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.render.tile_maker import Maker
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.transaction import Kept
+
+logger = logging.getLogger(__name__)
+
+INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
+BLOCK = 96  # tiles a side that are repainted together: so many that most frames are decoded once
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanvasSettings:
+    """How frames are painted."""
+
+    # Which frame shows where several do: seam (the one that sees best), edge (the paper's mixture), newest or first.
+    blend: str = "seam"
+    interpolation: str = "cubic"  # keeps 97 % of a frame's finest detail; "linear" 70-88 % in two thirds of the time
+    memory_mb: int = 160  # tiles and looks kept in memory, about 500; the others wait in a scratch file
+    threads: int = 2  # how many tiles are painted at a time
+
+    def __post_init__(self) -> None:
+        for value, known in ((self.blend, list(MODES)), (self.interpolation, list(INTERPOLATIONS))):
+            if value not in known:
+                raise ValueError(f"{value!r} is not one of {', '.join(known)}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Fold:
+    """Tiles whose cells are being decided anew: with each the frames folded so far, which are those up to a turn."""
+
+    turn: Turn | None
+    tiles: Mapping[TileKey, tuple[Painted, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Making:
+    """Tiles whose pixels are being made: their plans, and the frames that are still to be warped, in capture order."""
+
+    plans: Mapping[TileKey, Plan]
+    left: tuple[str, ...]
+    changes: int  # of cells and frames, when the plans were made
+
+
+class Canvas(Kept):
+    """All tiles of all islands. Used by one thread; the work on tiles is spread over a few of its own.
+
+    `load_image(name)` gives a frame's original, or None if it is gone for good; `load_tile` a tile that an earlier run wrote
+    (for `resume`); `scratch` is a folder for the tiles that do not fit into memory. `keep_bands`: whether tiles have, besides
+    what is shown, all bands of the frames, which then must have the same ones.
+    """
+
+    FIXED = frozenset({"_pool", "_gallery", "_maker"})
+
+    def __init__(
+        self,
+        load_image: LoadImage,
+        settings: CanvasSettings | None = None,
+        *,
+        load_tile: LoadTile | None = None,
+        scratch: Path | None = None,
+        keep_bands: KeepBands = "none",
+    ) -> None:
+        self._settings = settings or CanvasSettings()
+        self._pool = ThreadPoolExecutor(self._settings.threads, thread_name_prefix="paint")
+        self._store = Store(self._settings.memory_mb << 20, scratch)
+        self._stack = TileStack(self._store, self._pool, load_tile)
+        self._frames = PaintedFrames()
+        mode = MODES[self._settings.blend]
+        self._gallery = Gallery(load_image, self._store, mode, keep_bands, self._pool)
+        self._territory = Territory(self._store, mode, self._gallery, self._frames, self._pool)
+        flag = INTERPOLATIONS[self._settings.interpolation]
+        self._maker = Maker(self._gallery, self._frames, self._store, self._pool, flag, keep_bands)
+        self._behind: dict[TileKey, float] = {}  # tiles whose cells do not follow their frames, with how urgent each is
+        self._due: dict[TileKey, float] = {}  # tiles that may not show what their cells tell
+        self._recipes: dict[TileKey, Recipe] = {}  # what tiles that show it are made of
+        self._unhosted: frozenset[TileKey] = frozenset()  # tiles that guests may show on in other places than they do
+        self._left: dict[str, frozenset[TileKey]] = {}  # by frames that are on another level or island: where they were
+        self._work: _Fold | _Making | None = None
+        self._changes = 0
+        self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
+
+    def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
+        """Add a frame; returns the tiles that may look different now (all levels).
+
+        A frame that is not the last in capture order is laid on top all the same, and its tiles are behind. `hastily`: so are
+        tiles that would want the original of another frame which is not at hand. ValueError if the image does not fit the camera.
+        """
+        frame = self._gallery.placed(painted)
+        picture = None if frame is None else self._gallery.take(painted, image)
+        self._fall_behind(self._frames.remove(painted.name))
+        keys = self._register(painted, frame)
+        self._fall_behind(key for key in keys if not self._frames.is_last(painted, key))
+        if frame is None or picture is None:
+            return self._refresh(keys, {painted.island})
+        ready = {key for key in keys if key not in self._behind}
+        self._unhosted |= self._territory.hosts_below(ready)
+        due = self._settle(self._territory.lay_over(frame, ready))
+        plans = self._unlike([key for key in due if key not in self._behind])
+        made = self._maker.made(plans, hastily=hastily)
+        for key, layer in made.items():
+            self._show(key, layer, plans[key].recipe)
+        parts = {key: plan.parts.get(painted.name) for key, plan in plans.items() if key not in made}
+        left = {key: part for key, part in parts.items() if part is not None}
+        told = made.keys() | self._lay_on_top(frame, picture, {**left, **dict.fromkeys(keys & self._behind.keys())})
+        return self._refresh(told, {painted.island} | {island for island, _ in told})
+
+    def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
+        """Begin to see, while its place is sought, what a frame looks like that may come by `paint`."""
+        self._gallery.begin_look(name, image, display, dead)
+
+    def look(self, image: Bands, painted: Painted) -> None:
+        """See what a frame looks like that is to come by `move`, so that it need not be loaded for that. ValueError as for
+        `paint`."""
+        self._gallery.look_ahead(painted, image)
+
+    def resume(self, frames: Iterable[Painted]) -> None:
+        """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
+        for painted, frame in self._gallery.all_placed(list(frames)):
+            keys = self._register(painted, frame)
+            self._fall_behind(keys)
+            self._stack.expect(keys)
+
+    def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
+        """Frames have new poses, gains, levels or islands, or are new; their old and new tiles are behind. Returns how many.
+
+        `repaint` takes the most urgent tiles first.
+        """
+        changed = [p for p in frames if p.name not in self._frames or self._frames[p.name] != p]
+        for painted, frame in self._gallery.all_placed(changed):
+            old = self._frames.remove(painted.name)
+            self._fall_behind(old | self._register(painted, frame), urgency)
+            elsewhere = frozenset(key for key in old if (key[0], key[1].z) != (painted.island, painted.level))
+            if elsewhere:
+                self._left[painted.name] = self._left.get(painted.name, frozenset()) | elsewhere
+        return len(changed)
+
+    def expect(self, frames: Sequence[Painted]) -> None:
+        """Begin to work out where a few frames lie that are to come by `move` next."""
+        self._gallery.expect_places(frames)
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Take frames out; their tiles are behind."""
+        for name in names:
+            self._fall_behind(self._frames.remove(name))
+
+    @property
+    def behind(self) -> int:
+        """How many tiles wait for `repaint`."""
+        return len(self._behind.keys() | self._due.keys() | self._unhosted)
+
+    def repaint(self, block: int = BLOCK) -> Iterator[set[TileKey]]:
+        """Bring all tiles that are behind up to date, a frame's work at a time; yields tiles that may look different now.
+
+        `block` by `block` tiles change together: a large block decodes each original less often, a small one shows sooner.
+
+        Stop between any two steps, call `paint` or `move` in between, go on or start again: a tile is replaced only when it
+        is whole, and nothing is lost but the work since. One such iterator at a time.
+        """
+        try:
+            while self.behind:
+                yield self.repaint_step(block)
+        finally:
+            self._drop_work()
+
+    def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
+        """One step of `repaint`, to be called while tiles are behind: a frame's work, or the change itself."""
+        if self._guests_wait:
+            self._settle(self._unhosted)
+            self._note_due(self._territory.with_guests(self._unhosted))
+            self._unhosted = frozenset()
+            return set()
+        work = self._work = self._work or self._begun(block)
+        if isinstance(work, _Fold):
+            # Asked anew at each step, because frames may come and move between steps.
+            painted = self._frames.next_after(work.turn, work.tiles)
+            if painted is None:
+                self._end(work)
+            self._work = None if painted is None else self._with_frame(work, painted)
+            return set()
+        if work.left:
+            self._work = self._with_pixels(work)
+            return set()
+        return self._commit(work)
+
+    def skip_step(self, block: int = BLOCK) -> None:
+        """Leave what `repaint_step` would do next for good: its tiles go on showing what they show."""
+        if self._guests_wait:
+            self._unhosted = frozenset()
+        elif self._work is None:
+            keys = self._next_block(block)
+            self._give_up(keys)
+        elif isinstance(self._work, _Fold):
+            painted = self._frames.next_after(self._work.turn, self._work.tiles)
+            keys = set(self._work.tiles) if painted is None else self._shared(painted, self._work)
+            self._work = self._without(self._work, keys)
+        else:
+            self._work = self._unmade(self._work, self._work.left[0] if self._work.left else None)
+
+    def tile(self, island: int, tile: Tile) -> TilePicture | None:
+        """A tile as it is shown; None if there is nothing on it. Its arrays are not to be changed."""
+        return self.tile_later(island, tile)()
+
+    def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]:
+        """What gives a tile as it is shown now, whenever it is called and in whatever thread."""
+        return self._stack.shown((island, tile))
+
+    def extent(self, island: int) -> Extent | None:
+        """The canvas box around an island's tiles and the levels it has tiles of; None if it has none."""
+        extent = self._frames.extent(island)
+        return None if extent is None else extent._replace(coarsest=top_level(extent))
+
+    @property
+    def problem(self) -> str | None:
+        """What the operator should know: the scratch file cannot grow, so memory does."""
+        return self._store.problem
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give back all memory, threads and the scratch file."""
+        self._pool.shutdown()
+        self._store.close()
+        self._gallery.clear()
+
+    def _register(self, painted: Painted, frame: PlacedFrame | None) -> set[TileKey]:
+        return self._frames.add(painted, () if frame is None else frame.lattice.tiles())
+
+    def _settle(self, changed: Collection[TileKey]) -> set[TileKey]:
+        """Tiles whose cells have changed, and those around, are due where that makes a difference; returns those."""
+        self._changes += 1
+        due = self._territory.settle(changed)
+        for key in due:
+            self._due.setdefault(key, 0.0)
+        return due
+
+    def _note_due(self, keys: Collection[TileKey]) -> None:
+        """Tiles whose frames are others than they were, wherever they show, are due, and those around, for their tones."""
+        for key in around(keys):
+            if key in self._recipes:
+                self._due.setdefault(key, 0.0)
+
+    # Pixels
+
+    def _unlike(self, keys: Collection[TileKey]) -> dict[TileKey, Plan]:
+        """Plans of those of these tiles that do not show what they are to; the others are not due."""
+        plans = self._territory.plans(keys)
+        same = {key for key, plan in plans.items() if self._recipes.get(key) == plan.recipe}
+        for key in same:
+            self._due.pop(key, None)
+        return {key: plan for key, plan in plans.items() if key not in same}
+
+    def _lay_on_top(
+        self, frame: PlacedFrame, picture: FramePicture, parts: Mapping[TileKey, Part | None]
+    ) -> set[TileKey]:
+        """Lay a frame on tiles that are behind, in the share that it is to have if that is known, else as well as can be."""
+        made = self._maker.whole(frame, picture, parts)
+        for key, layer in made.items():
+            shown, part = self._stack.own(key), parts[key]
+            if shown is not None and part is not None:
+                layer = mix_pixels(shown, layer, part.at_pixels().copy())
+            elif shown is not None:
+                layer = mix(shown, layer, (layer.weight >= shown.weight).astype(np.float32))
+            self._recipes.pop(key, None)
+            self._stack.set_own(key, layer)
+        return set(made)
+
+    def _show(self, key: TileKey, layer: Layer | None, recipe: Recipe) -> None:
+        self._stack.set_own(key, layer)
+        self._note_shown(key, layer is not None, recipe)
+
+    def _note_shown(self, key: TileKey, anything: bool, recipe: Recipe) -> None:
+        self._due.pop(key, None)
+        self._recipes.pop(key, None)
+        if anything:
+            self._recipes[key] = recipe
+
+    def _refresh(self, keys: set[TileKey], islands: Iterable[int]) -> set[TileKey]:
+        return self._stack.refresh(keys, {island: self._frames.extent(island) for island in islands})
+
+    # Repainting
+
+    def _fall_behind(self, keys: Iterable[TileKey], urgency: float = 0.0) -> None:
+        self._changes += 1
+        for key in keys:
+            self._behind[key] = max(urgency, self._behind.get(key, 0.0))
+
+    def _next_block(self, side: int) -> set[TileKey]:
+        """Tiles that are behind and close together, so that they share frames; the most urgent one is among them."""
+
+        waiting = {**self._due, **self._behind}
+        ready = waiting.keys() - self._kept() or waiting.keys()
+        # Counted from where the waiting tiles begin: a map that fits into one block is not cut in two.
+        top, left = min(key[1].y for key in ready), min(key[1].x for key in ready)
+
+        def block(key: TileKey) -> tuple[int, int, int, int]:
+            return key[0], key[1].z, (key[1].y - top) // side, (key[1].x - left) // side
+
+        _, chosen = min((-waiting[key], block(key)) for key in ready)
+        return {key for key in ready if block(key) == chosen}
+
+    def _kept(self) -> set[TileKey]:
+        """Tiles that go on showing frames which have left them until those are shown where they are now: no hole between."""
+        waiting = self._behind.keys() | self._due.keys()
+        arrived = [name for name in self._left if waiting.isdisjoint(self._frames.tiles_of(name))]
+        for name in arrived:
+            del self._left[name]
+        return set[TileKey]().union(*self._left.values())
+
+    @property
+    def _guests_wait(self) -> bool:
+        """Whether it is time to let guests in: once for all, when it is decided who shows else."""
+        return bool(self._unhosted) and self._work is None and not self._behind
+
+    def _begun(self, block: int) -> _Fold | _Making:
+        keys = self._next_block(block)
+        stale = sorted(key for key in keys if key in self._behind)
+        if stale:
+            return _Fold(None, dict.fromkeys(stale, ()))
+        plans = self._unlike(keys)
+        return _Making(plans, self._maker.order(plans), self._changes)
+
+    def _shared(self, painted: Painted, fold: _Fold) -> set[TileKey]:
+        return {key for key in self._frames.tiles_of(painted.name) if key in fold.tiles}
+
+    def _with_frame(self, fold: _Fold, painted: Painted) -> _Fold | None:
+        keys = self._shared(painted, fold)
+        frame = self._gallery.placed(painted)
+        if frame is None or not self._gallery.can_see(painted):
+            self.gone.add(painted.name)
+            rest = self._without(fold, keys)
+            return None if rest is None else replace(rest, turn=painted.turn)
+        self._expect_after(painted, fold)
+        self._territory.lay_over(frame, keys, anew=True)
+        return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
+
+    def _expect_after(self, painted: Painted, fold: _Fold) -> None:
+        """Begin to see the frame that is next in a fold. What goes wrong with that one is met again at its own step, and told."""
+        following = self._frames.next_after(painted.turn, fold.tiles)
+        try:
+            frame = None if following is None else self._gallery.placed(following)
+            if following is not None and frame is not None:
+                self._territory.expect(frame, self._shared(following, fold))
+        except Exception:
+            logger.warning("the frame after %s cannot be looked at ahead", painted.name, exc_info=True)
+
+    def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold | None:
+        """Give up tiles: they stay as they are."""
+        self._give_up(keys)
+        self._territory.drop_fresh(keys)
+        rest = {key: frames for key, frames in fold.tiles.items() if key not in keys}
+        return replace(fold, tiles=rest) if rest else None
+
+    def _give_up(self, keys: Iterable[TileKey]) -> None:
+        for key in keys:
+            self._behind.pop(key, None)
+            self._due.pop(key, None)
+
+    def _end(self, fold: _Fold) -> None:
+        """The fold is whole: its tiles are due, and those around that it changes."""
+        ready = {key for key, frames in fold.tiles.items() if frames == tuple(self._frames.on(key))}
+        changed = self._territory.replace(ready)
+        self._territory.drop_fresh(fold.tiles)
+        for key in ready:
+            self._due[key] = max(self._behind.pop(key), self._due.get(key, 0.0))
+        self._note_due(ready)
+        self._unhosted |= self._territory.hosts(ready - changed) | self._territory.hosts_below(ready)
+        self._settle(changed)
+
+    def _with_pixels(self, work: _Making) -> _Making | None:
+        """Warp the next frame, and finish the tiles that wait for no other."""
+        name = work.left[0]
+        painted = self._frames.get(name)
+        if any(painted not in plan.recipe[1] for plan in work.plans.values() if name in plan.parts):
+            return self._unmade(work, name, due=True)  # it has moved meanwhile
+        for following in work.left[1:2]:
+            self._gallery.expect(following)
+        if not self._maker.step(work.plans, name):
+            self.gone.add(name)
+            return self._unmade(work, name)
+        return replace(work, left=work.left[1:])
+
+    def _unmade(self, work: _Making, name: str | None, *, due: bool = False) -> _Making | None:
+        """Leave the tiles that a frame shows on (None: all), until later if they are `due`."""
+        keys = {key for key, plan in work.plans.items() if name is None or name in plan.parts}
+        self._maker.drop({key: work.plans[key] for key in keys})
+        if not due:
+            self._give_up(keys)
+        rest = {key: plan for key, plan in work.plans.items() if key not in keys}
+        needed = {one for plan in rest.values() for one in plan.parts}
+        return replace(work, plans=rest, left=tuple(one for one in work.left if one in needed)) if rest else None
+
+    def _commit(self, work: _Making) -> set[TileKey]:
+        """Show what is made, unless it is to look otherwise meanwhile: then it stays due."""
+        keys = [key for key in work.plans if key in self._due and key not in self._behind]
+        now = work.plans if self._changes == work.changes else self._territory.plans(keys)
+        shown = {key for key in keys if now[key].recipe == work.plans[key].recipe}
+        for key in shown:
+            self._note_shown(key, self._stack.take_own(key, self._maker.finished(key)), work.plans[key].recipe)
+        self._maker.drop(work.plans)
+        self._work = None
+        return self._refresh(shown, {island for island, _ in shown})
+
+    def _drop_work(self) -> None:
+        if isinstance(self._work, _Fold):
+            self._territory.drop_fresh(self._work.tiles)
+        elif self._work is not None:
+            self._maker.drop(self._work.plans)
+        self._work = None

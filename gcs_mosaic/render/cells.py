@@ -1,0 +1,245 @@
+"""Which frame shows where: decided on cells of 8 tile px, by a fold over the frames in capture order, before any pixel is made.
+
+Of each cell the fold keeps the frame that sees it best and the next one, so that a seam may still be moved (`course`). It is
+a function of the cell's frames alone, whatever else is decided at the same time, and all of it is done for many tiles at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.painted import TileKey
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.render.warp_grid import FrameLattice, Lattice
+
+CELL = 8  # tile px
+CELLS = TILE_SIZE // CELL  # along a tile's side
+NOBODY = -1  # in the place of a frame's number
+PARTLY, WHOLLY = 1, 2  # how far a frame covers a cell; 0: not at all
+OPEN = 1.4  # log ratio: where one frame is up to four times as good, the seam is free to run elsewhere
+
+Image = NDArray[np.uint8]
+Numbers = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """What the fold keeps of cells (h, w). `first`, `second`: numbers of the frame that shows and of the next best; `lead`: by
+    how much the first was decided for, infinite if there was no other; `score` of the first; `inside` (2, h, w): how far both
+    cover the cell; `planes` (k, h, w): what the mode keeps of both."""
+
+    first: Numbers
+    second: Numbers
+    lead: Lattice
+    score: Lattice
+    inside: Image
+    planes: Image
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.first, self.second, self.lead, self.score, self.inside, self.planes
+
+    @property
+    def nbytes(self) -> int:
+        return sum(array.nbytes for array in self.arrays)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Owned:
+    """Which frames the cells (h, w) show: `first` in its `share` (255: alone), `second` in what is left; a second of a first that
+    has all is shown where that one does not cover the cell, and `NOBODY` where it does."""
+
+    first: Numbers
+    second: Numbers
+    share: Image
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.first, self.second, self.share
+
+    @property
+    def nbytes(self) -> int:
+        return sum(array.nbytes for array in self.arrays)
+
+
+T = TypeVar("T", Cells, Owned)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What a new frame brings to cells (h, w): how far it covers them (`inside`), its score, and its planes (k, h, w)."""
+
+    inside: Image
+    score: Lattice
+    planes: Image
+
+
+class Window(NamedTuple):
+    """A rectangle of tiles of one level of an island; the last row and column are part of it."""
+
+    island: int
+    level: int
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
+        return (self.bottom - self.top + 1) * CELLS, (self.right - self.left + 1) * CELLS
+
+    def place(self, key: TileKey, rim: int = 0) -> tuple[slice, slice]:
+        """A tile's rows and columns of cells, with some more around."""
+        y, x = (key[1].y - self.top) * CELLS, (key[1].x - self.left) * CELLS
+        return slice(y - rim, y + CELLS + rim), slice(x - rim, x + CELLS + rim)
+
+    def wider(self) -> Window:
+        """With the tiles around."""
+        return self._replace(top=self.top - 1, left=self.left - 1, bottom=self.bottom + 1, right=self.right + 1)
+
+    def above(self, levels: int) -> Window:
+        """The window of so much coarser tiles that holds this one."""
+        top, left, bottom, right = (edge >> levels for edge in (self.top, self.left, self.bottom, self.right))
+        return Window(self.island, self.level - levels, top, left, bottom, right)
+
+    def below(self, levels: int) -> Window:
+        """The window of so much finer tiles that covers the same."""
+        top, left, bottom, right = self.top, self.left, self.bottom + 1, self.right + 1
+        top, left, bottom, right = (edge << levels for edge in (top, left, bottom, right))
+        return Window(self.island, self.level + levels, top, left, bottom - 1, right - 1)
+
+    def part(self, y: int, x: int) -> Window:
+        """Its tile in a row and a column, counted from 0."""
+        return self._replace(top=self.top + y, bottom=self.top + y, left=self.left + x, right=self.left + x)
+
+    def common(self, other: Window) -> Window | None:
+        """The tiles of both, which are of one level and island."""
+        top, left = max(self.top, other.top), max(self.left, other.left)
+        bottom, right = min(self.bottom, other.bottom), min(self.right, other.right)
+        return (
+            self._replace(top=top, left=left, bottom=bottom, right=right) if top <= bottom and left <= right else None
+        )
+
+    def of(self, other: Window) -> tuple[slice, slice]:
+        """Rows and columns of cells of a window within this one."""
+        (y, x), (height, width) = ((other.top - self.top) * CELLS, (other.left - self.left) * CELLS), other.shape
+        return slice(y, y + height), slice(x, x + width)
+
+    def tiles(self) -> Iterator[TileKey]:
+        for y in range(self.top, self.bottom + 1):
+            for x in range(self.left, self.right + 1):
+                yield self.island, Tile(self.level, x, y)
+
+
+def window_around(keys: Collection[TileKey]) -> Window:
+    """The least window that holds these tiles, which are of one level of one island."""
+    (island, first), *_ = keys
+    xs, ys = [tile.x for _, tile in keys], [tile.y for _, tile in keys]
+    return Window(island, first.z, min(ys), min(xs), max(ys), max(xs))
+
+
+def window_of(island: int, lattice: FrameLattice) -> Window:
+    """The tiles that a frame's lattice spans."""
+    first, last = lattice.first, lattice.last
+    return Window(island, first.z, first.y, first.x, last.y, last.x)
+
+
+def around(keys: Iterable[TileKey]) -> set[TileKey]:
+    """These tiles and those that touch them."""
+    return {
+        (island, Tile(tile.z, tile.x + dx, tile.y + dy))
+        for island, tile in keys
+        for dy in (-1, 0, 1)
+        for dx in (-1, 0, 1)
+    }
+
+
+def grouped(keys: Iterable[TileKey]) -> list[set[TileKey]]:
+    """By island and level."""
+    groups: dict[tuple[int, int], set[TileKey]] = {}
+    for key in keys:
+        groups.setdefault((key[0], key[1].z), set()).add(key)
+    return list(groups.values())
+
+
+def unknown(shape: tuple[int, int], planes: int) -> Cells:
+    """Cells that nobody has seen."""
+    nobody = np.full(shape, NOBODY, np.int32)
+    infinite, score = np.full(shape, np.inf, np.float32), np.zeros(shape, np.float32)
+    return Cells(
+        nobody, nobody.copy(), infinite, score, np.zeros((2, *shape), np.uint8), np.zeros((planes, *shape), np.uint8)
+    )
+
+
+def unowned(shape: tuple[int, int]) -> Owned:
+    """Cells that nobody shows."""
+    nobody = np.full(shape, NOBODY, np.int32)
+    return Owned(nobody, nobody.copy(), np.full(shape, 255, np.uint8))
+
+
+def part(whole: T, place: tuple[slice, slice]) -> T:
+    """A part of such arrays, on its own."""
+    return type(whole)(*[array[..., place[0], place[1]].copy() for array in whole.arrays])
+
+
+def put_together(whole: T, parts: Mapping[TileKey, T], window: Window) -> None:
+    """Put these tiles' values into `whole`."""
+    for key, one in parts.items():
+        rows, columns = window.place(key)
+        for array, values in zip(whole.arrays, one.arrays, strict=True):
+            array[..., rows, columns] = values
+
+
+def alike(one: T, other: T) -> bool:
+    """Whether all values are the same."""
+    return all(np.array_equal(a, b) for a, b in zip(one.arrays, other.arrays, strict=True))
+
+
+def touched(cells: NDArray[np.bool_], window: Window) -> set[TileKey]:
+    """The tiles of a window any of whose cells (h, w) are so."""
+    rows, columns = cells.shape[0] // CELLS, cells.shape[1] // CELLS
+    tiles = cells.reshape(rows, CELLS, columns, CELLS).any(axis=(1, 3))
+    return {
+        (window.island, Tile(window.level, window.left + x, window.top + y)) for y, x in np.argwhere(tiles).tolist()
+    }
+
+
+def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[Cells, NDArray[np.bool_]]:
+    """One step of the fold: a frame laid over what is known, `decided` above 0 where it is to show rather than the first one.
+
+    Cells keep all planes of the first, and the last few of the second. Also returns which cells (h, w) are others now.
+    """
+    wins = (seen.inside > 0) & ((cells.first == NOBODY) | (decided > 0))
+    follows = (seen.inside > 0) & ~wins & (-decided < cells.lead)
+    return laid(cells, seen, number, decided, wins, follows), wins | follows
+
+
+def laid(
+    cells: Cells, seen: Seen, number: int, decided: Lattice, wins: NDArray[np.bool_], follows: NDArray[np.bool_]
+) -> Cells:
+    """The cells with a frame as their first where it `wins` (h, w), as their second where it `follows`."""
+    known = cells.first != NOBODY
+
+    def second(of_first: NDArray[Any], of_second: NDArray[Any], new: NDArray[Any] | np.int32) -> NDArray[Any]:
+        return np.where(wins, of_first, np.where(follows, new, of_second))
+
+    of_all, of_both = len(seen.planes), len(cells.planes) - len(seen.planes)
+    lead = np.where(wins, np.where(known, decided, np.float32(np.inf)), np.where(follows, -decided, cells.lead))
+    planes = [np.where(wins, new, old) for new, old in zip(seen.planes, cells.planes[:of_all], strict=True)]
+    for k in range(of_all - of_both, of_all):
+        planes.append(second(cells.planes[k], cells.planes[k + of_both], seen.planes[k]))
+    inside = [np.where(wins, seen.inside, cells.inside[0]), second(cells.inside[0], cells.inside[1], seen.inside)]
+    return Cells(
+        first=np.where(wins, np.int32(number), cells.first),
+        second=second(cells.first, cells.second, np.int32(number)),
+        lead=np.asarray(lead, np.float32),
+        score=np.where(wins, seen.score, cells.score),
+        inside=np.stack(inside),
+        planes=np.stack(planes) if planes else cells.planes,
+    )

@@ -1,0 +1,174 @@
+"""Making the brightness of overlapping frames agree: one gain per frame and colour channel.
+
+The gains solve a regularised least-squares problem over the overlaps in log space, after the gain compensation of
+M. Brown and D. Lowe, "Automatic Panoramic Image Stitching using Invariant Features", IJCV 74(1), 2007, section 6. In log
+space it is linear, the same factor up or down costs the same, and the trivial solution "all black" is none.
+The prior (gain 1) keeps long chains of frames from drifting away; each channel has its own gain because automatic white
+balance moves them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, diags
+from scipy.sparse.linalg import spsolve
+
+from gcs_mosaic.render.vignetting import NO_SUMS, RadialSums, Vignetting, log_brightness, radial_sums, radii
+from gcs_mosaic.render.warp import warped
+
+Image = NDArray[np.uint8]
+Levels = NDArray[np.uint8] | NDArray[np.float32]
+Array = NDArray[np.float64]
+Gain = tuple[float, ...]  # one for each band
+
+# Of the colours in a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
+PALETTE_SATURATION = 75  # median of highest less lowest channel
+PALETTE_SPREAD = (
+    40  # RMS distance from the mean of what is not grey: ground is of one hue, a palette runs through several
+)
+DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and says nothing about exposure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExposureSettings:
+    """How strongly gains follow what is seen in overlaps."""
+
+    gain_sigma: float = 1.0  # log gain expected of a frame; large, so that steps of automatic exposure (0.7) go through
+    overlap_sigma: float = 0.02  # log brightness; how well two frames' means over their overlap agree at equal exposure
+    full_trust: int = 200  # thumbnail px in common at which an overlap is half as good as an endless one
+    least_gain: float = 0.25  # below and above these the picture would only be noise
+    most_gain: float = 4.0  # see least_gain
+
+
+@dataclass(frozen=True, slots=True)
+class OverlapMeans:
+    """Mean levels of each band over the ground two frames share, how many thumbnail pixels that is, and what it tells of
+    vignetting."""
+
+    mean_i: Gain
+    mean_j: Gain
+    count: int
+    radial: RadialSums = NO_SUMS
+
+    def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:
+        """The same with the vignetting of both frames taken out."""
+        (fall_i,), (fall_j,) = (
+            log_brightness(curves, np.array([at]))
+            for curves, at in ((of_i, self.radial.mean_i), (of_j, self.radial.mean_j))
+        )
+        flat_i, flat_j = (
+            tuple((np.array(mean) * np.exp(-fall)).tolist())
+            for mean, fall in ((self.mean_i, fall_i), (self.mean_j, fall_j))
+        )
+        return replace(self, mean_i=flat_i, mean_j=flat_j)
+
+
+Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, what they see of each other
+
+
+def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], Array]) -> OverlapMeans | None:
+    """Means over the common ground of two thumbnails (h, w, bands) in grey levels; None if they have other bands, or share
+    nothing that is not clipped.
+
+    `j_from_i` maps pixels (n, 2) of thumbnail i to pixels of thumbnail j, NaN for nowhere.
+    """
+    if small_i.shape[2] != small_j.shape[2]:
+        return None
+    height, width = small_i.shape[:2]
+    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
+    there = np.nan_to_num(j_from_i(grid.reshape(-1, 2)).reshape(height, width, 2), nan=-1e4).astype(np.float32)
+    limits = np.array([small_j.shape[1], small_j.shape[0]]) - 1
+    seen_from_i = warped(small_j, there, cv2.INTER_LINEAR)
+    usable = ((there >= 0) & (there <= limits)).all(axis=-1) & _unclipped(small_i) & _unclipped(seen_from_i)
+    if not usable.any():
+        return None
+    log_ratio = np.log(small_i[usable] / seen_from_i[usable])
+    at_i, at_j = (
+        radii(grid[usable], width, height),
+        radii(there[usable].astype(np.float64), small_j.shape[1], small_j.shape[0]),
+    )
+    sums = radial_sums(at_i, at_j, log_ratio)
+    return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()), sums)
+
+
+def solve_gains(
+    count: int, seen: Sequence[Observation], settings: ExposureSettings | None = None, bands: int = 3
+) -> list[Gain]:
+    """Gains of `count` frames of so many bands such that `gain_i * mean_i` and `gain_j * mean_j` agree; 1 for unseen frames."""
+    settings = settings or ExposureSettings()
+    if not seen:
+        return [(1.0,) * bands] * count
+    i, j = np.array([s[0] for s in seen]), np.array([s[1] for s in seen])
+    trust = np.array([_trust(s[2], settings) for s in seen])
+    wanted = np.array([_log_ratio(s[2]) for s in seen])
+    rows = np.arange(len(seen))
+    difference = coo_matrix(
+        (np.r_[np.ones(len(seen)), -np.ones(len(seen))], (np.r_[rows, rows], np.r_[i, j])), shape=(len(seen), count)
+    ).tocsr()
+    weighted = difference.T @ diags(trust)
+    normal = weighted @ difference + diags(np.full(count, settings.gain_sigma**-2.0))
+    return [_bounded(row, settings) for row in spsolve(normal.tocsc(), weighted @ wanted).reshape(count, bands)]
+
+
+def gain_beside(
+    seen: Sequence[tuple[OverlapMeans, Gain]], settings: ExposureSettings | None = None, bands: int = 3
+) -> Gain:
+    """The gain of one new frame i beside frames j whose gains stay as they are; 1 if it overlaps none.
+
+    The frames j hold it less firmly than their overlaps alone would tell: in a long chain that is solved as a whole, gains go
+    back to 1 by sqrt(prior / trust) a frame. Without that, a hundredth of error a frame would grow to any brightness.
+    """
+    settings = settings or ExposureSettings()
+    trust = np.array([_trust(means, settings) for means, _ in seen])
+    wanted = np.array([_log_ratio(means) + np.log(gain) for means, gain in seen]).reshape(-1, bands)
+    prior = settings.gain_sigma**-2.0
+    return _bounded(trust @ wanted / (trust.sum() + np.sqrt(prior * trust.sum()) + prior), settings)
+
+
+def is_false_colour(small: Levels) -> bool:
+    """Whether a thumbnail (h, w, bands) in grey levels shows a thermal camera's palette.
+
+    Its colours are temperatures, on a scale that follows each frame: a gain would turn them into colours that mean others,
+    or that the palette does not have.
+    """
+    if small.shape[2] != 3:
+        return False
+    colours = small.reshape(-1, 3).astype(np.float64)
+    hue = colours - colours.mean(axis=1, keepdims=True)
+    spread = float(np.sqrt(hue.var(axis=0).sum()))
+    return float(np.median(np.ptp(colours, axis=1))) > PALETTE_SATURATION and spread > PALETTE_SPREAD
+
+
+def apply_gain(image: Image, gain: Gain) -> Image:
+    """The image (h, w, 3) with its channels multiplied and clipped; the same array if there is nothing to do."""
+    if gain == (1.0, 1.0, 1.0):
+        return image
+    levels = np.arange(256)[:, None] * np.array(gain)
+    table = np.clip(np.rint(levels), 0, 255).astype(np.uint8).reshape(1, 256, 3)
+    return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
+
+
+def _unclipped(image: Levels) -> NDArray[np.bool_]:
+    return np.asarray(((image >= DARKEST) & (image <= BRIGHTEST)).all(axis=-1))
+
+
+def _mean(pixels: Levels) -> Gain:
+    return tuple(pixels.mean(axis=0).tolist())
+
+
+def _trust(means: OverlapMeans, settings: ExposureSettings) -> float:
+    return means.count / (means.count + settings.full_trust) / settings.overlap_sigma**2
+
+
+def _log_ratio(means: OverlapMeans) -> Array:
+    """log gain_i - log gain_j that makes the two means agree."""
+    return np.asarray(np.log(np.array(means.mean_j) / np.array(means.mean_i)), dtype=np.float64)
+
+
+def _bounded(log_gain: Array, settings: ExposureSettings) -> Gain:
+    return tuple(np.clip(np.exp(log_gain), settings.least_gain, settings.most_gain).tolist())

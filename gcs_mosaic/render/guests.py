@@ -1,0 +1,123 @@
+"""Frames of coarser levels on tiles of finer ones: what was seen only from higher up stays on the map.
+
+Finer tiles hide coarser ones, and whoever only those have seen. So a frame of a coarser level is a guest on the finer tiles
+below it: it shows there where it has a thing (`saliency`) that the frame which shows has none of, however closely that one
+looks. The two see the ground on different scales: what stands out from high up may be a roof, and from near its edge alone.
+So the host is looked at once more as coarsely as the guest sees, and what stands out in it then counts as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Image, Window, laid, part
+from gcs_mosaic.render.looks import AT_ONCE, Sight, contrasts_around
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.saliency import WAYS
+from gcs_mosaic.render.sampling import at_middles
+from gcs_mosaic.render.seams import FAR, LOOK, SALIENT, THINGS, beyond, contrasts_at, decide, only, see
+from gcs_mosaic.render.warp_grid import LATTICE
+
+# A frame by its number, and what it looks like, on a window of tiles; None if it is not there.
+Seer = Callable[[Window, int], tuple[PlacedFrame, Sight] | None]
+Admit = Callable[[Cells, Window, "Things", int, Seer], Cells]
+
+GROUPS = -(-WAYS // AT_ONCE)  # of planes that hold the things
+POINTS = LATTICE - 1  # of the lattice on a tile's side
+CLEARLY = 0.5  # share of a thing's least contrast by which it must exceed all that the host has around
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Things:
+    """What stands out in a frame, at the middles between its lattice points: `planes` (`WAYS`, h, w) over its window's tiles.
+
+    No place of a thing is farther from such a middle than `saliency.REACH`, so there is one for each that knows of the thing.
+    """
+
+    painted: Painted
+    window: Window
+    planes: Image
+
+    @property
+    def nbytes(self) -> int:
+        return self.planes.nbytes
+
+
+def things(frame: PlacedFrame, sight: Sight) -> Things:
+    """What stands out in a frame on the tiles of its own level."""
+    planes = contrasts_at(frame, sight.planes[:GROUPS], frame.window, at_middles)[THINGS]
+    return Things(frame.painted, frame.window, planes)
+
+
+def admit(cells: Cells, window: Window, guest: Things, number: int, seer: Seer) -> Cells:
+    """Cells (h, w) of a window with a guest as the first where it alone has something. It covers nothing that nobody else does:
+    that is left to the tiles of its own level. The window's edges are those of tiles of `GUEST_LEVELS` coarser."""
+    changed = [
+        (one, after)
+        for one, there in _where_it_may(cells, window, guest)
+        if (after := _with_guest(part(cells, window.of(one)), one, there, number, seer))
+    ]
+    if not changed:
+        return cells
+    cells = Cells(*[array.copy() for array in cells.arrays])
+    for one, after in changed:
+        rows, columns = window.of(one)
+        for array, values in zip(cells.arrays, after.arrays, strict=True):
+            array[..., rows, columns] = values
+    return cells
+
+
+def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple[Window, NDArray[np.bool_]]]:
+    """The parts of a window, as large as the guest's own tiles, and which of their cells (h, w): those where a first look, at one
+    in a square between lattice points, finds things of the guest's that the host has nothing of."""
+    finer = window.level - guest.window.level
+    above = window.above(finer).common(guest.window)
+    if above is None:
+        return
+    (rows, columns), middle, side = window.of(above.below(finer)), 1 << finer, 2 << finer
+    each = np.s_[rows.start + middle : rows.stop : side, columns.start + middle : columns.stop : side]
+    y, x = (above.top - guest.window.top) * POINTS, (above.left - guest.window.left) * POINTS
+    around = cells.planes[(FAR, *each)]
+    stands_out = beyond(guest.planes[:, y : y + around.shape[1], x : x + around.shape[2]], around) >= CLEARLY
+    maybe = (cells.first[each] != NOBODY) & stands_out
+    for y, x in np.argwhere(maybe.reshape(len(maybe) // POINTS, POINTS, -1, POINTS).any(axis=(1, 3))).tolist():
+        there = maybe[y * POINTS : (y + 1) * POINTS, x * POINTS : (x + 1) * POINTS]
+        yield above.part(y, x).below(finer), there.repeat(side, axis=0).repeat(side, axis=1)
+
+
+def _with_guest(cells: Cells, window: Window, there: NDArray[np.bool_], number: int, seer: Seer) -> Cells | None:
+    """The cells of a window, with the guest where it is to show of those that are `there`; None if that is nowhere."""
+    known = seer(window, number)
+    assert known is not None, "it has been seen there"
+    guest, sight = known
+    seen = see(guest, sight, window)
+    decided = SALIENT * (
+        only(seen.planes, cells.planes, FAR) - only(cells.planes, seen.planes, FAR) - np.float32(CLEARLY)
+    )
+    wins = there & (cells.first != NOBODY) & (seen.inside == WHOLLY) & (decided > 0)
+    for host in np.unique(cells.first[wins]).tolist():
+        here = wins & (cells.first == host)
+        beside = seer(window, host)
+        if beside is None:
+            wins &= ~here
+        elif beside[0].painted.level != window.level:  # another guest: whoever sees better
+            wins &= ~here | (decide(cells, seen) > 0)
+        else:
+            around = _seen_coarsely(*beside, window, 2.0 ** (window.level - guest.painted.level))
+            wins &= ~here | (beyond(seen.planes[THINGS], around) >= CLEARLY)
+    return laid(cells, seen, number, decided, wins, np.zeros_like(wins)) if wins.any() else None
+
+
+def _seen_coarsely(frame: PlacedFrame, sight: Sight, window: Window, coarser: float) -> Image:
+    """What stands out far around the cells of a window in a frame that is looked at so many times as coarsely, in all ways."""
+    here = frame.window.common(window)
+    assert here is not None, "it is seen there"
+    whole = np.zeros((WAYS, *window.shape), np.uint8)
+    rows, columns = window.of(here)
+    whole[:, rows, columns] = contrasts_at(frame, contrasts_around(sight, LOOK, coarser), here)
+    return whole

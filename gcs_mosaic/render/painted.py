@@ -1,0 +1,174 @@
+"""Which frames are painted, where, and in what order: the list that a mosaic's tiles are a function of."""
+
+from __future__ import annotations
+
+from bisect import bisect
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+
+from gcs_mosaic.render.display import PLAIN, Display
+from gcs_mosaic.render.tile_grid import Box, Tile, ancestor, join, tile_box
+from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightness
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.transaction import Kept
+
+TileKey = tuple[int, Tile]  # island, tile
+Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then name
+
+GUEST_LEVELS = (
+    2  # how much coarser frames may be that are guests on a tile: nobody is seen by those that are coarser still
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Painted:
+    """A frame as it is (to be) painted. `gain` multiplies what each of its bands has above the display's black, and
+    `vignetting` is taken out; `dead` pixels of `camera`'s picture are left out; `level` is usually `own_level(pose, camera)`."""
+
+    name: str
+    order: int  # capture order
+    island: int
+    pose: Pose
+    camera: Camera
+    relief: ReliefDisplacement | None = None
+    gain: tuple[float, ...] = (1.0, 1.0, 1.0)
+    vignetting: Vignetting = FLAT
+    display: Display = PLAIN
+    dead: DeadBorder = NO_BORDER
+    level: int
+
+    @property
+    def turn(self) -> Turn:
+        return self.order, self.name
+
+
+def brightness_apart(one: Painted, other: Painted) -> float:
+    """The greatest difference in log brightness, anywhere in the frame and in any band."""
+    gains = np.log(np.array(one.gain) / np.array(other.gain))
+    falls = log_brightness(other.vignetting, OUTWARDS) - log_brightness(one.vignetting, OUTWARDS)
+    return float(np.abs(gains + falls).max())
+
+
+class Extent(NamedTuple):
+    """How much there is of an island."""
+
+    box: Box  # canvas, around whole tiles
+    coarsest: int  # level
+    finest: int  # level
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    painted: Painted
+    tiles: tuple[Tile, ...]
+    box: Box | None
+
+
+class PaintedFrames(Kept):
+    """The painted frames by name, by tile and by island; pure bookkeeping."""
+
+    def __init__(self) -> None:
+        self._entries: dict[str, _Entry] = {}
+        self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
+        self._islands: dict[int, frozenset[str]] = {}
+        self._levels: dict[tuple[int, int], int] = {}  # how many frames are painted there, by island and level
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._entries
+
+    def __getitem__(self, name: str) -> Painted:
+        return self._entries[name].painted
+
+    def get(self, name: str) -> Painted | None:
+        entry = self._entries.get(name)
+        return None if entry is None else entry.painted
+
+    def add(self, painted: Painted, tiles: Iterable[Tile]) -> set[TileKey]:
+        """Take a frame in, in place of what it was before; returns the tiles it touches now."""
+        self.remove(painted.name)
+        touched = tuple(tiles)
+        entry = _Entry(painted, touched, _box_of_tiles(touched) if touched else None)
+        self._entries[painted.name] = entry
+        self._islands[painted.island] = self._islands.get(painted.island, frozenset()) | {painted.name}
+        self._count(painted, 1)
+        for tile in entry.tiles:
+            turns = self._turns.get((painted.island, tile), ())
+            at = bisect(turns, painted.turn)
+            self._turns[painted.island, tile] = (*turns[:at], painted.turn, *turns[at:])
+        return self.tiles_of(painted.name)
+
+    def remove(self, name: str) -> set[TileKey]:
+        """Forget a frame; returns the tiles it touched."""
+        keys = self.tiles_of(name)
+        entry = self._entries.pop(name, None)
+        if entry is not None:
+            self._islands[entry.painted.island] -= {name}
+            self._count(entry.painted, -1)
+            for key in keys:
+                turns = tuple(turn for turn in self._turns.pop(key) if turn != entry.painted.turn)
+                if turns:
+                    self._turns[key] = turns
+        return keys
+
+    def tiles_of(self, name: str) -> set[TileKey]:
+        entry = self._entries.get(name)
+        return set() if entry is None else {(entry.painted.island, tile) for tile in entry.tiles}
+
+    def on(self, key: TileKey) -> list[Painted]:
+        """The frames that touch a tile, in capture order."""
+        return [self[name] for _, name in self._turns.get(key, ())]
+
+    def guests_on(self, key: TileKey) -> list[Painted]:
+        """The frames of coarser levels that may touch a tile which frames are painted on, in capture order."""
+        island, tile = key
+        if key not in self._turns:
+            return []
+        above = [(island, ancestor(tile, tile.z - up)) for up in range(1, min(GUEST_LEVELS, tile.z) + 1)]
+        return [self[name] for _, name in sorted(turn for one in above for turn in self._turns.get(one, ()))]
+
+    def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """The finer tiles on which frames of these tiles may be guests."""
+        hosts, below = set[TileKey](), set(keys)
+        for _ in range(GUEST_LEVELS):
+            below = {(i, child) for i, tile in below if self._has_finer(i, tile.z) for child in tile.children}
+            hosts |= self._turns.keys() & below
+        return hosts
+
+    def is_last(self, painted: Painted, key: TileKey) -> bool:
+        return self._turns[key][-1] == painted.turn
+
+    def next_after(self, turn: Turn | None, keys: Iterable[TileKey]) -> Painted | None:
+        """Of the frames that touch any of these tiles, the first one captured after `turn`."""
+        later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
+        found = min(later, default=None)
+        return None if found is None else self[found[1]]
+
+    def _has_finer(self, island: int, level: int) -> bool:
+        return any((island, level + down) in self._levels for down in range(1, GUEST_LEVELS + 1))
+
+    def _count(self, painted: Painted, more: int) -> None:
+        where = painted.island, painted.level
+        self._levels[where] = self._levels.get(where, 0) + more
+        if not self._levels[where]:
+            del self._levels[where]
+
+    def extent(self, island: int) -> Extent | None:
+        """The box around an island's tiles and the levels that its frames are painted at; None if it has no tiles."""
+        entries = [self._entries[name] for name in self._islands.get(island, ())]
+        extents = [Extent(e.box, e.painted.level, e.painted.level) for e in entries if e.box is not None]
+        return reduce(_joined, extents) if extents else None
+
+
+def _joined(a: Extent, b: Extent) -> Extent:
+    return Extent(join(a.box, b.box), min(a.coarsest, b.coarsest), max(a.finest, b.finest))
+
+
+def _box_of_tiles(tiles: tuple[Tile, ...]) -> Box:
+    level, xs, ys = tiles[0].z, [t.x for t in tiles], [t.y for t in tiles]
+    return join(tile_box(Tile(level, min(xs), min(ys))), tile_box(Tile(level, max(xs), max(ys))))

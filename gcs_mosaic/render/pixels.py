@@ -1,0 +1,214 @@
+"""The pixels of a tile, of the frames that show on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.blending import blended, blended_bands
+from gcs_mosaic.render.cells import CELL
+from gcs_mosaic.render.exposure import apply_gain
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.tile_cache import Layer, make_layer
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.render.tone import FINE, Shifts
+from gcs_mosaic.render.warp import tile_picture, upscale
+from gcs_mosaic.render.warp_grid import Lattice
+from gcs_mosaic.stitch.camera.bands import Bands
+
+Image = NDArray[np.uint8]
+Place = tuple[slice, slice]
+
+KeepBands = Literal["none", "raw", "gained"]  # of the frames' bands on tiles: as the camera wrote them, or with gains
+
+WHOLE = slice(0, TILE_SIZE), slice(0, TILE_SIZE)
+# The share that a frame has wherever it is made at all: it shows where those that should do not cover the tile.
+LEAST_SHARE = 1e-3  # of 255
+# A sharp transition takes half a cell, not a whole one: somebody on a seam is transparent on fewer pixels.
+STEEP = np.clip(2 * np.arange(256) - 127.5, 0, 255).astype(np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """What a frame shows of a tile: its `share` (34, 34) of the cells of the tile and around, 0 to 255, which all parts have in
+    full together; `needed` (34, 34), where it is made; `shift` (3, 18, 18) of its tone on the squares of the tile and around,
+    None if there is none."""
+
+    share: Image
+    needed: NDArray[np.bool_]
+    shift: Shifts | None
+    sharp: bool = False  # the transition between cells is no wider than it must be
+
+    def at_pixels(self) -> Image:
+        """The share (256, 256)."""
+        share = enlarged(self.share)
+        return np.asarray(cv2.LUT(share, STEEP) if self.sharp else share, np.uint8)
+
+    @property
+    def place(self) -> Place:
+        """The rows and columns of the tile's pixels where it is made."""
+        rows, columns = (np.flatnonzero(self.needed.any(axis=axis)) for axis in (1, 0))
+        return _pixels(rows[0], rows[-1]), _pixels(columns[0], columns[-1])
+
+
+def _pixels(first: int, last: int) -> slice:
+    """Those that cells of a patch have a part in, to half a cell beyond."""
+    return slice(max(0, first * CELL - CELL - CELL // 2), min(TILE_SIZE, last * CELL + CELL // 2))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A frame's pixels on a part of a tile; `coverage` None: everywhere."""
+
+    place: Place
+    colour: Image
+    coverage: Image | None
+    bands: Bands | None
+    weight: Lattice
+
+    @property
+    def nbytes(self) -> int:
+        return sum(one.nbytes for one in (self.colour, self.coverage, self.bands) if one is not None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramePicture:
+    """A frame's picture (h, w, 3) before gain and, if somebody wants them, all its bands."""
+
+    image: Image
+    bands: Bands | None
+
+
+def frame_picture(image: Bands, painted: Painted, keep: KeepBands) -> FramePicture:
+    """`image`: (h, w, bands) uint8 or uint16, ValueError if that is not what the frame's camera and display tell of."""
+    size, display = (painted.camera.height, painted.camera.width), painted.display
+    if image.shape[:2] != size or not display.fits(image) or image.dtype not in (np.uint8, np.uint16):
+        wanted = (*size, len(display.black))
+        raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8 or uint16")
+    filled = painted.dead.filled(image)  # so that nothing of it is mixed into the pixels beside it
+    return FramePicture(display.picture(filled), None if keep == "none" else filled)
+
+
+def piece(
+    frame: PlacedFrame, picture: FramePicture, tile: Tile, part: Part | None, interpolation: int, keep: KeepBands
+) -> Piece | None:
+    """A frame's part of a tile, or all that it has of it (`part` None); None if it turns out to have nothing there."""
+    place = WHOLE if part is None else part.place
+    window = frame.lattice.window(tile)
+    colour, coverage = tile_picture(frame.lattice, picture.image, tile, interpolation, place)
+    if coverage is not None and not coverage.any():
+        return None
+    bands = None
+    if picture.bands is not None:
+        bands = tile_picture(frame.lattice, picture.bands, tile, interpolation, place)[0]
+    bright = None if frame.brightening is None else upscale(frame.brightening[window])[place]
+    display = frame.painted.display
+    gain = display.of_shown(frame.painted.gain)
+    shift = (
+        None
+        if part is None or part.shift is None
+        else enlarged(np.moveaxis(part.shift, 0, 2).astype(np.float32) / FINE)[place]
+    )
+    colour = display.lightened(_lit(colour, gain, None if bright is None else bright[..., display.shown], shift))
+    if bands is not None and keep == "gained":
+        bands = display.gained(bands, frame.painted.gain)
+        bands = bands if bright is None else display.times(bands, bright)
+    if coverage is not None:
+        colour = np.asarray(cv2.copyTo(colour, coverage), np.uint8)
+        if bands is not None:
+            bands[coverage == 0] = 0
+    return Piece(place, colour, coverage, bands, frame.lattice.weight[window].copy())
+
+
+def enlarged(patch: NDArray[Any]) -> NDArray[Any]:
+    """Values (n + 2, n + 2[, k]) at the middles of a tile's n * n parts and of those around, at its pixels (256, 256[, k])."""
+    step = TILE_SIZE // (len(patch) - 2)
+    wide = cv2.resize(patch, (TILE_SIZE + 2 * step, TILE_SIZE + 2 * step), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(wide)[step:-step, step:-step]
+
+
+def _lit(colour: Image, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> Image:
+    """A picture (h, w, 3) times its gains and a factor (h, w, 3), and shifted (h, w, 3)."""
+    lit: Any = colour
+    if bright is not None:
+        lit = cv2.multiply(
+            colour, bright * np.array(gain, np.float32), dtype=cv2.CV_8U if shift is None else cv2.CV_32F
+        )
+    elif gain != (1.0, 1.0, 1.0):
+        if shift is None:
+            return apply_gain(colour, gain)
+        lit = colour * np.array(gain, np.float32)
+    return np.asarray(lit if shift is None else cv2.add(lit, shift, dtype=cv2.CV_8U), np.uint8)
+
+
+def mixed(parts: Sequence[tuple[Part, Piece]]) -> Layer | None:
+    """A tile of what frames show of it, in capture order."""
+    if not parts:
+        return None
+    weight = np.maximum.reduce([made.weight for _, made in parts])
+    if len(parts) == 1:
+        return alone(parts[0][1], weight)
+    if len(parts) == 2 and all(made.coverage is None for _, made in parts) and _in_full(parts):
+        return _of_two(parts, weight)
+    return _of_many(parts, weight)
+
+
+def _in_full(parts: Sequence[tuple[Part, Piece]]) -> bool:
+    """Whether the parts have all cells together; beyond the map's border nobody does."""
+    return int(np.add.reduce([part.share for part, _ in parts], dtype=np.uint16).min()) == 255
+
+
+def alone(made: Piece, weight: Lattice | None = None) -> Layer | None:
+    """A piece as a tile."""
+    weight = made.weight if weight is None else weight
+    if made.place == WHOLE:
+        return make_layer(made.colour, made.coverage, weight, made.bands)
+    colour, coverage = np.zeros((TILE_SIZE, TILE_SIZE, 3), np.uint8), np.zeros((TILE_SIZE, TILE_SIZE), np.uint8)
+    colour[made.place], coverage[made.place] = made.colour, 255 if made.coverage is None else made.coverage
+    bands = None
+    if made.bands is not None:
+        bands = np.zeros((TILE_SIZE, TILE_SIZE, made.bands.shape[2]), made.bands.dtype)
+        bands[made.place] = made.bands
+    return make_layer(colour, coverage, weight, bands)
+
+
+def _of_two(parts: Sequence[tuple[Part, Piece]], weight: Lattice) -> Layer | None:
+    (_, under), (part, over) = parts
+    layer = alone(under, weight)
+    assert layer is not None
+    share = part.at_pixels()[over.place]
+    colour = layer.colour if under.place != WHOLE else layer.colour.copy()
+    colour[over.place] = blended(over.colour, colour[over.place], share)
+    bands = layer.bands
+    if bands is not None and over.bands is not None:
+        bands = bands if under.place != WHOLE else bands.copy()
+        bands[over.place] = blended_bands(over.bands, bands[over.place], share)
+    return make_layer(colour, None, weight, bands)
+
+
+def _of_many(parts: Sequence[tuple[Part, Piece]], weight: Lattice) -> Layer | None:
+    size = TILE_SIZE, TILE_SIZE
+    bands = parts[0][1].bands
+    total = np.zeros(size, np.float32)
+    sums = [np.zeros((*size, 3), np.float32)]
+    if bands is not None:
+        sums.append(np.zeros((*size, bands.shape[2]), np.float32))
+    for part, made in parts:
+        share = part.at_pixels()[made.place].astype(np.float32) + np.float32(LEAST_SHARE)
+        if made.coverage is not None:
+            share[made.coverage == 0] = 0
+        total[made.place] += share
+        for summed, values in zip(sums, (made.colour, made.bands), strict=False):
+            assert values is not None
+            summed[made.place] += values * share[..., None]
+    mean = [np.rint(summed / np.maximum(total, np.float32(1e-6))[..., None]) for summed in sums]
+    coverage = np.where(total > 0, np.uint8(255), np.uint8(0))
+    return make_layer(
+        mean[0].astype(np.uint8), coverage, weight, None if bands is None else mean[1].astype(bands.dtype)
+    )

@@ -1,0 +1,90 @@
+"""A frame on the tiles of its level."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gcs_mosaic.render.cells import Window, window_of
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.sampling import at_cells, lattice_part
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.render.vignetting import FLAT, brightening
+from gcs_mosaic.render.warp import refined
+from gcs_mosaic.render.warp_grid import FrameLattice, Lattice, frame_lattice
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedFrame:
+    """`brightening`: at the lattice points, by band, what takes the vignetting out; None: nothing has to."""
+
+    painted: Painted
+    lattice: FrameLattice
+    brightening: Lattice | None
+
+    @property
+    def nbytes(self) -> int:
+        """Of its arrays."""
+        parts = (self.lattice.pixels, self.lattice.weight, self.lattice.useful, self.brightening)
+        return sum(part.nbytes for part in parts if part is not None)
+
+    @property
+    def window(self) -> Window:
+        return window_of(self.painted.island, self.lattice)
+
+    def factors(self, window: Window, at: Callable[[Lattice], Lattice] = at_cells) -> list[Lattice | np.float32]:
+        """What blue, green and red are multiplied by at the cells of a window, or at other places between lattice points."""
+        gains = [np.float32(gain) for gain in self.painted.display.of_shown(self.painted.gain)]
+        if self.brightening is None:
+            return list(gains)
+        bright = at(self.brightening[lattice_part(self.lattice, window)])
+        return [bright[..., band] * gain for band, gain in zip(self.painted.display.shown, gains, strict=True)]
+
+
+def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame | None:
+    """None where the frame sees no ground. `before`: the frame as it was painted before, whose lattice may be the same.
+    ValueError if the level is absurdly fine for it."""
+    known = before is not None and _lies_as(painted, before.painted)
+    lattice = before.lattice if before is not None and known else _lattice(painted)
+    if lattice is None:
+        return None
+    flat, camera = painted.vignetting == FLAT, painted.camera
+    factor = None if flat else brightening(painted.vignetting, lattice.pixels, camera.width, camera.height)
+    return PlacedFrame(painted, lattice, factor)
+
+
+def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
+    """The frame on a window of tiles of its own level or a finer one, exactly where its own tiles have it; None if they do not
+    meet. Values between its lattice points are the means of those, so they are the same whatever the window."""
+    finer = window.level - frame.lattice.first.z
+    above = window.above(finer).common(frame.window)
+    if above is None or finer == 0:
+        return None if above is None else frame
+    where = lattice_part(frame.lattice, above)
+
+    def fine(values: Lattice) -> Lattice:
+        part = values[where]
+        for _ in range(finer):
+            part = refined(part)
+        return part
+
+    lattice = replace(
+        frame.lattice,
+        first=Tile(window.level, above.left << finer, above.top << finer),
+        last=Tile(window.level, ((above.right + 1) << finer) - 1, ((above.bottom + 1) << finer) - 1),
+        pixels=fine(frame.lattice.pixels),
+        weight=fine(frame.lattice.weight) * np.float32(0.25**finer),  # it goes with the square of the resolution
+        useful=None if frame.lattice.useful is None else fine(frame.lattice.useful),
+    )
+    return PlacedFrame(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))
+
+
+def _lies_as(one: Painted, other: Painted) -> bool:
+    alike = replace(other, gain=one.gain, vignetting=one.vignetting, display=one.display)
+    return alike == one
+
+
+def _lattice(painted: Painted) -> FrameLattice | None:
+    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)

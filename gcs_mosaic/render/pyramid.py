@@ -1,0 +1,176 @@
+"""The tiles of all levels: each one's own layer, and what its parent shows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.overviews import assemble, composite, shrink
+from gcs_mosaic.render.painted import Extent, TileKey
+from gcs_mosaic.render.spread import spread
+from gcs_mosaic.render.tile_cache import Layer, Store, make_layer
+from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over
+from gcs_mosaic.render.warp_grid import LATTICE, Lattice
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.transaction import Kept
+
+Image = NDArray[np.uint8]
+T = TypeVar("T")
+
+AT_ONCE = 64  # tiles taken out of the store together, 25 MB: enough to keep every thread busy
+UNKNOWN_WEIGHT = 0.5  # of what an earlier run painted, until it is painted anew
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TilePicture:
+    """A tile as it is shown: `colour` (256, 256, 3) BGR and `coverage` (256, 256), from 0, nothing seen, to 255, all; `bands`
+    (256, 256, bands) of a canvas that keeps them."""
+
+    colour: Image
+    coverage: Image
+    bands: Bands | None = None
+
+
+LoadTile = Callable[[int, Tile], TilePicture | None]
+
+
+class TileStack(Kept):
+    """Layers of tiles in a store. A tile has a quarter if it shows anything and lies below its island's top level.
+
+    `load_tile` gives back tiles that an earlier run wrote; they stand in until they are painted anew. The store is kept by
+    whoever gave it.
+    """
+
+    FIXED = frozenset({"_store", "_pool", "_load_tile"})
+
+    def __init__(self, store: Store, pool: Executor, load_tile: LoadTile | None = None) -> None:
+        self._store = store
+        self._pool = pool
+        self._load_tile = load_tile
+        self._earlier_own: set[TileKey] = set()
+        self._earlier: set[TileKey] = set()
+        self._tops: dict[int, tuple[Box, int]] = {}
+
+    def own(self, key: TileKey) -> Layer | None:
+        """The fold of the frames painted at the tile's level."""
+        if key in self._earlier_own:
+            self.set_own(key, self._load(key))
+        layer: Layer | None = self._store.get((key, "own"))
+        return layer
+
+    def set_own(self, key: TileKey, layer: Layer | None) -> None:
+        self._earlier_own.discard(key)
+        self._store.put((key, "own"), layer)
+
+    def take_own(self, key: TileKey, under: Hashable) -> bool:
+        """What the store keeps under a key of another's becomes the tile's own; False if that is nothing."""
+        self._earlier_own.discard(key)
+        self._store.take_over((key, "own"), under)
+        return (key, "own") in self._store
+
+    def expect(self, keys: Iterable[TileKey]) -> None:
+        """An earlier run painted frames on these tiles, and wrote them and all above them."""
+        if self._load_tile is None:
+            return
+        for key in keys:
+            self._earlier_own.add(key)
+            island, tile = key
+            while tile.z >= 0 and (island, tile) not in self._earlier:
+                self._earlier.add((island, tile))
+                tile = tile.parent
+
+    def shown(self, key: TileKey) -> Callable[[], TilePicture | None]:
+        """All there is of a tile, put together when it is called, in any thread."""
+        return partial(_shown, self.own(key), self._quarters(key))
+
+    def refresh(self, painted: Iterable[TileKey], extents: dict[int, Extent | None]) -> set[TileKey]:
+        """Bring what is above the painted tiles up to date; returns all tiles that may show something else now.
+
+        `extents` holds the islands of these tiles.
+        """
+        waiting: dict[int, set[TileKey]] = {level: set() for level in range(-1, FINEST_LEVEL + 1)}
+        gone = set()
+        for island, extent in extents.items():
+            gone |= self._retop(island, extent, waiting)
+        for key in painted:
+            waiting[key[1].z].add(key)
+        for level in range(FINEST_LEVEL, -1, -1):
+            below_top = [key for key in waiting[level] if level > self._tops[key[0]][1]]
+            self._shrink_all(below_top)
+            waiting[level - 1] |= {(island, tile.parent) for island, tile in below_top}
+        touched = set().union(*waiting.values())
+        self._earlier -= touched
+        return touched | gone
+
+    def _retop(self, island: int, extent: Extent | None, waiting: dict[int, set[TileKey]]) -> set[TileKey]:
+        """Follow an island that has grown or shrunk; returns the tiles above its new top level, which are no more."""
+        old = self._tops.get(island)
+        if extent is None:
+            self._tops.setdefault(island, ((0.0, 0.0, 0.0, 0.0), 0))
+            return set()
+        top = top_level(extent)
+        self._tops[island] = extent.box, top
+        if old is None or old[1] == top:
+            return set()
+        old_box, old_top = old
+        if top < old_top:
+            waiting[old_top] |= {(island, tile) for tile in tiles_over(old_box, old_top)}
+            return set()
+        for level in range(old_top + 1, top + 1):
+            for tile in tiles_over(old_box, level):
+                self._store.put(((island, tile), "quarter"), None)
+        return {(island, tile) for level in range(old_top, top) for tile in tiles_over(old_box, level)}
+
+    def _shrink_all(self, keys: Sequence[TileKey]) -> None:
+        for some in chunks(sorted(keys), AT_ONCE):
+            parts = [(self.own(key), self._quarters(key)) for key in some]
+            for key, quarter in zip(some, spread(self._pool, _quarter_of, parts), strict=True):
+                self._store.put((key, "quarter"), quarter)
+
+    def _quarters(self, key: TileKey) -> list[Layer | None]:
+        island, tile = key
+        return [self._quarter((island, child)) for child in tile.children]
+
+    def _quarter(self, key: TileKey) -> Layer | None:
+        quarter: Layer | None = self._store.get((key, "quarter"))
+        if quarter is None and key in self._earlier:
+            layer = self._load(key)
+            quarter = None if layer is None else shrink(layer)
+            self._store.put((key, "quarter"), quarter)
+        return quarter
+
+    def _load(self, key: TileKey) -> Layer | None:
+        picture = None if self._load_tile is None else self._load_tile(*key)
+        return None if picture is None else make_layer(picture.colour, picture.coverage, _guessed_weight(picture))
+
+
+def top_level(extent: Extent) -> int:
+    """The level above which an island has no tiles: there it fits into two by two."""
+    return overview_level(extent.box, extent.coarsest)
+
+
+def chunks(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
+    return (items[i : i + size] for i in range(0, len(items), size))
+
+
+def _shown(own: Layer | None, quarters: Sequence[Layer | None]) -> TilePicture | None:
+    layer = composite(own, assemble(quarters))
+    return None if layer is None else TilePicture(layer.colour, layer.coverage, layer.bands)
+
+
+def _quarter_of(parts: tuple[Layer | None, list[Layer | None]]) -> Layer | None:
+    own, quarters = parts
+    layer = composite(own, assemble(quarters))
+    return None if layer is None else shrink(layer)
+
+
+def _guessed_weight(picture: TilePicture) -> Lattice:
+    seen = (picture.coverage > 0).astype(np.float32) * UNKNOWN_WEIGHT
+    return np.asarray(cv2.resize(seen, (LATTICE, LATTICE), interpolation=cv2.INTER_AREA))

@@ -1,0 +1,297 @@
+"""Decides what is painted when: new frames at once, frames that an adjustment has moved when there is time."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from gcs_mosaic.render.brightness import Brightness, Size, size_of
+from gcs_mosaic.render.canvas import BLOCK, Canvas, CanvasSettings
+from gcs_mosaic.render.displacement import displacement
+from gcs_mosaic.render.display import Display, display_of
+from gcs_mosaic.render.exposure import ExposureSettings
+from gcs_mosaic.render.levels import PaintingLevels
+from gcs_mosaic.render.painted import Painted, TileKey, brightness_apart
+from gcs_mosaic.render.vignetting import VignettingSettings
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
+from gcs_mosaic.stitch.camera.geometry import reduced_view
+from gcs_mosaic.stitch.features.extraction import Features, without_border
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.transaction import Kept
+
+LoadImage = Callable[[str], Bands | None]
+
+BRIGHTNESS = ("as_taken", "auto")
+CHECKED_AT_ONCE = 64  # frames whose displacement is looked at between two new frames: some hundredths of a second
+MOVED_AT_ONCE = 2  # frames whose tiles are found anew between two new frames: a tenth of a second each at 12 MP
+MOVED_TOGETHER = 8  # in the end, their places are worked out side by side
+LIVE_BLOCK = 12  # tiles a side that are repainted together during a flight: a new frame waits 0.2 s for their writing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaintSettings:
+    """When what is painted."""
+
+    canvas: CanvasSettings = field(default_factory=CanvasSettings)
+    exposure: ExposureSettings = field(default_factory=ExposureSettings)
+    vignetting: VignettingSettings = field(default_factory=VignettingSettings)
+    bands: tuple[int, ...] = ()  # shown as red, green, blue, or one as grey, counted from 1; none: told by their number
+    # "as_taken", or "auto": if the first frame is dark, tiles are shown lighter. What is matched stays as it is.
+    brightness: str = "as_taken"
+    repaint_px: float = 1.0  # how far a corner may be off, in the frame's own pixels, before the frame is repainted
+    final_px: float = 0.25  # the same at the end of a flight, when there is time
+    final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
+
+    def __post_init__(self) -> None:
+        if self.brightness not in BRIGHTNESS:
+            raise ValueError(f"brightness: {self.brightness!r} is not one of {', '.join(BRIGHTNESS)}")
+        if len(self.bands) not in (0, 1, 3) or min(self.bands, default=1) < 1:
+            raise ValueError(
+                f"bands: expected one, or three as red, green, blue, counted from 1, got {list(self.bands)}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A piece of repainting. `do` returns the tiles that look different then. If it raises, and all is put back as it was,
+    `skip` lets it be for good: `what` stays painted as it is, and the other steps go on."""
+
+    what: str
+    do: Callable[[], set[TileKey]]
+    skip: Callable[[], object]
+
+
+class Painter(Kept):
+    """The canvas, and what is to be painted on it.
+
+    `record(painted)` is called whenever a frame is painted or is to be painted otherwise, before its tiles change. If nobody
+    looks on (not `live`), new frames wait for repainting.
+    """
+
+    FIXED = frozenset({"_record", "_load_image"})
+
+    def __init__(
+        self,
+        load_image: LoadImage,
+        record: Callable[[Painted], None],
+        settings: PaintSettings,
+        scratch: Path | None = None,
+        *,
+        live: bool = True,
+    ) -> None:
+        self._settings = settings
+        self._live = live
+        self._record = record
+        self._load_image = load_image
+        self.canvas = Canvas(load_image, settings.canvas, scratch=scratch)
+        self._painted: dict[str, Painted] = {}
+        self._displays: dict[
+            tuple[int, str], Display
+        ] = {}  # by number of bands and depth, from the first frame of each kind
+        self._levels = PaintingLevels()
+        self._borders: dict[Size, BorderWatch] = {}
+        self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
+        self._changed: dict[str, float] = {}  # frames that the canvas is to be told of, with how urgent each is
+        self._rimmed: dict[str, None] = {}  # frames that are painted with another dead border than is known now
+        self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
+        # Those that moved too far, and how far in their own pixels.
+        self._stale: dict[str, tuple[float, Placement]] = {}
+
+    @property
+    def has_repaints(self) -> bool:
+        """Whether some frames lie, or may lie, elsewhere than where they are painted, by more than is tolerated."""
+        return bool(self._unchecked or self._stale or self._rimmed or self._changed) or self.canvas.behind > 0
+
+    def is_painted(self, name: str) -> bool:
+        return name in self._painted
+
+    def in_sight(self, features: Features, image: Bands) -> Features:
+        """Features of a frame (full-resolution pixels) without those beside a dead border; its image as it is painted."""
+        height, width = image.shape[:2]
+        return without_border(features, self._dead_of((width, height)).scaled(features.width / width))
+
+    def begin_look(self, name: str, image: Bands) -> None:
+        """A frame's place is sought now: see meanwhile what it looks like."""
+        display = self._displays.get(_kind_of(image))
+        if self._live and display is not None:
+            self.canvas.begin_look(name, image, display, self._dead_of((image.shape[1], image.shape[0])))
+
+    def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
+        """Paint a frame for the first time; returns the tiles that look different now."""
+        display = self._display_of(image)
+        pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
+        new = Painted(
+            name=placement.name,
+            order=order,
+            island=placement.island,
+            pose=pose,
+            camera=camera,
+            relief=placement.relief,
+            display=display,
+            dead=self._watch_border(image, display),
+            level=0,  # until it is settled among the others'
+        )
+        beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
+        painted = self._levels.settled(self._brightness.settled(new, display.levels(thumbnail), beside))
+        self._note(painted)
+        if self._live:
+            return self.canvas.paint(image, painted, hastily=True)
+        self.canvas.look(image, painted)
+        self._changed[painted.name] = 0.0
+        return set()
+
+    def follow(self, placements: Iterable[Placement]) -> None:
+        """Take note of where painted frames lie now; what is to be done about it is left to `repaint_some`."""
+        self._unchecked |= {placement.name: placement for placement in placements if placement.name in self._painted}
+
+    # Repainting
+
+    def repaint_some(self) -> set[TileKey] | None:
+        """A frame's worth of repainting or less, what is most displaced first.
+
+        Returns tiles that look different now, or None if all is as it should be. After the adjustment of a long flight
+        there are thousands of frames to look at: every call deals with some, so that no new frame waits for the others.
+        """
+        steps = self.next_steps()
+        return set[TileKey]().union(*[step.do() for step in steps]) if steps else None
+
+    def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
+        """Bring everything to its final pose and brightness; yields tiles that look different now, frame by frame."""
+        for steps in self.final_steps(placements):
+            yield set[TileKey]().union(*[step.do() for step in steps])
+
+    def next_steps(self) -> list[Step]:
+        """What `repaint_some` is to do next, in steps that do not need each other."""
+        if self._unchecked:
+            names = islice(self._unchecked, CHECKED_AT_ONCE)
+            return [self._step(name, partial(self._check, name), self._unchecked) for name in names]
+        if self._rimmed:
+            names = islice(self._rimmed, MOVED_AT_ONCE)
+            return [self._step(name, partial(self._rim, name), self._rimmed) for name in names]
+        if self._stale:
+            most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
+            return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
+        return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
+
+    def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
+        """What `repaint_all` does, in groups of steps that do not need each other. Each is to be done, or skipped, in turn."""
+        looks = [Step("the final brightness", self._take_final_looks, self._forget_moves)]
+        moves = [Step(one.name, partial(self._move_finally, one), set) for one in placements]
+        levels = [Step(name, partial(self._settle_level, name), set) for name in self._painted]
+        yield from (looks, moves, levels)
+        while self._changed:  # once each, however often it was changed
+            names = list(islice(self._changed, MOVED_TOGETHER))
+            self.canvas.expect([self._painted[name] for name in names])
+            yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
+        while self.canvas.behind:
+            yield [self._tiles_step(BLOCK)]
+
+    def close(self) -> None:
+        self.canvas.close()
+
+    def _step(self, name: str, do: Callable[[], None], queue: dict[str, Any]) -> Step:
+        def done() -> set[TileKey]:
+            do()
+            return set()
+
+        return Step(name, done, lambda: queue.pop(name))
+
+    def _tiles_step(self, block: int) -> Step:
+        tiles = partial(self.canvas.repaint_step, block), partial(self.canvas.skip_step, block)
+        return Step("a part of the map", *tiles)
+
+    def _check(self, name: str) -> None:
+        placement = self._unchecked.pop(name)
+        off_px = displacement(self._painted[name], placement)
+        self._stale.pop(name, None)
+        if off_px > self._settings.repaint_px:
+            self._stale[name] = off_px, placement
+
+    def _rim(self, name: str) -> None:
+        del self._rimmed[name]
+        painted = self._painted[name]
+        self._change(replace(painted, dead=self._dead_of(size_of(painted))))
+        self._carry_over(name)
+
+    def _move_stale(self, name: str) -> None:
+        off_px, placement = self._stale.pop(name)
+        self._move(placement, off_px)
+        self._carry_over(name)
+
+    def _take_final_looks(self) -> set[TileKey]:
+        self._forget_moves()
+        looks = self._brightness.final(self._painted)
+        for painted in list(self._painted.values()):
+            gain, vignetting = looks[painted.name]
+            final = replace(painted, gain=gain, vignetting=vignetting, dead=self._dead_of(size_of(painted)))
+            if final.dead != painted.dead or brightness_apart(final, painted) > self._settings.final_gain:
+                self._change(final)
+        return set()
+
+    def _forget_moves(self) -> None:
+        self._unchecked.clear()
+        self._stale.clear()
+        self._rimmed.clear()
+
+    def _move_finally(self, placement: Placement) -> set[TileKey]:
+        if placement.name in self._painted:
+            off_px = displacement(self._painted[placement.name], placement)
+            if off_px > self._settings.final_px:
+                self._move(placement, off_px)
+        return set()
+
+    def _settle_level(self, name: str) -> set[TileKey]:
+        painted = self._painted[name]
+        if (settled := self._levels.settled(painted)) != painted:
+            self._change(settled)
+        return set()
+
+    def _move(self, placement: Placement, off_px: float) -> None:
+        painted = self._painted[placement.name]
+        pose, camera = reduced_view(placement.pose, placement.camera, painted.camera.width, painted.camera.height)
+        moved = replace(painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief)
+        self._change(self._levels.settled(moved), off_px)
+
+    def _change(self, painted: Painted, urgency: float = 0.0) -> None:
+        self._note(painted)
+        self._changed[painted.name] = max(urgency, self._changed.get(painted.name, 0.0))
+
+    def _carry_over(self, name: str) -> set[TileKey]:
+        """Tell the canvas where a frame is to be painted."""
+        self.canvas.move([self._painted[name]], self._changed.pop(name))
+        return set()
+
+    def _note(self, painted: Painted) -> None:
+        self._record(painted)
+        self._painted[painted.name] = painted
+
+    def _display_of(self, image: Bands) -> Display:
+        kind = _kind_of(image)
+        if kind not in self._displays:
+            self._displays[kind] = display_of(image, self._settings.bands, lighten=self._settings.brightness == "auto")
+        return self._displays[kind]
+
+    def _dead_of(self, size: Size) -> DeadBorder:
+        watch = self._borders.get(size)
+        return NO_BORDER if watch is None else watch.border
+
+    def _watch_border(self, image: Bands, display: Display) -> DeadBorder:
+        """What is dead of frames like this one, which may tell it; painted ones follow when there is time."""
+        size = image.shape[1], image.shape[0]
+        before = self._dead_of(size)
+        self._borders[size] = self._borders.get(size, BorderWatch()).after(image, display.levels)
+        if self._dead_of(size) != before:
+            self._rimmed |= dict.fromkeys(name for name, painted in self._painted.items() if size_of(painted) == size)
+            self._brightness.compare_again(self._painted, self._rimmed)
+        return self._dead_of(size)
+
+
+def _kind_of(image: Bands) -> tuple[int, str]:
+    """Number of bands and depth."""
+    return image.shape[2], str(image.dtype)

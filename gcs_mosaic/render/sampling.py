@@ -1,0 +1,83 @@
+"""What is known of a frame, at the cells of tiles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.cells import PARTLY, WHOLLY, Window
+from gcs_mosaic.render.warp import NOWHERE, refined
+from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice, Lattice
+
+Image = NDArray[np.uint8]
+
+# What a frame's score is less where it covers only a part of a cell: more than all else, so it shows only where nobody else is.
+CUT = 1000.0
+
+
+def lattice_part(lattice: FrameLattice, window: Window) -> tuple[slice, slice]:
+    """Rows and columns of the lattice points of a window of the lattice's tiles."""
+    points = LATTICE - 1
+    y, x = (window.top - lattice.first.y) * points, (window.left - lattice.first.x) * points
+    height, width = window.bottom - window.top + 1, window.right - window.left + 1
+    return slice(y, y + height * points + 1), slice(x, x + width * points + 1)
+
+
+def at_cells(values: Lattice) -> Lattice:
+    """Values at lattice points (n + 1, m + 1[, k]), bilinear at the middles of cells (2 n, 2 m[, k])."""
+    rows, columns = values.shape[0] - 1, values.shape[1] - 1
+    between = np.empty((2 * rows, columns + 1, *values.shape[2:]), np.float32)
+    between[::2] = values[:-1] * np.float32(0.75) + values[1:] * np.float32(0.25)
+    between[1::2] = values[:-1] * np.float32(0.25) + values[1:] * np.float32(0.75)
+    cells = np.empty((2 * rows, 2 * columns, *values.shape[2:]), np.float32)
+    cells[:, ::2] = between[:, :-1] * np.float32(0.75) + between[:, 1:] * np.float32(0.25)
+    cells[:, 1::2] = between[:, :-1] * np.float32(0.25) + between[:, 1:] * np.float32(0.75)
+    return cells
+
+
+def at_middles(values: Lattice) -> Lattice:
+    """Values at lattice points (n + 1, m + 1[, k]), at the middles between (n, m[, k])."""
+    rows = values[:-1] + values[1:]
+    return np.asarray((rows[:, :-1] + rows[:, 1:]) * np.float32(0.25))
+
+
+def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> Image:
+    """How far the cells (h, w) between these lattice points lie in what is painted of the frame: 0, `PARTLY` or `WHOLLY`.
+
+    Pixels lie between those of a cell's corners, so a cell with all corners inside is so itself.
+    """
+    (left, top), (right, bottom) = lattice.limits
+    x, y = np.ascontiguousarray(np.moveaxis(refined(lattice.pixels[where]), 2, 0))
+    with np.errstate(invalid="ignore"):
+        least_x, most_x, least_y, most_y = (of(c) for c in (x, y) for of in (_least, _most))
+        wholly = (least_x > left) & (most_x < right) & (least_y > top) & (most_y < bottom)
+        partly = (most_x > left) & (least_x < right) & (most_y > top) & (least_y < bottom)
+    if lattice.useful is not None:
+        useful = refined(lattice.useful[where])
+        wholly &= _least(useful) > 0
+        partly &= _most(useful) > 0
+    return np.where(wholly, np.uint8(WHOLLY), partly * np.uint8(PARTLY))
+
+
+def _least(points: Lattice) -> Lattice:
+    rows = np.minimum(points[:-1], points[1:])
+    return np.minimum(rows[:, :-1], rows[:, 1:])
+
+
+def _most(points: Lattice) -> Lattice:
+    rows = np.maximum(points[:-1], points[1:])
+    return np.maximum(rows[:, :-1], rows[:, 1:])
+
+
+def places_in(pixels: Lattice, lattice: FrameLattice, shape: tuple[int, ...]) -> Lattice:
+    """Where pixels (h, w, 2) of the frame lie in a map (rows, columns, ...) of all of it."""
+    scale = np.array([shape[1] / lattice.camera.width, shape[0] / lattice.camera.height], np.float32)
+    return np.asarray(np.nan_to_num((pixels + np.float32(0.5)) * scale - np.float32(0.5), nan=NOWHERE), np.float32)
+
+
+def sampled(values: NDArray[Any], places: Lattice) -> NDArray[Any]:
+    """A map (rows, columns[, up to 4]) at places (h, w, 2) in it, bilinear. The same wherever a window of places begins."""
+    return np.asarray(cv2.remap(values, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))  # type: ignore

@@ -1,0 +1,207 @@
+"""Who shows where on all tiles, kept up to date as frames come and move."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from concurrent.futures import Executor, Future
+from functools import partial
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.render.blend_modes import Mode
+from gcs_mosaic.render.cells import (
+    Cells,
+    Owned,
+    Seen,
+    Window,
+    alike,
+    around,
+    grouped,
+    lay_over,
+    part,
+    put_together,
+    touched,
+    unknown,
+    unowned,
+    window_around,
+)
+from gcs_mosaic.render.gallery import Gallery
+from gcs_mosaic.render.guests import Things, things
+from gcs_mosaic.render.looks import Sight
+from gcs_mosaic.render.painted import GUEST_LEVELS, Painted, PaintedFrames, TileKey
+from gcs_mosaic.render.placed import PlacedFrame, on_level
+from gcs_mosaic.render.plans import Plan, planned
+from gcs_mosaic.render.tile_cache import Store
+from gcs_mosaic.render.tone import REACH, Shifts, shifts
+from gcs_mosaic.stitch.transaction import Kept
+
+
+class Territory(Kept):
+    """The cells of tiles, and who owns them, in a store that is kept by whoever gave it, like the frames."""
+
+    FIXED = frozenset({"_store", "_mode", "_gallery", "_frames", "_pool", "_coming"})
+
+    def __init__(self, store: Store, mode: Mode, gallery: Gallery, frames: PaintedFrames, pool: Executor) -> None:
+        self._store = store
+        self._mode = mode
+        self._gallery = gallery
+        self._frames = frames
+        self._pool = pool
+        self._coming: tuple[Painted, Window, Future[Seen]] | None = None  # what comes next
+        self._numbers: dict[str, int] = {}  # of all frames there ever were, by name
+        self._names: list[str] = []  # by number
+
+    def lay_over(self, frame: PlacedFrame, keys: Collection[TileKey], *, anew: bool = False) -> set[TileKey]:
+        """Lay a frame over the cells of these tiles, or over those that are to take their place (`anew`); returns the tiles that
+        have changed."""
+        if not keys:
+            return set()
+        window, kind = window_around(keys), "fresh cells" if anew else "cells"
+        known = self._cells(keys, window, kind)
+        seen = self._seen(frame, window)
+        after, other = lay_over(known, seen, self._number(frame.painted.name), self._mode.decide(known, seen))
+        changed = touched(other, window).intersection(keys)
+        for key in changed:
+            self._store.put((key, kind), part(after, window.place(key)))
+        return changed
+
+    def expect(self, frame: PlacedFrame, keys: Collection[TileKey]) -> None:
+        """Begin to see what a frame brings to the cells of these tiles, while another one is laid over them."""
+        if self._gallery.has_seen(frame.painted):
+            window, sight = window_around(keys), self._gallery.sight(frame.painted)
+            self._coming = frame.painted, window, self._pool.submit(self._mode.see, frame, sight, window)
+
+    def drop_fresh(self, keys: Iterable[TileKey]) -> None:
+        """Forget what was laid over anew."""
+        for key in keys:
+            self._store.put((key, "fresh cells"), None)
+
+    def replace(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """What was laid over anew takes its place; returns the tiles that have changed."""
+        changed = set()
+        for key in keys:
+            before, after = self._store.get((key, "cells")), self._store.get((key, "fresh cells"))
+            if before is None or after is None or not alike(before, after):
+                self._store.put((key, "cells"), after)
+                changed.add(key)
+        self.drop_fresh(keys)
+        return changed
+
+    def hosts(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """Those of these tiles that guests may show on."""
+        return {key for key in keys if self._mode.admit is not None and self._frames.guests_on(key)}
+
+    def with_guests(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """Those of these tiles that guests show on."""
+        return {key for key in keys if (key, "hosted") in self._store}
+
+    def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """The finer tiles that frames of these may show on as guests."""
+        return set() if self._mode.admit is None else self._frames.hosts_below(keys)
+
+    def settle(self, changed: Iterable[TileKey]) -> set[TileKey]:
+        """Bring up to date who owns the cells of tiles that have changed, and around; returns those that may look different."""
+        groups = grouped(changed)
+        for keys in groups:
+            self._let_guests_in(keys)
+        return set[TileKey]().union(*[self._settle(keys) for keys in groups])
+
+    def plans(self, keys: Iterable[TileKey]) -> dict[TileKey, Plan]:
+        """What these tiles are to be made of."""
+        plans: dict[TileKey, Plan] = {}
+        for some in grouped(keys):
+            window = window_around(some).wider()
+            owned = self._owned(window.tiles(), window)
+            shifted = self._shifts(owned, window) if self._mode.toned else {}
+            plans |= planned(some, owned, window, shifted, self._frames_on, self._mode.sharp)
+        return plans
+
+    def _settle(self, changed: set[TileKey]) -> set[TileKey]:
+        """Tiles of one level."""
+        keys = around(changed)
+        window = window_around(keys).wider()
+        there = {key for key in window.tiles() if (key, "cells") in self._store}
+        after, before = self._mode.own(self._cells(there, window, "hosted", "cells")), self._owned(keys, window)
+        other = np.zeros(window.shape, np.bool_)
+        for key in keys:
+            place = window.place(key)
+            for one, another in zip(after.arrays, before.arrays, strict=True):
+                other[place] |= one[place] != another[place]
+        for key in touched(other, window):
+            self._store.put((key, "owned"), part(after, window.place(key)) if key in there else None)
+        reach = 2 * (REACH + 1) + 1 if self._mode.toned else 3
+        near = cv2.dilate(other.astype(np.uint8), np.ones((reach, reach), np.uint8))
+        return touched(near > 0, window) & there
+
+    def _seen(self, frame: PlacedFrame, window: Window) -> Seen:
+        coming, self._coming = self._coming, None
+        if coming is not None and coming[:2] == (frame.painted, window):
+            return coming[2].result()
+        return self._mode.see(frame, self._gallery.sight(frame.painted), window)
+
+    def _let_guests_in(self, keys: Iterable[TileKey]) -> None:
+        """Work out anew, for tiles of one level, what their guests have that nobody painted there has."""
+        hosts = {key for key in self.hosts(keys) if (key, "cells") in self._store}
+        for key in set(keys) - hosts:
+            self._store.put((key, "hosted"), None)
+        if not hosts or self._mode.admit is None:
+            return
+        window = window_around(hosts).above(GUEST_LEVELS).below(GUEST_LEVELS)
+        before = cells = self._cells(hosts, window, "cells")
+        guests = {one.name: one for key in hosts for one in self._frames.guests_on(key)}
+        for painted in sorted(guests.values(), key=lambda one: one.turn):
+            if (known := self._things(painted)) is not None:
+                cells = self._mode.admit(cells, window, known, self._number(painted.name), self._seer)
+        changed = touched(cells.first != before.first, window)
+        for key in hosts:
+            self._store.put((key, "hosted"), part(cells, window.place(key)) if key in changed else None)
+
+    def _cells(self, keys: Iterable[TileKey], window: Window, *kinds: str) -> Cells:
+        """Of each tile the first of these kinds that there is."""
+        found = {key: next((kind for kind in kinds if (key, kind) in self._store), None) for key in keys}
+        known = {key: self._store.get((key, kind)) for key, kind in found.items() if kind is not None}
+        put_together(cells := unknown(window.shape, self._mode.planes), known, window)
+        return cells
+
+    def _owned(self, keys: Iterable[TileKey], window: Window) -> Owned:
+        known = {key: one for key in keys if (one := self._store.get((key, "owned"))) is not None}
+        put_together(owned := unowned(window.shape), known, window)
+        return owned
+
+    def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, Shifts]]:
+        return shifts(owned.first, window, partial(self._seer, window))
+
+    def _things(self, painted: Painted) -> Things | None:
+        """What stands out in a frame; None if that is not known."""
+        known: Things | None = self._store.get(("things", painted.name))
+        if known is None or known.painted != painted:
+            frame = self._gallery.placed(painted) if self._gallery.has_seen(painted) else None
+            sight = self._gallery.sight(painted)
+            known = None if frame is None or sight is None else things(frame, sight)
+            self._store.put(("things", painted.name), known)
+        return known
+
+    def _seer(self, window: Window, number: int) -> tuple[PlacedFrame, Sight] | None:
+        """A frame on a window, and what it looks like; None if it is not there any more."""
+        painted = self._frames.get(self._names[number])
+        if painted is None or not _may_be_on(painted, window):
+            return None
+        frame, sight = self._gallery.placed(painted), self._gallery.sight(painted)
+        here = None if frame is None else on_level(frame, window)
+        return None if here is None or sight is None else (here, sight)
+
+    def _frames_on(self, key: TileKey) -> dict[int, Painted]:
+        """All that may show on a tile, in capture order."""
+        there = sorted([*self._frames.on(key), *self._frames.guests_on(key)], key=lambda painted: painted.turn)
+        return {self._number(painted.name): painted for painted in there}
+
+    def _number(self, name: str) -> int:
+        if name not in self._numbers:
+            self._numbers[name] = len(self._names)
+            self._names.append(name)
+        return self._numbers[name]
+
+
+def _may_be_on(painted: Painted, window: Window) -> bool:
+    return painted.island == window.island and 0 <= window.level - painted.level <= GUEST_LEVELS

@@ -1,0 +1,127 @@
+"""Tiles are made by their plans, frame by frame: at once, or in steps between which other things happen."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Hashable, Iterable, Mapping
+from concurrent.futures import Executor
+
+from gcs_mosaic.render.cells import window_around
+from gcs_mosaic.render.gallery import Gallery
+from gcs_mosaic.render.painted import Painted, PaintedFrames, TileKey
+from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part, Piece, alone, mixed, piece
+from gcs_mosaic.render.placed import PlacedFrame, on_level
+from gcs_mosaic.render.plans import Plan
+from gcs_mosaic.render.spread import spread
+from gcs_mosaic.render.tile_cache import Layer, Store
+
+logger = logging.getLogger(__name__)
+
+Plans = Mapping[TileKey, Plan]
+
+
+class Maker:
+    """What is made in steps waits in the store, under the tile's key. `interpolation` is OpenCV's."""
+
+    def __init__(
+        self,
+        gallery: Gallery,
+        frames: PaintedFrames,
+        store: Store,
+        pool: Executor,
+        interpolation: int,
+        keep: KeepBands,
+    ) -> None:
+        self._gallery = gallery
+        self._frames = frames
+        self._store = store
+        self._pool = pool
+        self._interpolation = interpolation
+        self._keep: KeepBands = keep
+
+    def order(self, plans: Plans) -> tuple[str, ...]:
+        """The frames that plans need, in capture order."""
+        names = {name for plan in plans.values() for name in plan.parts}
+        return tuple(sorted(names, key=lambda name: self._frames[name].turn))
+
+    def made(self, plans: Plans, *, hastily: bool = False) -> dict[TileKey, Layer | None]:
+        """The tiles, but for those that need a frame which cannot be had or, `hastily`, is not at hand."""
+        pieces: dict[TileKey, dict[str, Piece | None]] = {key: {} for key in plans}
+        # Those at hand first: loading another one may take their place.
+        for name in sorted(self.order(plans), key=lambda name: not self._gallery.is_at_hand(name)):
+            wanted = self._gallery.is_at_hand(name) or not hastily
+            picture = self._picture_now(self._frames[name]) if wanted else None
+            if picture is None:
+                plans = {key: plan for key, plan in plans.items() if name not in plan.parts}
+                continue
+            for key, made in self._pieces(name, plans, picture).items():
+                pieces[key][name] = made
+        parts = [
+            [(part, made) for name, part in plan.parts.items() if (made := pieces[key][name])]
+            for key, plan in plans.items()
+        ]
+        return dict(zip(plans, spread(self._pool, mixed, parts), strict=True))
+
+    def step(self, plans: Plans, name: str) -> bool:
+        """Make a frame's pieces, and the tiles that wait for no other; False if its original is gone."""
+        picture = self._gallery.picture(self._frames[name])
+        if picture is None:
+            return False
+        pieces = self._pieces(name, plans, picture)
+        for key, made in pieces.items():
+            self._store.put((key, "piece", name), made)
+        last = [key for key in pieces if name == list(plans[key].parts)[-1]]
+        parts = [self._parts(key, plans[key]) for key in last]
+        for key, layer in zip(last, spread(self._pool, mixed, parts), strict=True):
+            self.drop({key: plans[key]})
+            self._store.put(self.finished(key), layer)
+        return True
+
+    @staticmethod
+    def finished(key: TileKey) -> Hashable:
+        """Where in the store is what the steps have made of a tile; nothing is, if nothing is on it."""
+        return key, "fresh"
+
+    def drop(self, plans: Plans) -> None:
+        """Forget what the steps have made."""
+        for key, plan in plans.items():
+            self._store.put(self.finished(key), None)
+            for name in plan.parts:
+                self._store.put((key, "piece", name), None)
+
+    def whole(self, frame: PlacedFrame, picture: FramePicture, keys: Iterable[TileKey]) -> dict[TileKey, Layer]:
+        """All that a frame has of tiles, of those on which it has anything."""
+        some = sorted(keys)
+
+        def layer(key: TileKey) -> Layer | None:
+            here = on_level(frame, window_around([key]))
+            made = None if here is None else piece(here, picture, key[1], None, self._interpolation, self._keep)
+            return None if made is None else alone(made)
+
+        made = zip(some, spread(self._pool, layer, some), strict=True)
+        return {key: one for key, one in made if one is not None}
+
+    def _pieces(self, name: str, plans: Plans, picture: FramePicture) -> dict[TileKey, Piece | None]:
+        """A frame's pieces of the tiles that it shows on."""
+        frame = self._gallery.placed(self._frames[name])
+        assert frame is not None, "it is on these tiles"
+        keys = [key for key, plan in plans.items() if name in plan.parts]
+
+        def made(key: TileKey) -> Piece | None:
+            here = on_level(frame, window_around([key]))
+            part = plans[key].parts[name]
+            return None if here is None else piece(here, picture, key[1], part, self._interpolation, self._keep)
+
+        return dict(zip(keys, spread(self._pool, made, keys), strict=True))
+
+    def _parts(self, key: TileKey, plan: Plan) -> list[tuple[Part, Piece]]:
+        made = [(part, self._store.get((key, "piece", name))) for name, part in plan.parts.items()]
+        return [(part, one) for part, one in made if one is not None]
+
+    def _picture_now(self, painted: Painted) -> FramePicture | None:
+        """None also if it cannot be had for reasons that later steps will meet again: they are not the new frame's fault."""
+        try:
+            return self._gallery.picture(painted)
+        except Exception:
+            logger.warning("the original of %s cannot be had", painted.name, exc_info=True)
+            return None

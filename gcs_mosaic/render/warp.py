@@ -1,0 +1,119 @@
+"""A frame's pixels on one tile."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.render.warp_grid import LATTICE, LATTICE_STEP, FrameLattice, Lattice
+from gcs_mosaic.stitch.camera.bands import Bands
+
+NOWHERE = -1e4  # px; outside every frame, and small enough for the fixed-point coordinates of cv2.remap
+
+AT_ONCE = 4  # bands that cv2.remap takes
+
+Image = NDArray[np.uint8]
+
+
+class _Scratch(threading.local):
+    """Half a megabyte that would else be taken from the system and given back twice per tile, at twice the cost."""
+
+    def __init__(self) -> None:
+        side = LATTICE * LATTICE_STEP
+        self.one = np.empty((side, side), np.float32)
+        self.two = np.empty((side, side, 2), np.float32)
+
+
+_scratch = _Scratch()
+
+
+def upscale(values: Lattice) -> Lattice:
+    """Values at a tile's lattice points (17, 17[, 2]), or at points twice as close (33, 33[, k]), to its pixel centres
+    (256, 256[, k]), bilinear.
+
+    What comes back is overwritten by this thread's next call for lattice points with the same number of channels.
+    """
+    step = TILE_SIZE // (len(values) - 1)
+    size, rim = len(values) * step, step // 2
+    known = {(): _scratch.one, (2,): _scratch.two} if step == LATTICE_STEP else {}
+    scratch = known.get(values.shape[2:])
+    wide = np.asarray(cv2.resize(values, (size, size), dst=scratch, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
+    return wide.reshape(size, size, *values.shape[2:])[rim:-rim, rim:-rim]
+
+
+def refined(values: Lattice) -> Lattice:
+    """Values at lattice points (n, m[, k]) with the means of neighbours between them, (2 n - 1, 2 m - 1[, k])."""
+    rows, columns = values.shape[:2]
+    fine = np.empty((2 * rows - 1, 2 * columns - 1, *values.shape[2:]), np.float32)
+    fine[::2, ::2] = values
+    fine[1::2, ::2] = (values[:-1] + values[1:]) / 2
+    fine[:, 1::2] = (fine[:, :-1:2] + fine[:, 2::2]) / 2
+    return fine
+
+
+def shrunk(image: Image, pixels: int) -> Image:
+    """The image (h, w, 3) with no more than about so many pixels, the mean of those it had; itself if it has no more."""
+    shrink = math.sqrt(pixels / (image.shape[0] * image.shape[1]))
+    if shrink >= 1:
+        return image
+    size = max(1, round(image.shape[1] * shrink)), max(1, round(image.shape[0] * shrink))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def tile_picture(
+    lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int, place: tuple[slice, slice] = np.s_[:, :]
+) -> tuple[Bands, Image | None]:
+    """A frame's part of a tile, or of some rows and columns of it: its bands (h, w, bands), 0 where there is none, and coverage
+    (h, w), 0 or 255, None where there is no gap. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is OpenCV's."""
+    window = lattice.window(tile)
+    pixels = upscale(lattice.pixels[window])[place]
+    coverage = _coverage(lattice, pixels, window, place)
+    if coverage is None:
+        return warped(image, pixels, interpolation), None
+    if np.isnan(lattice.pixels[window]).any():
+        pixels = np.nan_to_num(pixels, nan=NOWHERE)
+    return _masked(warped(image, pixels, interpolation), coverage), coverage
+
+
+def _coverage(
+    lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice], place: tuple[slice, slice]
+) -> Image | None:
+    if _well_inside(lattice, window):
+        return None
+    coverage = cv2.inRange(pixels, *lattice.limits)
+    if lattice.useful is not None:
+        coverage[~(upscale(lattice.useful[window])[place] > 0)] = 0
+    return None if coverage.all() else np.asarray(coverage, dtype=np.uint8)
+
+
+def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:
+    """Whether all of a tile is painted, told from its lattice points (bilinear values lie between those)."""
+    least, most = lattice.limits
+    corners = lattice.pixels[window]
+    within = bool(((corners > least) & (corners < most)).all())
+    return within and (lattice.useful is None or bool((lattice.useful[window] > 0).all()))
+
+
+def warped(image: Bands, pixels: Lattice, interpolation: int) -> Bands:
+    """An image (h, w, bands) at pixels (r, c, 2): (r, c, bands), all of them taken at the same places with the same weights."""
+    # Replicated, not black, beyond the border: the outermost half pixel belongs to the frame.
+    if image.shape[2] in (3, 4):
+        return cv2.remap(image, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    out = np.empty((*pixels.shape[:2], image.shape[2]), image.dtype)
+    for first in range(0, image.shape[2], AT_ONCE):
+        group = np.ascontiguousarray(image[..., first : first + AT_ONCE])
+        warped = cv2.remap(group, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+        out[..., first : first + AT_ONCE] = warped.reshape(*pixels.shape[:2], -1)
+    return out
+
+
+def _masked(bands: Bands, coverage: Image) -> Bands:
+    if bands.shape[2] == 3:
+        return np.asarray(cv2.copyTo(bands, coverage), dtype=bands.dtype)
+    bands[coverage == 0] = 0
+    return bands

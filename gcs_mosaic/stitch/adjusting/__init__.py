@@ -1,1 +1,0 @@
-"""All poses and lenses of an island from all matches together, and how sure they are."""

@@ -1,0 +1,292 @@
+"""From links to poses: one frame against its neighbours (resection), or a whole island at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.bundle.certainty import note_adjusted
+from gcs_mosaic.stitch.bundle.lens import expected
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens
+from gcs_mosaic.stitch.bundle.problem import Problem
+from gcs_mosaic.stitch.bundle.relief import Matched, displacements, matched, note_relief, sightings
+from gcs_mosaic.stitch.bundle.uncertainty import POSE, island_certainty, resected_deviation, variance_factor
+from gcs_mosaic.stitch.camera import projection
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
+from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, Network
+
+Array = NDArray[np.float64]
+Key = tuple[int, int]
+View = tuple[Pose, Camera]
+
+
+def level_pose_over(camera: Camera, pixels: Array, places: Array) -> Pose:
+    """The level pose from which pixels (m, 2) look most like these canvas places (m, 2)."""
+    level = Pose(*camera.centre)
+    return moved_by_similarity(level, *similarity_between(canvas_from_pixels(level, camera, pixels), places))
+
+
+@dataclass(frozen=True, slots=True)
+class Resected:
+    """A frame's best pose, how well it fits its matches, and how well they determine it."""
+
+    pose: Pose
+    residual_px: float  # median, pixels of the feature picture
+    corner_deviation_px: float  # of its least certain corner against the others as they lie; infinite above the horizon
+    cautious_deviation_px: float  # the same, if matches were not better than the adjustment takes for granted
+
+
+def resect(network: Network, frame: int, rough: Pose, island: int, settings: AdjustmentSettings) -> Resected:
+    """Best pose of one frame against those of an island that it is linked with, as they lie."""
+    linked = [other for other in network.frames[frame].inliers if network.islands[other] == island]
+    keys = [(frame, other) if (frame, other) in network.links else (other, frame) for other in linked]
+    poses = [rough, *(network.pose_of(other) for other in linked)]
+    free = np.arange(len(poses)) == 0
+    problem, cameras = _problem(network, island, [frame, *linked], poses, keys, free, settings)
+    problem = replace(problem, lens_free=False)
+    solution = adjust(problem, settings)
+    residual = float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
+    factors = variance_factor(solution.residuals_px, settings.loss_px, POSE), max(1.0, residual) ** 2
+    deviations = (resected_deviation(problem, solution, cameras, factor) for factor in factors)
+    return Resected(Pose(*solution.poses[0]), residual, *deviations)
+
+
+@dataclass(frozen=True, slots=True)
+class IslandTask:
+    """A whole island as it is handed over to be adjusted; nothing in it changes when the network does. Can be pickled."""
+
+    island: int
+    members: tuple[int, ...]  # frames, in the order of the problem
+    root: int  # row of the frame that founded the island
+    problem: Problem
+    matches: Matched | None  # rows as in the problem
+    numbers: tuple[CameraNumber, ...]  # of the problem's cameras
+    cameras: tuple[Camera, ...]
+    settings: AdjustmentSettings
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustedIsland:
+    """What an adjustment of n frames has found; residuals in pixels of the feature picture, NaN without matches."""
+
+    poses: Array  # (n, 6)
+    lenses: Array  # (c, 5)
+    lens_information: Array | None  # (c, 5, 5), None where the matches leave something open
+    residuals: Array  # (n,) median over a frame's matches
+    deviations_px: Array  # (n,) of the least certain corner, full-resolution pixels
+    reliefs: list[ReliefDisplacement | None]
+
+
+def island_task(network: Network, island: int, settings: AdjustmentSettings) -> IslandTask | None:
+    """The adjustment of all frames of an island, as they lie now; None where nothing is linked."""
+    members = network.members(island).tolist()
+    inside = set(members)
+    keys = [(a, b) for a, b in network.links if a in inside and b in inside]
+    if not keys:
+        return None
+    poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
+    problem, cameras = _problem(network, island, members, poses, keys, free, settings)
+    root = members.index(network.roots[island])
+    matches, numbers = matched(network, members), _camera_numbers(network, members)
+    return IslandTask(island, tuple(members), root, problem, matches, tuple(numbers), tuple(cameras), settings)
+
+
+def adjusted(task: IslandTask) -> AdjustedIsland:
+    """The work itself: a pure function, for whichever process has time."""
+    solution = adjust(task.problem, task.settings)
+    certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
+    return AdjustedIsland(
+        poses=solution.poses,
+        lenses=solution.lenses,
+        lens_information=certainty.lens_information,
+        residuals=_residuals_by_frame(task.problem, solution.residuals_px),
+        deviations_px=certainty.deviations_px,
+        reliefs=_reliefs(task, solution),
+    )
+
+
+def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | None]:
+    if task.matches is None:
+        return [None] * len(task.members)
+    cameras = [with_lens(camera, lens) for camera, lens in zip(task.cameras, solution.lenses, strict=True)]
+    poses = (Pose(*pose) for pose in solution.poses.tolist())
+    views = [(pose, cameras[camera]) for pose, camera in zip(poses, task.problem.camera, strict=True)]
+    return displacements(sightings(task.matches), views, task.settings.relief)
+
+
+def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:
+    """Lay the result over the held poses as well as it goes, and carry along the frames that have come meanwhile.
+
+    False, and nothing is changed, if frames of the task are no longer where they were.
+    """
+    members = list(task.members)
+    if (network.islands[members] != task.island).any():
+        return False
+    before = {f: (network.pose_of(f), network.camera_of(f)) for f in members}
+    lenses = _lenses(task, found)
+    poses = [Pose(*pose) for pose in found.poses.tolist()]
+    cameras = [lenses[network.frames[f].camera].camera for f in members]
+    aligned = _aligned_to_held(network, members, poses, cameras)
+    network.put_all(members, aligned, task.island, lenses)
+    _carry_along(network, before, task)
+    for frame, residual, relief in zip(members, found.residuals.tolist(), found.reliefs, strict=True):
+        network.note(frame, residual_px=residual * network.frames[frame].features.scale, relief=relief)
+    note_adjusted(network, task.island, members, found.deviations_px)
+    return True
+
+
+def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:
+    """Adjust all frames of an island and their lenses at once."""
+    task = island_task(network, island, settings)
+    if task is not None:
+        take_in(network, task, adjusted(task))
+
+
+def _carry_along(network: Network, before: dict[int, View], task: IslandTask) -> None:
+    """Frames that joined the island during its adjustment move with those that they are linked with.
+
+    What is newer than the task's frames was placed by resection, and is once more: its neighbours lie better now.
+    """
+    views, newest = dict(before), max(task.members)
+    waiting = [f for f in network.members(task.island).tolist() if f not in before]
+    while waiting:
+        linked = {f: [other for other in network.frames[f].inliers if other in views] for f in waiting}
+        reached = [f for f in waiting if linked[f]]
+        if not reached:
+            return
+        for frame in reached:
+            view = network.pose_of(frame), network.camera_of(frame)
+            old = _inner_corners([views[other] for other in linked[frame]])
+            new = _inner_corners([(network.pose_of(other), network.camera_of(other)) for other in linked[frame]])
+            seen = np.isfinite(old).all(axis=1) & np.isfinite(new).all(axis=1)
+            if seen.sum() >= 4:
+                moved = moved_by_similarity(view[0], *similarity_between(old[seen], new[seen]))
+                network.put(frame, moved, task.island)
+            views[frame] = view
+        waiting = [f for f in waiting if f not in views]
+    for frame in sorted(f for f in views if f > newest):
+        rough = network.pose_of(frame)
+        network.put(frame, resect(network, frame, rough, task.island, task.settings).pose, task.island)
+        note_relief(network, frame, task.settings.relief)
+
+
+def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
+    """Median (n,) over the matches of each frame, of residuals (p, k); NaN where there is none."""
+    order = np.argsort(problem.pairs.ravel(), kind="stable")
+    ends = np.searchsorted(problem.pairs.ravel()[order], np.arange(len(problem.poses) + 1))
+    of_pair = residuals[order // 2]
+    return np.array(
+        [np.nanmedian(of_pair[a:b]) if b > a else math.nan for a, b in pairwise(ends.tolist())], dtype=np.float64
+    )
+
+
+def _camera_numbers(network: Network, frames: Sequence[int]) -> list[CameraNumber]:
+    """The cameras of these frames, in rising order: the cameras of their adjustment."""
+    return sorted({network.frames[frame].camera for frame in frames})
+
+
+def _problem(
+    network: Network,
+    island: int,
+    frames: Sequence[int],
+    poses: list[Pose],
+    keys: list[Key],
+    free: NDArray[np.bool_],
+    settings: AdjustmentSettings,
+) -> tuple[Problem, list[Camera]]:
+    """The adjustment of these frames on an island by these links, and its cameras; `free` (n,) says which may move."""
+    row = {frame: i for i, frame in enumerate(frames)}
+    numbers = _camera_numbers(network, frames)
+    cameras = [network.camera_on(island, number) for number in numbers]
+    camera = {frame: numbers.index(network.frames[frame].camera) for frame in frames}
+    pixels, present = _matches(network, keys, camera, cameras, settings.matches_per_pair)
+    heights = [cameras[camera[f]].focal_px * math.exp(pose.log_gsd) for f, pose in zip(frames, poses, strict=True)]
+    scale = {camera[frame]: network.frames[frame].features.scale for frame in frames}
+    problem = Problem(
+        poses=np.array([pose_row(pose) for pose in poses]),
+        lenses=np.array([lens_row(camera) for camera in cameras]),
+        camera=np.array([camera[frame] for frame in frames]),
+        half_diagonal=np.array([c.half_diagonal for c in cameras]),
+        unit_px=np.array([c.half_diagonal / scale[i] for i, c in enumerate(cameras)]),
+        pairs=np.array([[row[a], row[b]] for a, b in keys], dtype=np.intp).reshape(-1, 2),
+        pixels_a=pixels[0],
+        pixels_b=pixels[1],
+        present=present,
+        free=free,
+        relief=settings.relief.sigma * float(np.median(heights)),
+        lens_prior=np.stack([_lens_prior(network, island, number, settings) for number in numbers], axis=1),
+    )
+    return problem, cameras
+
+
+def _lens_prior(network: Network, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
+    """What is expected of a camera on an island, and its standard deviation, (2, 5).
+
+    Islands with fewer of its frames learn of the one with most, never the other way round, so that nothing is told to whom
+    it came from.
+    """
+    mean, sigma = any_lens(settings)
+    teacher = network.best_known_lens(number)
+    shown = network.count_with_camera(island, number)
+    if teacher is None or teacher == island or network.count_with_camera(teacher, number) <= shown:
+        return np.stack([mean, sigma])
+    lens = network.lenses[teacher, number]
+    assert lens.information is not None, "the best known lens was estimated"
+    return np.stack(expected(mean, sigma, np.array(lens_row(lens.camera)), lens.information))
+
+
+def _matches(
+    network: Network, keys: list[Key], camera: dict[int, int], cameras: list[Camera], most: int
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Matches of all links in the adjustment's units, (2, p, k, 2), and which are there, (p, k)."""
+    links = [network.links[key] for key in keys]
+    present = np.arange(most) < np.array([len(link.pixels_a) for link in links])[:, None]
+    centres = np.array([camera.centre for camera in cameras])
+    half_diagonals = np.array([camera.half_diagonal for camera in cameras])
+    pixels = np.zeros((2, len(keys), most, 2))
+    for side, points in enumerate(([link.pixels_a for link in links], [link.pixels_b for link in links])):
+        rows = np.array([camera[key[side]] for key in keys])[np.nonzero(present)[0]]
+        pixels[side][present] = (np.concatenate(points) - centres[rows]) / half_diagonals[rows, None]
+    return pixels, present
+
+
+def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
+    information = [None] * len(task.numbers) if found.lens_information is None else list(found.lens_information)
+    cameras = (with_lens(camera, row) for camera, row in zip(task.cameras, found.lenses, strict=True))
+    return dict(zip(task.numbers, (Lens(*known) for known in zip(cameras, information, strict=True)), strict=True))
+
+
+def _aligned_to_held(network: Network, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
+    """Move the whole island by the one similarity that disturbs least what is already drawn."""
+    held = [(pose, camera, network.frames[f].held) for f, pose, camera in zip(members, poses, cameras, strict=True)]
+    new = _inner_corners([(pose, camera) for pose, camera, drawn in held if drawn])
+    old = _inner_corners([drawn for _, _, drawn in held if drawn])
+    seen = np.isfinite(new).all(axis=1) & np.isfinite(old).all(axis=1)
+    if seen.sum() < 4:
+        return poses
+    similarity = similarity_between(new[seen], old[seen])
+    return [moved_by_similarity(pose, *similarity) for pose in poses]
+
+
+def _inner_corners(views: list[View]) -> Array:
+    """Canvas places of four points of each frame, half-way from the middle to the corners, (4 * n, 2)."""
+    if not views:
+        return np.empty((0, 2))
+    cameras = [camera for _, camera in views]
+    unit = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    half_diagonals = np.array([c.half_diagonal for c in cameras]).repeat(4)
+    half_sizes = np.array([[c.width, c.height] for c in cameras]).repeat(4, axis=0) / 2
+    down = projection.canvas_from_pixels(
+        np.array([pose_row(pose) for pose, _ in views]).repeat(4, axis=0),
+        np.array([lens_row(camera) for camera in cameras]).repeat(4, axis=0),
+        half_diagonals,
+        np.tile(unit, (len(views), 1)) * half_sizes / half_diagonals[:, None],
+    )
+    return np.where(down.valid[:, None], down.points, np.nan)

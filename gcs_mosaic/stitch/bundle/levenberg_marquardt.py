@@ -1,0 +1,213 @@
+"""Joint adjustment of cameras over a plane: bundle adjustment without points.
+
+Unknowns are one pose per frame and one lens (focal length, two radial terms, principal point) per camera. A match of
+pixel a in one frame and b in another says that a, taken down to the plane and up into the other frame, should fall on b,
+and the other way round. Residuals are measured in the frames (in the plane they would reward a shrinking map). The normal
+matrix has one block per frame and per linked pair of frames, so it stays sparse however long the flight is.
+
+Levenberg-Marquardt with iteratively reweighted least squares, after Triggs et al., "Bundle Adjustment - A Modern
+Synthesis", 2000; Cauchy loss, because relief gives the residuals heavy tails.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcs_mosaic.stitch.bundle.lens import believable
+from gcs_mosaic.stitch.bundle.normal_equations import Normal, assembled, solve, unknowns
+from gcs_mosaic.stitch.bundle.problem import Problem
+from gcs_mosaic.stitch.bundle.residuals import parts, weighed, whitenings
+from gcs_mosaic.stitch.camera.projection import LENS_TERMS
+from gcs_mosaic.stitch.camera.relief import ReliefSettings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AdjustmentSettings:
+    """How poses and lenses are estimated from all matches together."""
+
+    matches_per_pair: int = 24  # matches that are used of a pair, well spread; 40 gave the same map
+    loss_px: float = 1.0  # Cauchy loss: where a residual begins to count less, in pixels of the feature picture
+    # focal length expected of a camera, in half-diagonals: a common field of view (67 degrees across)
+    focal_prior: float = 1.5
+    focal_prior_log_sigma: float = 0.3  # how far it may be off, as log: a factor of 1.35
+    k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
+    k2_prior_sigma: float = 0.05  # the second radial term
+    shift_prior_sigma: float = 0.02  # principal point off the middle of the frame, half-diagonals
+    tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
+    steps: int = 30  # most steps of an adjustment; a warm start needs 2-5
+    step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
+    relief: ReliefSettings = field(default_factory=ReliefSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    poses: Array  # (n, 6)
+    lenses: Array  # (c, 5)
+    residuals_px: Array  # (p, k), the larger of both ways, pixels of the feature picture; NaN where there is no match
+    normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
+    steps: int
+
+
+def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
+    """Best poses and lenses for the matches and the priors.
+
+    What misfits by more than a pixel (woods, rolling shutters) misfits alike in all matches of a pair, and a lens would
+    follow it: the more the matches miss in the end, the less they may say of the lens, and all is adjusted once more.
+    """
+    state = _converged(_first_state(problem, settings), settings)
+    excess = _excess(state)
+    if problem.lens_free and excess > 1:
+        state = _converged(_with_firmer_lens_prior(state, settings, excess), settings)
+    return Solution(
+        state.problem.poses, state.problem.lenses, state.residuals_px, sparse.csc_matrix(state.normal), state.steps
+    )
+
+
+def _converged(state: _State, settings: AdjustmentSettings) -> _State:
+    """Where no step lowers the cost any more.
+
+    A step that would take a lens beyond what is believable was worked out for that lens: with the one that it gets instead
+    it leads nowhere, and the poses would stay where they were. So these go on alone.
+    """
+    state = _descended(state, settings)
+    if not state.stopped_lens:
+        return state
+    held = _evaluate(replace(state.problem, lens_free=False), settings, state.whitenings)
+    held = _descended(replace(held, steps=state.steps), settings)
+    found = _evaluate(replace(held.problem, lens_free=True), settings, state.whitenings)
+    return replace(found, steps=held.steps)
+
+
+def _descended(state: _State, settings: AdjustmentSettings) -> _State:
+    damping, most, fall = 1e-4, state.steps + settings.steps, math.inf
+    while state.steps < most and fall >= settings.step_tolerance:
+        before = state
+        state, damping = _descend(before, settings, damping)
+        if state.steps == before.steps:
+            break
+        fall = (before.cost - state.cost) / max(before.cost, 1e-12)
+    return state
+
+
+def any_lens(settings: AdjustmentSettings) -> tuple[Array, Array]:
+    """What is expected of a lens of which nothing is known, and its standard deviation, (5,) each."""
+    shift = settings.shift_prior_sigma
+    sigma = [settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift]
+    return np.array([np.log(settings.focal_prior), 0.0, 0.0, 0.0, 0.0]), np.array(sigma)
+
+
+def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
+    """Where the adjustment begins, with the lenses' priors filled in."""
+    if problem.lens_prior is None:
+        mean, sigma = (np.tile(row, (len(problem.lenses), 1)) for row in any_lens(settings))
+        problem = replace(problem, lens_prior=np.stack([mean, sigma]))
+    return _evaluate(problem, settings, [whitenings(part) for part in parts(problem)])
+
+
+def _excess(state: _State) -> float:
+    """How much larger squared residuals are than where matches are only off by a pixel either way."""
+    size2 = state.residuals_px[np.isfinite(state.residuals_px)] ** 2
+    return min(float(np.median(size2)) / EXPECTED_SIZE2, MOST_EXCESS) if len(size2) else 1.0
+
+
+def _with_firmer_lens_prior(state: _State, settings: AdjustmentSettings, excess: float) -> _State:
+    assert state.problem.lens_prior is not None, "the first state fills it in"
+    mean, sigma = state.problem.lens_prior
+    firmer = replace(state.problem, lens_prior=np.stack([mean, sigma / math.sqrt(excess)]))
+    return replace(_evaluate(firmer, settings, state.whitenings), steps=state.steps)
+
+
+EXPECTED_SIZE2 = 2 * math.log(2)  # median of the squared size of a residual whose parts deviate by a pixel each
+MOST_EXCESS = 25.0  # times that; more is no misfit but matches that are wrong
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    problem: Problem
+    whitenings: list[Array]  # of each of its parts; they hold for the whole adjustment, see `residuals.whitenings`
+    cost: float
+    normal: Normal  # over the free unknowns
+    gradient: Array
+    residuals_px: Array
+    steps: int = 0  # that led here
+    stopped_lens: bool = (
+        False  # whether the last of them, or those tried in vain from here, led beyond what is believable
+    )
+
+
+def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State, float]:
+    """The state after one accepted step, or as it was where no step lowers the cost any more, and the damping for the next."""
+    stopped = False
+    for _ in range(6):
+        step = solve(state.normal, state.gradient, damping)
+        problem = _stepped(state.problem, step)
+        stopped |= not np.array_equal(problem.lenses, _lenses_after(state.problem, step))
+        candidate = _evaluate(problem, settings, state.whitenings)
+        if candidate.cost < state.cost:
+            return replace(candidate, steps=state.steps + 1, stopped_lens=stopped), max(damping / 5, 1e-9)
+        damping *= 8
+    return replace(state, stopped_lens=stopped), damping
+
+
+def _stepped(problem: Problem, step: Array) -> Problem:
+    _, pose_unknowns = unknowns(problem)
+    poses, lenses = problem.poses.copy(), _lenses_after(problem, step)
+    poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
+    return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
+
+
+def _lenses_after(problem: Problem, step: Array) -> Array:
+    """The lenses (c, 5) that a step leads to, whether cameras can have them or not."""
+    if not problem.lens_free:
+        return problem.lenses
+    return problem.lenses + step[unknowns(problem)[1] :].reshape(-1, LENS_TERMS)
+
+
+def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array]) -> _State:
+    some = [weighed(*part, settings.loss_px) for part in zip(parts(problem), by_part, strict=True)]
+    blocks = np.concatenate([part.blocks for part in some])
+    slopes = np.concatenate([part.slopes for part in some])
+    residuals_px = np.concatenate([part.residuals_px for part in some])
+    prior_cost, prior_normal, prior_gradient = _priors(problem, settings)
+    normal, gradient = assembled(problem, blocks, slopes, prior_normal)
+    return _State(
+        problem=problem,
+        whitenings=by_part,
+        cost=sum(part.cost for part in some) + prior_cost,
+        normal=normal,
+        gradient=gradient + prior_gradient,
+        residuals_px=residuals_px,
+    )
+
+
+def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Array, Array]:
+    """Cost, diagonal and gradient of what is believed before any match: nearly level flight, an ordinary lens."""
+    tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
+    # Cauchy again: a frame that really is oblique must be allowed to be.
+    tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
+    tilt_weight = 1 / (1 + tilt_size2[:, None])
+    diagonal, gradient = np.zeros((len(tilt), 6)), np.zeros((len(tilt), 6))
+    diagonal[:, 4:] = tilt_weight / settings.tilt_prior_sigma**2
+    gradient[:, 4:] = tilt_weight * tilt / settings.tilt_prior_sigma
+    cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
+    if not problem.lens_free:
+        return float(cost), diagonal.ravel(), gradient.ravel()
+    assert problem.lens_prior is not None, "the first state fills it in"
+    mean, sigma = problem.lens_prior
+    lens = (problem.lenses - mean) / sigma
+    cost += (lens**2).sum()
+    return (
+        float(cost),
+        np.concatenate([diagonal.ravel(), (1 / sigma**2).ravel()]),
+        np.concatenate([gradient.ravel(), (lens / sigma).ravel()]),
+    )
+
+
+TILT_PRIOR_REACH = 3.0  # sigmas within which the tilt prior is quadratic

@@ -1,0 +1,190 @@
+"""From links and poses to each frame's relief displacement.
+
+Matched features become tracks, tracks become points of the ground, and where a frame sees those points elsewhere than its
+pose says, a smooth grid of shifts takes that up. The poses stay as they are, so the shape of the map does too: the grid is
+an elastic sheet (a membrane that resists stretching, tied weakly to zero), so where a frame has no tracks it stays a camera
+over a plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from gcs_mosaic.stitch.bundle.relief_points import tracks, triangulate
+from gcs_mosaic.stitch.camera import projection
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, pixels_from_canvas
+from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, ReliefSettings
+from gcs_mosaic.stitch.graph.view_graph import Network
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+ROUNDS = 4  # of reweighting
+SIGHTINGS_AT_ONCE = 4096  # projected at a time: what fits into the cache
+FEWEST = 10  # points of a frame below which its grid would be guesswork
+
+
+@dataclass(frozen=True, slots=True)
+class Matched:
+    """All matches of p linked pairs among n frames, k in all, as they are kept; gathered quickly. See `sightings`."""
+
+    pairs: Indices  # (p, 2) rows of the frames, 0 to n - 1
+    counts: Indices  # (p,) matches of each pair
+    features: NDArray[np.uint32]  # (k, 2) which feature of either frame
+    points: NDArray[np.float32]  # (f, 2) pixels of the features of all frames, frame by frame
+    lengths: Indices  # (n,) how many features each frame has
+    scales: Array  # (n,) full-resolution pixels per pixel of the frame's feature picture
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Which of n frames saw which point of the ground where, m in all."""
+
+    row: Indices  # (m,) the frame, 0 to n - 1
+    pixels: Array  # (m, 2)
+    point: Indices  # (m,)
+    scales: Array  # (n,) as in `Matched`
+
+
+def matched(network: Network, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
+    """The matches of all links between these frames, or only the links `of` some of them; None where there are none."""
+    row = {frame: number for number, frame in enumerate(frames)}
+    ends = {(f, o) for f in (of or frames) for o in network.frames[f].inliers if o in row}
+    keys = sorted({(a, b) if (a, b) in network.links else (b, a) for a, b in ends})
+    if not keys:
+        return None
+    matches = [network.links[key].features for key in keys]
+    features = [network.frames[frame].features for frame in frames]
+    return Matched(
+        pairs=np.array([(row[a], row[b]) for a, b in keys], dtype=np.intp),
+        counts=np.array([len(some) for some in matches], dtype=np.intp),
+        features=np.concatenate(matches),
+        points=np.concatenate([one.points for one in features]),
+        lengths=np.array([len(one) for one in features], dtype=np.intp),
+        scales=np.array([one.scale for one in features]),
+    )
+
+
+def sightings(matches: Matched) -> Sightings:
+    """What the matches show: the same feature, matched in several pairs, is one point of the ground."""
+    first = np.concatenate([[0], np.cumsum(matches.lengths)[:-1]])
+    ends = first[matches.pairs].repeat(matches.counts, axis=0) + matches.features
+    seen, nodes = np.unique(ends, return_inverse=True)
+    row = np.searchsorted(first, seen, side="right") - 1
+    found = tracks(nodes.reshape(-1, 2), row)
+    kept = seen[found.nodes]
+    return Sightings(row[found.nodes], matches.points[kept].astype(np.float64), found.track, matches.scales)
+
+
+def note_relief(network: Network, frame: int, settings: ReliefSettings) -> None:
+    """Work out the relief displacement of one placed frame from all that it is linked with, as they lie."""
+    frames = [frame, *network.frames[frame].inliers]
+    matches = matched(network, frames, of=[frame])
+    views = [(network.pose_of(f), network.camera_of(f)) for f in frames]
+    network.note(frame, relief=displacements(sightings(matches), views, settings, of=[0])[0] if matches else None)
+
+
+def displacements(
+    seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings, of: Sequence[int] | None = None
+) -> list[ReliefDisplacement | None]:
+    """The relief displacements of frames seen at these poses, of all or only some rows."""
+    rows = range(len(views)) if of is None else of
+    if settings.cells == 0:
+        return [None] * len(rows)
+    points = _points(seen, views, settings)
+    order = np.argsort(seen.row, kind="stable")
+    ends = np.searchsorted(seen.row[order], np.arange(len(views) + 1))
+    found = []
+    for row in rows:
+        own = order[ends[row] : ends[row + 1]]
+        found.append(_displacement(*views[row], seen.scales[row], seen.pixels[own], points[seen.point[own]], settings))
+    return found
+
+
+def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> Array:
+    """Canvas places (t, 2) of the points; NaN where one is seen above the horizon."""
+    poses = np.array([pose_row(pose) for pose, _ in views])
+    lenses = np.array([lens_row(camera) for _, camera in views])
+    half = np.array([camera.half_diagonal for _, camera in views])
+    centres = np.array([camera.centre for _, camera in views])
+    row = seen.row
+    pixels = (seen.pixels - centres[row]) / half[row, None]
+    places, by_height = np.empty((2, len(row), 2))
+    for start in range(0, len(row), SIGHTINGS_AT_ONCE):  # millions on a long flight, each with all its derivatives
+        some = slice(start, start + SIGHTINGS_AT_ONCE)
+        down = projection.canvas_from_pixels(poses[row[some]], lenses[row[some]], half[row[some]], pixels[some])
+        places[some], by_height[some] = np.where(down.valid[:, None], down.points, np.nan), down.by_height
+    deviations = np.exp(poses[:, 2]) * seen.scales * settings.loss_px
+    height = float(np.median(np.exp(poses[:, 2] + lenses[:, 0]) * half))
+    return triangulate(places, by_height, deviations[row], seen.point, settings.sigma * height)
+
+
+def _displacement(
+    pose: Pose, camera: Camera, scale: float, pixels: Array, points: Array, settings: ReliefSettings
+) -> ReliefDisplacement | None:
+    """A frame's grid from where it sees points (m, 2) of the ground: pixels (m, 2); None if they are too few."""
+    shifts = pixels_from_canvas(pose, camera, points) - pixels
+    with np.errstate(invalid="ignore"):
+        believed = np.linalg.norm(shifts, axis=1) < settings.largest * camera.half_diagonal
+    if believed.sum() < FEWEST:
+        return None
+    at = pixels[believed] / [camera.width - 1, camera.height - 1]
+    sheet = fitted_sheet(at, shifts[believed] / scale, *grid_size(camera, settings.cells), settings)
+    return ReliefDisplacement.from_grid(sheet * scale / camera.half_diagonal)
+
+
+def grid_size(camera: Camera, cells: int) -> tuple[int, int]:
+    """Columns and rows of a grid of nearly square cells, `cells` along the longer side."""
+    longer = max(camera.width, camera.height)
+    return (max(2, round(cells * camera.width / longer) + 1), max(2, round(cells * camera.height / longer) + 1))
+
+
+def fitted_sheet(at: Array, values: Array, columns: int, rows: int, settings: ReliefSettings) -> Array:
+    """The elastic sheet (rows, columns, 2) through values (m, 2) at places (m, 2), 0 to 1 along each side; robust."""
+    node, share = _corners(at, columns, rows)
+    fixed = _membrane(columns, rows, settings)
+    sheet, weight = np.zeros((columns * rows, 2)), np.ones(len(at))
+    for _ in range(ROUNDS):
+        band = fixed.copy()
+        for i in range(4):
+            for j in range(i, 4):
+                np.add.at(band, (node[:, j] - node[:, i], node[:, i]), weight * share[:, i] * share[:, j])
+        right = np.stack(
+            [
+                np.bincount(node.ravel(), (share * (weight * values[:, k])[:, None]).ravel(), columns * rows)
+                for k in (0, 1)
+            ],
+            axis=1,
+        )
+        sheet = solveh_banded(band, right, lower=True, check_finite=False)
+        off2 = ((share[:, :, None] * sheet[node]).sum(axis=1) - values) ** 2
+        weight = 1 / (1 + off2.sum(axis=1) / settings.loss_px**2)
+    return np.asarray(sheet).reshape(rows, columns, 2)
+
+
+def _corners(at: Array, columns: int, rows: int) -> tuple[Indices, Array]:
+    """The four nodes (m, 4) around each place, in rising order, and their shares (m, 4) of a bilinear value there."""
+    cell = at * [columns - 1, rows - 1]
+    first = np.clip(cell.astype(np.intp), 0, [columns - 2, rows - 2])
+    x, y = (cell - first).T
+    corner = first[:, 1] * columns + first[:, 0]
+    nodes = corner[:, None] + np.array([0, 1, columns, columns + 1])
+    return nodes, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
+
+
+def _membrane(columns: int, rows: int, settings: ReliefSettings) -> Array:
+    """Normal matrix (columns + 2, n) of the sheet alone, its lower diagonals."""
+    band = np.zeros((columns + 2, columns * rows))
+    band[0] = settings.tie
+    nodes = np.arange(columns * rows).reshape(rows, columns)
+    for step, first in ((1, nodes[:, :-1].ravel()), (columns, nodes[:-1].ravel())):
+        band[step, first] -= settings.stiffness
+        band[0, first] += settings.stiffness
+        band[0, first + step] += settings.stiffness
+    return band

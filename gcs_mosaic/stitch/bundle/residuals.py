@@ -1,0 +1,128 @@
+"""How well poses and lenses fit the matches, and how that changes with them.
+
+The ground is not a plane. A point at an unknown height is seen shifted along its parallax, so a residual counts in full
+across that direction and, along it, only as far as it exceeds what the expected heights explain. Across it speaks the
+epipolar geometry, which relief cannot bend; along it the plane, which holds the long shape of the map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.bundle.problem import COLUMNS, Problem
+from gcs_mosaic.stitch.bundle.robust_parallax import whitening
+from gcs_mosaic.stitch.camera import projection
+from gcs_mosaic.stitch.camera.projection import LENS_TERMS, product
+
+Array = NDArray[np.float64]
+
+
+def parts(problem: Problem) -> Iterator[Problem]:
+    """The same problem with some of the pairs at a time: derivatives of all would fill memory, those of some the cache."""
+    for start in range(0, max(len(problem.pairs), 1), PAIRS_AT_ONCE):
+        some = slice(start, start + PAIRS_AT_ONCE)
+        yield replace(
+            problem,
+            pairs=problem.pairs[some],
+            pixels_a=problem.pixels_a[some],
+            pixels_b=problem.pixels_b[some],
+            present=problem.present[some],
+        )
+
+
+PAIRS_AT_ONCE = 128  # twice and half as many take as long
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """What p pairs contribute: their cost, one block of the normal matrix and of the gradient each, and their residuals."""
+
+    cost: float
+    blocks: Array  # (p, COLUMNS, COLUMNS)
+    slopes: Array  # (p, COLUMNS)
+    residuals_px: Array  # (p, k)
+
+
+def weighed(problem: Problem, whitening_by_way: Array, loss_px: float) -> Weighed:
+    """Cost and derivatives of all matches, whitened (2, m, 2, 2) and under a Cauchy loss that reaches `loss_px`."""
+    residual, jacobian, valid = _residuals(problem, whitening_by_way)
+    size2 = (residual**2).sum(axis=2) / loss_px**2
+    weight = np.where(valid, 1 / (1 + size2), 0.0)
+    # A match that cannot be seen any more (behind the horizon) costs as much as a very bad one and pulls nowhere.
+    cost = loss_px**2 * np.log1p(np.where(valid, size2, 1e4))[problem.present.repeat(2, axis=1)].sum()
+    root = np.sqrt(weight)[:, :, None]
+    rows = (residual * root).reshape(len(residual), -1)
+    columns = (jacobian * root[..., None]).reshape(len(residual), -1, COLUMNS)
+    blocks = columns.transpose(0, 2, 1) @ columns
+    slopes = (columns.transpose(0, 2, 1) @ rows[:, :, None])[:, :, 0]
+    ways = np.sqrt((residual**2).sum(axis=2)).reshape(len(residual), -1, 2).max(axis=2)
+    size = np.where(problem.present, np.where(valid.reshape(*ways.shape, 2).all(axis=2), ways, np.inf), np.nan)
+    return Weighed(float(cost), blocks, slopes, size)
+
+
+def whitenings(problem: Problem) -> Array:
+    """What makes the residuals of all matches comparable, for either way (2, m, 2, 2), from the poses as they are.
+
+    They hold for the whole adjustment. If they followed the poses, the cost could be lowered by poses that allow more
+    parallax, and steps, which know nothing of that, would end where they do not lower it.
+    """
+    return np.stack([whitening(_passage(problem, *way).by_height * problem.relief) for way in ((0, 1), (1, 0))])
+
+
+def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, COLUMNS), and which exist (p, 2k).
+
+    The two ways of a match stand side by side: a to b, then b to a.
+    """
+    p, k = problem.present.shape
+    residual, jacobian = np.empty((p, k, 2, 2)), np.zeros((p, k, 2, 2, COLUMNS))
+    valid = np.empty((p, k, 2), bool)
+    for way, (source, target) in enumerate(((0, 1), (1, 0))):
+        passage = _passage(problem, source, target)
+        whiten = whitening_by_way[way]
+        residual[:, :, way] = product(whiten, passage.residual[:, :, None])[:, :, 0].reshape(p, k, 2)
+        valid[:, :, way] = passage.valid.reshape(p, k) & problem.present
+        for columns, derivative in passage.derivatives:
+            jacobian[:, :, way, :, columns] = product(whiten, derivative).reshape(p, k, 2, -1)
+    residual[~valid], jacobian[~valid] = 0, 0  # where there is nothing to see there may be no number
+    return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, COLUMNS), valid.reshape(p, 2 * k)
+
+
+@dataclass(frozen=True, slots=True)
+class _Passage:
+    """All matches taken from one side of their pairs down to the plane and up into the other, (m, ...) in feature pixels."""
+
+    residual: Array  # (m, 2)
+    by_height: Array  # (m, 2), of the ground above the plane, per canvas unit
+    derivatives: list[tuple[slice, Array]]  # (m, 2, ...) by pose and lens of either side, with their columns
+    valid: NDArray[np.bool_]
+
+
+def _passage(problem: Problem, source: int, target: int) -> _Passage:
+    frame_s, frame_t = (problem.pairs[:, side].repeat(problem.present.shape[1]) for side in (source, target))
+    pixels = [side.reshape(-1, 2) for side in (problem.pixels_a, problem.pixels_b)]
+    down = projection.canvas_from_pixels(*_of(problem, frame_s), pixels[source])
+    up = projection.pixels_from_canvas(*_of(problem, frame_t), down.points)
+    unit = problem.unit_px[problem.camera[frame_t]][:, None]
+    by_place = up.by_point * unit[:, :, None]
+    poses, lenses = (slice(0, 6), slice(6, 12)), (slice(12, 12 + LENS_TERMS), slice(12 + LENS_TERMS, COLUMNS))
+    return _Passage(
+        residual=(up.points - pixels[target]) * unit,
+        by_height=product(by_place, down.by_height[:, :, None])[:, :, 0] + up.by_height * unit,
+        derivatives=[
+            (poses[source], product(by_place, down.by_pose)),
+            (lenses[source], product(by_place, down.by_lens)),
+            (poses[target], up.by_pose * unit[:, :, None]),
+            (lenses[target], up.by_lens * unit[:, :, None]),
+        ],
+        valid=down.valid & up.valid,
+    )
+
+
+def _of(problem: Problem, frames: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    camera = problem.camera[frames]
+    return problem.poses[frames], problem.lenses[camera], problem.half_diagonal[camera]

@@ -1,0 +1,154 @@
+"""When islands are adjusted as a whole: small ones at once, large ones in the background while frames go on being placed.
+
+An island is due whenever it has grown by one part in so many, so that all its adjustments together cost in proportion to
+its frames. What comes back from the background is a few frames old: those are carried along (`solving.take_in`).
+
+Each island is adjusted or left as it was, whatever becomes of the others. The worker is another process, which goes on
+whatever is undone here; so it only works out a function of its task, and is given the task again if it is at another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+from gcs_mosaic.stitch.bundle.island import IslandTask, adjust_island, island_task, take_in
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
+from gcs_mosaic.stitch.bundle.worker import Failed, Worker
+from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.transaction import EachWhole, Kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UpkeepSettings:
+    """When islands are adjusted as a whole."""
+
+    per_doubling: int = 8  # an island is adjusted whenever it has grown by one part in so many
+    # frames of an island that is adjusted in the background: smaller ones take no longer than a frame
+    background_from: int = 24
+    # a folder's island of n frames takes in its adjustment n / meanwhile frames later, on any machine
+    meanwhile: int = 64
+
+
+class Upkeep(Kept):
+    """Keeps the islands of a network adjusted. `punctual`: results are taken in after a fixed number of frames, waited for
+    if need be, so that the same frames always give the same map; otherwise as soon as they are there. `adjusted(island)` is
+    called when the frames of an island have been laid anew."""
+
+    FIXED = frozenset({"_network", "_worker", "_worker_is_at", "_adjusted"})
+
+    def __init__(
+        self,
+        network: Network,
+        settings: UpkeepSettings,
+        adjustment: AdjustmentSettings,
+        worker: Worker | None = None,
+        *,
+        punctual: bool = False,
+        adjusted: Callable[[int], None] = lambda island: None,
+    ) -> None:
+        self._network = network
+        self._settings = settings
+        self._adjustment = adjustment
+        self._worker = worker
+        self._worker_is_at: IslandTask | None = None  # None also while that is not certain
+        self._worker_failed = False
+        self._punctual = punctual
+        self._adjusted = adjusted
+        self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
+        self._task: IslandTask | None = None  # what the worker is to be at
+        self._frames_before = 0  # in the network when that began
+        self.problem: str | None = None  # what has last gone wrong in the background
+
+    def grow(self, island: int, frames: int = 1) -> None:
+        """An island has gained frames."""
+        self._grown[island] = self._grown.get(island, 0) + frames
+
+    def forget(self, island: int) -> None:
+        """An island is no more."""
+        self._grown.pop(island, None)
+
+    def after_frame(self) -> None:
+        """A frame has been placed, or not: take in what is due, adjust what has grown enough.
+
+        To be called again after an exception, or at any other time: what is done is not done twice.
+        """
+        self._each(self._steps(self._take_in_when_due, self._due))
+
+    def in_a_pause(self) -> bool:
+        """No frame has come for a while: adjust whatever has grown. True while there is something under way."""
+        self._each(self._steps(self._take_in_when_due, lambda: list(self._grown)))
+        return self._task is not None
+
+    def finish(self) -> None:
+        """Adjust everything that has grown, here and now."""
+        self._each(self._steps(self._take_in, lambda: list(self._grown), at_once=True))
+
+    def _steps(
+        self, first: Callable[[], None], islands: Callable[[], list[int]], *, at_once: bool = False
+    ) -> Iterator[Callable[[], None]]:
+        yield first
+        for island in islands():  # what was taken in may have changed which
+            yield partial(self._adjust, island, at_once=at_once)
+
+    def _each(self, steps: Iterable[Callable[[], None]]) -> None:
+        """Each step as a whole or not at all. One that raises keeps no other from being tried; the first error is raised."""
+        with EachWhole(self._network, self, otherwise="an island was not adjusted") as each:
+            for step in steps:
+                each.tried(step)
+
+    def _due(self) -> list[int]:
+        sizes = {island: self._network.count_members(island) for island in self._grown}
+        return [island for island, size in sizes.items() if self._grown[island] * self._settings.per_doubling >= size]
+
+    def _adjust(self, island: int, *, at_once: bool) -> None:
+        large = self._network.count_members(island) >= self._settings.background_from
+        if at_once or not large or self._helper is None:
+            del self._grown[island]
+            adjust_island(self._network, island, self._adjustment)
+            self._adjusted(island)
+        elif self._task is None:
+            self._begin(island)
+
+    def _begin(self, island: int) -> None:
+        del self._grown[island]
+        self._task = island_task(self._network, island, self._adjustment)
+        self._frames_before = len(self._network.frames)
+        if self._task is not None:
+            self._asked(self._task)
+
+    @property
+    def _helper(self) -> Worker | None:
+        return None if self._worker_failed else self._worker
+
+    def _asked(self, task: IslandTask) -> Worker:
+        """The worker, at this task."""
+        assert self._worker is not None, "only a worker is given tasks"
+        if self._worker_is_at is not task:
+            self._worker_is_at = None
+            self._worker.begin(task)
+            self._worker_is_at = task
+        return self._worker
+
+    def _take_in_when_due(self) -> None:
+        if self._task is None:
+            return
+        frames = max(1, len(self._task.members) // self._settings.meanwhile)
+        since = len(self._network.frames) - self._frames_before
+        if since >= frames if self._punctual else self._asked(self._task).is_ready():
+            self._take_in()
+
+    def _take_in(self) -> None:
+        """Wait for the result and use it, unless the island has become part of another one."""
+        task, self._task = self._task, None
+        if task is None:
+            return
+        found = self._asked(task).result()
+        if isinstance(found, Failed):
+            # A flight whose map stands still now and then is better than none.
+            self.problem = f"{found.reason}; from now on frames wait while it is adjusted"
+            self._worker_failed = True
+            self.grow(task.island, len(task.members))
+        elif take_in(self._network, task, found):
+            self._adjusted(task.island)

@@ -1,0 +1,168 @@
+"""How sure the map is of where a frame lies: standard deviations from the covariance of an adjustment.
+
+What is stated is relative to the island's first frame, its root: place, heading and size of the root's picture count as
+known. (The matches know nothing of them: a choice of gauge, see Triggs et al., "Bundle Adjustment - A Modern Synthesis",
+2000, section 9.) It says what noise of the matches does. What the model does not know, relief above all, it says only as
+far as that shows in the residuals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import Solution
+from gcs_mosaic.stitch.bundle.problem import Problem
+from gcs_mosaic.stitch.bundle.selected_inverse import Covariances, covariances
+from gcs_mosaic.stitch.camera import projection
+from gcs_mosaic.stitch.camera.geometry import Camera
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+POSE = 6  # unknowns of a pose
+GAUGE = 4  # of these, the first four: place, scale and heading
+WAYS = 2  # a match stands in the normal matrix both ways, a to b and b to a, and is one measurement all the same
+
+
+@dataclass(frozen=True, slots=True)
+class IslandCertainty:
+    """How sure an adjustment of n frames is: `deviations_px` (n,), standard deviation of each frame's least certain corner in
+    pixels of the frame, infinite where the matches leave the frame open, and everywhere if they leave anything open;
+    `lens_information` (c, 5, 5), the inverse covariance of each camera's lens terms, None where that is so."""
+
+    deviations_px: Array
+    lens_information: Array | None = None
+
+
+def island_certainty(
+    problem: Problem, solution: Solution, cameras: Sequence[Camera], root: int, loss_px: float
+) -> IslandCertainty:
+    """All n frames of the problem were free; `cameras` (c,) tell the frames' sizes, `root` is the frame that counts as known."""
+    size, lens = solution.normal.shape[0], _lens_unknowns(problem)
+    factor = variance_factor(solution.residuals_px, loss_px, size - GAUGE)
+    shifts = corner_shifts(problem, solution, cameras)[..., : POSE + lens.shape[1]]
+    dependence = _dependence_of_root(shifts[root])
+    if not math.isfinite(factor) or dependence is None:
+        return IslandCertainty(np.full(len(lens), np.inf))
+    own = np.concatenate([POSE * root + np.arange(POSE), lens[root]])
+    substitution = _substitution(size, own, dependence)
+    normal = (substitution.T @ solution.normal @ substitution).tocsc()
+    found = covariances(normal, POSE, solution.poses[:, :2], own[:GAUGE])
+    if found is None:
+        return IslandCertainty(np.full(len(lens), np.inf))
+    of_pose_and_lens = _joint(found, lens - POSE * len(lens))
+    of_pose_and_lens[root] = dependence @ of_pose_and_lens[root] @ dependence.T
+    deviations_px = math.sqrt(factor) * worst_corner(shifts, of_pose_and_lens) * problem.half_diagonal[problem.camera]
+    return IslandCertainty(deviations_px, _lens_information(factor * found.of_common, len(problem.lenses)))
+
+
+def _lens_information(covariance: Array, cameras: int) -> Array:
+    """Inverses (c, terms, terms) of what the covariance of all lens terms together says of each camera's."""
+    terms = len(covariance) // cameras
+    of_each = [covariance[i : i + terms, i : i + terms] for i in range(0, len(covariance), terms)]
+    return np.linalg.pinv(np.array(of_each), hermitian=True)
+
+
+def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[Camera], factor: float) -> float:
+    """The same of a single free frame, the problem's first, against its neighbours as they lie, with the lens held.
+
+    `factor` is `variance_factor`, or what a cautious caller puts in its place.
+    """
+    if not math.isfinite(factor):
+        return math.inf
+    shifts = corner_shifts(problem, solution, cameras)[:1, ..., :POSE]
+    covariance = factor * np.linalg.pinv(solution.normal.toarray())
+    return float(worst_corner(shifts, covariance[None])[0] * problem.half_diagonal[problem.camera[0]])
+
+
+def variance_factor(residuals_px: Array, loss_px: float, unknowns: int) -> float:
+    """By what the inverse of the normal matrix is to be multiplied to be a covariance.
+
+    The normal matrix takes for granted that residuals deviate by one feature pixel. How much they really do, under the
+    Cauchy loss: Huber, Robust Statistics, 1981, section 7.6, for residuals of any direction. Infinite where there are too
+    few matches (those that are not NaN) for so many unknowns, or more wrong than right ones.
+    """
+    size2 = (residuals_px[np.isfinite(residuals_px)] / loss_px) ** 2
+    measured = 2 * len(size2)
+    weight = 1 / (1 + size2)
+    pull2 = loss_px**2 * size2 * weight**2 / 2
+    stiffness = weight - size2 * weight**2
+    if measured <= unknowns or stiffness.mean() <= 0:
+        return math.inf
+    consistent = measured / (measured - unknowns)
+    return float(WAYS * consistent * pull2.mean() * weight.mean() / stiffness.mean() ** 2)
+
+
+def corner_shifts(problem: Problem, solution: Solution, cameras: Sequence[Camera]) -> Array:
+    """How each frame's corners shift with its pose and lens, as the frame itself sees it: (n, 4, 2, 6 + lens terms).
+
+    In half-diagonals; NaN for corners that see no ground.
+    """
+    sizes = np.array([[camera.width, camera.height] for camera in cameras])[problem.camera]
+    half_diagonals, lenses = problem.half_diagonal[problem.camera], solution.lenses[problem.camera]
+    half_sizes = sizes / half_diagonals[:, None] / 2
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half_sizes[:, None]
+    down = projection.canvas_from_pixels(
+        solution.poses.repeat(4, axis=0), lenses.repeat(4, axis=0), half_diagonals.repeat(4), corners.reshape(-1, 2)
+    )
+    by_all = np.concatenate([down.by_pose, down.by_lens], axis=2)
+    shifts = np.full(by_all.shape, np.nan)
+    shifts[down.valid] = np.linalg.solve(down.by_point[down.valid], by_all[down.valid])
+    return shifts.reshape(len(sizes), 4, 2, -1)
+
+
+def worst_corner(shifts: Array, covariance: Array) -> Array:
+    """Standard deviation (n,) of each frame's least certain corner; infinite where none sees ground.
+
+    `shifts` (n, 4, 2, u) by u unknowns whose `covariance` (n, u, u) is known.
+    """
+    variances = np.einsum("ncij,njk,ncik->nc", shifts, covariance, shifts)
+    worst = np.where(np.isnan(variances), -np.inf, variances).max(axis=1)
+    return np.sqrt(np.where(np.isneginf(worst), np.inf, np.maximum(worst, 0)))
+
+
+def _lens_unknowns(problem: Problem) -> Indices:
+    """Indices (n, lens terms) of the unknowns of each frame's lens; none if the lenses are held."""
+    terms = problem.lenses.shape[1] if problem.lens_free else 0
+    return np.asarray(POSE * len(problem.poses) + terms * problem.camera[:, None] + np.arange(terms))
+
+
+def _dependence_of_root(shifts: Array) -> Array | None:
+    """The root's pose and lens (u, u) with place, scale and heading following from the other unknowns.
+
+    They follow so that no similarity is left in how the root's corners shift (4, 2, u). Simply holding them would hold the
+    point straight below the camera, and a tilt that nobody knows would then move the picture and all others with it.
+    None if the root shows too little ground for that.
+    """
+    seen = np.isfinite(shifts).all(axis=(1, 2))
+    if seen.sum() < 2:
+        return None
+    rows = shifts[seen].reshape(-1, shifts.shape[-1])
+    dependence = np.eye(rows.shape[1])
+    dependence[:GAUGE] = -np.linalg.lstsq(rows[:, :GAUGE], rows, rcond=None)[0]
+    dependence[:GAUGE, :GAUGE] = 0
+    return dependence
+
+
+def _substitution(size: int, own: Indices, dependence: Array) -> sparse.csc_matrix:
+    """The identity (size, size) but for what concerns the root, whose unknowns are `own`."""
+    substitution = sparse.identity(size, format="lil")
+    substitution[np.ix_(own, own)] = dependence
+    return substitution.tocsc()
+
+
+def _joint(found: Covariances, lens: Indices) -> Array:
+    """Covariances (n, u, u) of each frame's pose and lens, whose place (n, lens terms) among the common unknowns is told."""
+    frames, terms = lens.shape
+    joint = np.empty((frames, POSE + terms, POSE + terms))
+    joint[:, :POSE, :POSE] = found.of_frames
+    joint[:, :POSE, POSE:] = np.take_along_axis(found.with_common, lens[:, None, :], axis=2)
+    joint[:, POSE:, :POSE] = joint[:, :POSE, POSE:].transpose(0, 2, 1)
+    joint[:, POSE:, POSE:] = found.of_common[lens[:, :, None], lens[:, None, :]]
+    return joint

@@ -1,0 +1,156 @@
+"""A process of its own that adjusts whole islands while frames go on being placed.
+
+A process, not a thread: an adjustment is thousands of short array operations that would take turns with the placing for
+the interpreter. It runs at low priority, ends with the program, and is started anew should it die.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+import traceback
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Protocol
+
+from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted
+
+logger = logging.getLogger(__name__)
+
+NICENESS = 5  # of 19: placing and painting come first
+GRACE_S = 1.0  # for a process that has closed its pipe to end by itself
+MOST_S = 900.0  # longest wait for a result that is due: 3,000 frames take half a minute on a core of their own
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The adjustment has come to nothing, and why; `traceback` is that of the other process, if it could still tell."""
+
+    reason: str
+    traceback: str = ""
+
+
+class InOtherProcess(Exception):  # noqa: N818 - its only use is to be logged
+    """Carries the traceback of the process that adjusts into the log of the one that has it done."""
+
+    def __str__(self) -> str:
+        return f"\n{self.args[0]}"
+
+
+class Worker(Protocol):
+    """Whoever adjusts an island meanwhile: one task at a time."""
+
+    def begin(self, task: IslandTask) -> None:
+        """Start on a task, in place of what it is at; whether that is possible at all shows in `result`."""
+
+    def is_ready(self) -> bool:
+        """Whether `result` would not wait."""
+
+    def result(self) -> AdjustedIsland | Failed:
+        """What became of the task begun last, never of another; waits for it, but not for ever. May be asked again."""
+
+
+class WorkerProcess:
+    """A worker in a process of its own, started with its first task."""
+
+    def __init__(self, most_s: float = MOST_S) -> None:
+        self._most_s = most_s
+        self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
+        self._sender: threading.Thread | None = None
+        self._is_at_work = False
+        self._found: AdjustedIsland | Failed | None = None  # of the task begun last
+
+    def begin(self, task: IslandTask) -> None:
+        if self._is_at_work:  # at something that is wanted no more: its answer is not to be taken for that to this task
+            self.close()
+        self._is_at_work, self._found = True, None
+        # From a thread: a process that has just been started takes a second before it reads, and a large task fills the pipe.
+        self._sender = threading.Thread(target=_send, args=(self._started(), task), name="adjust", daemon=True)
+        self._sender.start()
+
+    def is_ready(self) -> bool:
+        return self._found is not None or self._pipe is None or self._pipe.poll()
+
+    def result(self) -> AdjustedIsland | Failed:
+        if self._found is None:
+            self._found = self._received()
+        self._is_at_work = False
+        return self._found
+
+    def _received(self) -> AdjustedIsland | Failed:
+        if self._pipe is None:
+            return Failed("no process is adjusting the map")
+        try:
+            if not self._pipe.poll(self._most_s):
+                logger.error("the process that adjusts the map has brought nothing for %g s", self._most_s)
+                self.close()
+                return Failed(f"the map was not adjusted within {self._most_s:g} s")
+            found = self._pipe.recv()
+        except (EOFError, OSError):
+            logger.error("the process that adjusts the map has died, %s", self._last_sign(), exc_info=True)
+            self.close()
+            return Failed("the process that adjusts the map has died")
+        except BaseException:  # the rest of an answer may still be in the pipe
+            self.close()
+            raise
+        assert isinstance(found, AdjustedIsland | Failed)
+        if isinstance(found, Failed):
+            logger.error("%s", found.reason, exc_info=InOtherProcess(found.traceback))
+        return found
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        if self._process is not None and self._pipe is not None:
+            self._process.kill()
+            self._process.join()
+            if self._sender is not None:
+                self._sender.join()  # nobody reads any more, so it has failed; before that the pipe is in use
+            self._pipe.close()
+        self._process = self._pipe = self._sender = None
+
+    def _last_sign(self) -> str:
+        """How the process has ended: -9 is what the system does when memory runs out."""
+        if self._process is None:
+            return "it had been ended"
+        self._process.join(GRACE_S)
+        return f"exit code {self._process.exitcode}"
+
+    def _started(self) -> Connection:
+        if self._pipe is None:
+            context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_work, args=(theirs,), name="adjust", daemon=True)
+            self._process.start()
+            theirs.close()
+        return self._pipe
+
+
+def _send(pipe: Connection, task: IslandTask) -> None:
+    with contextlib.suppress(OSError):  # nobody reads any more: `result` finds out
+        pipe.send(task)
+
+
+def _work(pipe: Connection) -> None:
+    """Tasks in, results out, until the other end is closed: that happens at the latest when the program ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which ends this process itself
+    os.nice(NICENESS)
+    try:
+        while True:
+            pipe.send(_tried(pipe))
+    except (EOFError, OSError):
+        return
+
+
+def _tried(pipe: Connection) -> AdjustedIsland | Failed:
+    try:
+        return adjusted(pipe.recv())
+    except (EOFError, OSError):  # of the pipe: an adjustment reads no files
+        raise
+    except Exception as error:  # said and logged by whoever asked; the process goes on with the next task
+        return Failed(f"the map could not be adjusted ({error!r})", traceback.format_exc())

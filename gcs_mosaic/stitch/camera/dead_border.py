@@ -1,0 +1,188 @@
+"""Rows and columns at a frame's border that show nothing: a sensor's dead lines, the bars of a letterbox, a bar of figures.
+
+A line is dead if it stays as it is from frame to frame while the ground beside it changes, in lines that are as straight as
+the frame's own border. Lines that nothing is seen to change beside (a night, black water, a vehicle that stands) are alive
+as far as anybody knows. Where frames are reduced, a dead line is mixed with its neighbours: it then changes as they do, but
+is darker than they are by the same share in every frame, which no ground and no lens does within a pixel.
+
+Pixels keep their numbers: a dead border is left out, not cut off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.camera.bands import Bands, resized
+
+FRAMES = 5  # that must agree before a border is held for dead
+MOST_FRAMES = 100  # that are looked at; whatever is not known by then stays alive
+DEEPEST = 4  # a border takes no more than this part (a quarter) of the frame's width or height
+BLOCKS = 64  # means of a line that are compared between frames
+# All in grey levels. The black lines of a camera stay within 6 in JPEGs beside bright ground, ground within 2 px of them
+# changes by more than 9 from the start and by 20 soon.
+CONSTANT = 6.0  # nine tenths of a dead line change by no more than this over all frames
+ALIVE = 12.0  # three quarters of a living line beside it change by at least this
+STEP = 8.0  # by which the two differ in a frame, for half of their length
+TAKEN_BACK = 24.0  # a line that was held for dead changes by more than this: it is not
+DIMMED = 0.85  # of the brightness of the next line, at most; half a dead line leaves 0.55, a quarter 0.78
+BRIGHT = 40.0  # a line that is no darker than its neighbour is alive, if that is brighter than this
+MARGIN = 1  # lines given up beside the dead ones: JPEG and scaling carry some of these into them
+
+Lines = NDArray[np.float32]  # (lines, blocks), the outermost line first
+
+
+class DeadBorder(NamedTuple):
+    """How many rows and columns of a frame are dead on each side."""
+
+    left: int = 0
+    top: int = 0
+    right: int = 0
+    bottom: int = 0
+
+    def scaled(self, factor: float) -> DeadBorder:
+        """In a picture that is so many times as large, with whatever the border has a part in."""
+        return DeadBorder(*(math.ceil(lines * factor) for lines in self))
+
+    def limits(self, width: int, height: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The least and the greatest (x, y) of what is alive of a frame, to the outer edges of its pixels."""
+        return (self.left - 0.5, self.top - 0.5), (width - self.right - 0.5, height - self.bottom - 0.5)
+
+    def spares(self, pixels: NDArray[Any], width: int, height: int, reach: float = 0.5) -> NDArray[np.bool_]:
+        """Which pixels (n, 2) are at least `reach` px from what is dead. Sides that are alive have no such distance."""
+        least, most = self.limits(width, height)
+        low = np.where(np.array([self.left, self.top]) > 0, np.array(least) + reach, -np.inf)
+        high = np.where(np.array([self.right, self.bottom]) > 0, np.array(most) - reach, np.inf)
+        return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=1))
+
+    def filled(self, image: Bands) -> Bands:
+        """The image (h, w, bands) with the nearest living pixel in place of each dead one; itself if there is none."""
+        if self == NO_BORDER:
+            return image
+        height, width = image.shape[:2]
+        rows = np.clip(np.arange(height), self.top, height - 1 - self.bottom)
+        columns = np.clip(np.arange(width), self.left, width - 1 - self.right)
+        filled = image.copy()
+        for side in (slice(0, self.top), slice(height - self.bottom, height)):
+            filled[side] = image[rows[side]]
+        for side in (slice(0, self.left), slice(width - self.right, width)):
+            filled[:, side] = filled[:, columns[side]]
+        return filled
+
+
+NO_BORDER = DeadBorder()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Evidence:
+    """What was seen of the lines along one side: the range of each block, in how many frames a line differs from the living
+    one that would lie beside it, in how many the outermost is dimmed, and whether it was not in one."""
+
+    frames: int
+    low: Lines
+    high: Lines
+    steps: NDArray[np.int32]
+    dimmed: int = 0
+    undimmed: bool = False
+
+    def after(self, lines: Lines) -> _Evidence:
+        outermost, following = float(lines[0].mean()), float(lines[1].mean())
+        darker = outermost < DIMMED * following
+        return _Evidence(
+            self.frames + 1,
+            np.minimum(self.low, lines),
+            np.maximum(self.high, lines),
+            self.steps + _steps(lines),
+            self.dimmed + (darker and following - outermost >= STEP),
+            self.undimmed or (not darker and following >= BRIGHT),
+        )
+
+    @property
+    def is_dimmed(self) -> bool:
+        return self.dimmed >= FRAMES and not self.undimmed
+
+    def constant(self, tolerance: float) -> int:
+        """How many lines have stayed as they are, from the outermost on."""
+        changing = np.quantile(self.high - self.low, 0.9, axis=1) > tolerance
+        return int(changing.argmax()) if changing.any() else len(changing)
+
+    def dead(self) -> int:
+        """How many lines are dead for all that is known."""
+        if self.is_dimmed:
+            return 1 + MARGIN
+        lines = self.constant(CONSTANT)
+        # In most frames, not in some: the edge of black water comes and goes, however straight a quay is.
+        if not 0 < lines < len(self.steps) or self.steps[lines - 1] < max(FRAMES, self.frames / 2):
+            return 0
+        beside = (self.high - self.low)[lines + MARGIN]
+        return lines + MARGIN if np.quantile(beside, 0.25) >= ALIVE else 0
+
+
+def _steps(lines: Lines) -> NDArray[np.int32]:
+    """1 for each line that differs from the one that would be the first living line if it were the last dead one."""
+    apart = np.abs(lines[1 + MARGIN :] - lines[: -1 - MARGIN])
+    return np.asarray(np.median(apart, axis=1) >= STEP, dtype=np.int32)
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """How many lines of a side are dead. `evidence` is None before the first frame, and when all is settled."""
+
+    dead: int = 0
+    settled: bool = False
+    evidence: _Evidence | None = None
+
+    def after(self, lines: Lines) -> _Side:
+        """With one frame more. What is dead may turn out to be alive once, never the other way round."""
+        if len(lines) < 2 * (1 + MARGIN):
+            return _Side(settled=True)
+        evidence = (self.evidence or _no_evidence(lines)).after(lines)
+        if self.dead:
+            is_alive = not evidence.is_dimmed and evidence.constant(TAKEN_BACK) < self.dead - MARGIN
+        else:
+            is_alive = evidence.undimmed and not evidence.constant(CONSTANT)
+        if is_alive:
+            return _Side(settled=True)
+        dead = self.dead or (evidence.dead() if evidence.frames >= FRAMES else 0)
+        settled = evidence.frames == MOST_FRAMES
+        return _Side(dead, settled, None if settled else evidence)
+
+
+def _no_evidence(lines: Lines) -> _Evidence:
+    steps = np.zeros(len(lines) - 1 - MARGIN, np.int32)
+    return _Evidence(0, np.full_like(lines, np.inf), np.full_like(lines, -np.inf), steps)
+
+
+@dataclass(frozen=True, slots=True)
+class BorderWatch:
+    """The dead border of frames of one size, from those seen so far; a value that never changes."""
+
+    _sides: tuple[_Side, _Side, _Side, _Side] = (_Side(), _Side(), _Side(), _Side())
+
+    @property
+    def border(self) -> DeadBorder:
+        return DeadBorder(*(side.dead for side in self._sides))
+
+    def after(self, image: Bands, levels: Callable[[Bands], NDArray[Any]]) -> BorderWatch:
+        """With one frame (h, w, bands) more; `levels` tells what is seen of its bands, black 0 and white 255."""
+        left, top, right, bottom = (
+            side if side.settled else side.after(_lines_along(image, number, levels))
+            for number, side in enumerate(self._sides)
+        )
+        return BorderWatch((left, top, right, bottom))
+
+
+def _lines_along(image: Bands, side: int, levels: Callable[[Bands], NDArray[Any]]) -> Lines:
+    """The lines along one side (left, top, right or bottom), from the border inwards, as means of the bands' levels."""
+    height, width = image.shape[:2]
+    rows, columns = max(1, height // DEEPEST), max(1, width // DEEPEST)
+    part = (image[:, :columns], image[:rows], image[:, -columns:], image[-rows:])[side]
+    size = (min(BLOCKS, width), rows) if side % 2 else (columns, min(BLOCKS, height))
+    seen = np.asarray(levels(resized(part, size)).mean(axis=2, dtype=np.float32))
+    inwards = seen if side % 2 else seen.T
+    return inwards if side < 2 else inwards[::-1]

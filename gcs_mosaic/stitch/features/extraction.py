@@ -1,0 +1,175 @@
+"""Features of a frame at a bounded size, described by bytes of which nearer is more alike.
+
+SIFT as RootSIFT: the square root of the L1-normalised descriptor, so that a dot product compares histograms by the Hellinger
+kernel (Arandjelović and Zisserman, CVPR 2012). ORB's bits as +1 and -1: a quarter of their squared distance is the Hamming
+distance. SURF as it is. All descriptors of a kind have one length, so the nearest is also the one with the largest product.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.camera.bands import Bands, resized, stretched
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
+from gcs_mosaic.stitch.features.faint import Faint, detect_faint, faint_picture, is_noise
+from gcs_mosaic.stitch.features.sharpness import sharpness
+
+Descriptors = NDArray[Any]  # (n, d) uint8 or int8, see Features
+
+REACH = 12.0  # px of the picture in which features are found: a SIFT descriptor of the usual size, two px, looks as far
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureSettings:
+    """What is looked for in a frame."""
+
+    kind: FeatureKind = "sift"  # sift, orb or surf (needs mahotas); the others find less to hold on to on bare ground
+    megapixels: float = 0.75  # size at which features are sought; 1.8 gave the same map at 2-3 times the time
+    count: int = 2000  # features kept of a frame, the strongest
+    contrast: float = 0.01  # SIFT's contrast threshold; low, for bare fields: `count` bounds the number anyway
+    # features below which a picture is taken for faint, and sought through again with its contrast evened out
+    faint_below: int = 300
+    band: int = 0  # in frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """What is kept of a frame for matching, strongest first.
+
+    `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
+    1 or -1, SURF: 64 int8, 127 long; `scale`: full-resolution pixels per pixel of the picture in which they were found.
+    `faint`: of a faint picture, what all but the first `ordinary` of them were found in, unless what stands still has been taken
+    out of it. `dead`: the border, in full-resolution pixels, that they do not look at.
+    """
+
+    points: NDArray[np.float32]
+    descriptors: Descriptors
+    width: int
+    height: int
+    scale: float
+    faint: Faint | None = None
+    ordinary: int = 0
+    dead: DeadBorder = NO_BORDER
+    sharpness: float = 0.0  # see `sharpness`; 0 where nobody has looked
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Features:
+    """Features of an image (h, w[, bands]) uint8 or uint16, which may be a frame that was reduced by a whole factor.
+
+    A picture with enough features is taken as it is. One with fewer SIFT features than `faint_below`, or with less than it may
+    have of which most is noise, is faint: besides, it has what was found when its contrast was evened out, so that it matches
+    both faint frames and such as are a little less so. (The other detectors' thresholds are not of contrast, and their
+    descriptors do not bear the change.)
+    """
+    height, width = image.shape[0] * reduction, image.shape[1] * reduction
+    counts = _reduced(image, settings.megapixels, settings.band)
+    small = _grey(counts, image)
+    found = detect(small, settings.kind, settings.count, settings.contrast)
+    features = _features(found, settings, width, height, width / small.shape[1])
+    features = replace(features, sharpness=sharpness(image))
+    least = settings.count if is_noise(small) else min(settings.faint_below, settings.count)
+    if settings.kind != "sift" or len(features) >= least:
+        return features
+    faint = faint_picture(_mean_of(counts))
+    both = joined(features, faint_features(faint, features, settings))
+    return replace(both, faint=faint, ordinary=len(features))
+
+
+def faint_features(standing_out: NDArray[Any], frame: Features, settings: FeatureSettings) -> Features:
+    """Features of a frame whose faint picture, freed of what stands still or not, is `standing_out` (h, w)."""
+    found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
+    features = _features(found, settings, frame.width, frame.height, frame.scale)
+    return without_border(replace(features, sharpness=frame.sharpness), frame.dead)
+
+
+def joined(one: Features, other: Features) -> Features:
+    """All features of one frame that were found in two ways; all else is of the first."""
+    points, descriptors = (
+        np.concatenate([getattr(f, part) for f in (one, other)]) for part in ("points", "descriptors")
+    )
+    return replace(one, points=points, descriptors=descriptors)
+
+
+def without_border(features: Features, dead: DeadBorder) -> Features:
+    """Those features that do not look at a dead border, given in full-resolution pixels."""
+    if dead == NO_BORDER:
+        return features
+    kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
+    ordinary = int(kept[: features.ordinary].sum())
+    points, descriptors = features.points[kept], features.descriptors[kept]
+    return replace(features, points=points, descriptors=descriptors, ordinary=ordinary, dead=dead)
+
+
+def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> NDArray[np.uint8]:
+    """Grey copy of an image (h, w[, bands]), reduced (never enlarged) to about so many megapixels: the luminance of a picture in
+    colour, else the one band that is wanted, or the mean of all. Eight bits of one or three bands are taken as they are."""
+    return _grey(_reduced(image, megapixels, band), image)
+
+
+def _features(found: Found, settings: FeatureSettings, width: int, height: int, scale: float) -> Features:
+    points = (found.points + 0.5) * scale - 0.5
+    return Features(points.astype(np.float32), COMPARABLE[settings.kind](found.descriptors), width, height, scale)
+
+
+def _reduced(image: Bands, megapixels: float, band: int) -> Bands:
+    """What grey is made of, (h, w, bands) in the counts of the image."""
+    bands = image if image.ndim == 3 else image[..., None]
+    factor = min(1.0, math.sqrt(megapixels * 1e6 / (bands.shape[0] * bands.shape[1])))
+    size = (max(1, round(bands.shape[1] * factor)), max(1, round(bands.shape[0] * factor)))
+    count = bands.shape[2]
+    if count == 3:
+        bands = cv2.cvtColor(bands, cv2.COLOR_BGR2GRAY)[..., None]
+    elif 1 <= band <= count:
+        bands = bands[..., band - 1 : band]
+    return resized(bands, size) if factor < 1 else bands
+
+
+def _grey(small: Bands, image: Bands) -> NDArray[np.uint8]:
+    if small.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] in (1, 3)):
+        return np.ascontiguousarray(small[..., 0])
+    # A thermal camera's whole scene may lie within a hundredth of its range, and bands differ in brightness by factors.
+    alike = [stretched(small[..., k]) for k in range(small.shape[2])]
+    return alike[0] if len(alike) == 1 else np.asarray(np.rint(np.mean(alike, axis=0)), dtype=np.uint8)
+
+
+def _mean_of(small: Bands) -> NDArray[np.float32]:
+    """The mean (h, w) of bands, each by its own range; not rounded, so that sixteen bits stay sixteen."""
+    levels = small.astype(np.float32)
+    if small.shape[2] > 1:
+        low, high = np.quantile(levels, (0.005, 0.995), axis=(0, 1)).astype(np.float32)
+        levels = (levels - low) * (np.float32(255) / np.maximum(high - low, np.float32(1)))
+    return np.asarray(levels.mean(axis=2), dtype=np.float32)
+
+
+def root_sift(descriptors: NDArray[Any]) -> NDArray[np.uint8]:
+    """SIFT descriptors (n, 128) as RootSIFT, unit length times 255 in bytes: a quarter of the memory, same matches."""
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
+    return np.asarray(np.rint(255 * np.sqrt(descriptors / total)), dtype=np.uint8)
+
+
+def signs(descriptors: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """Binary descriptors (n, d) bytes as (n, 8 d) of 1 and -1."""
+    return np.unpackbits(descriptors, axis=1).astype(np.int8) * np.int8(2) - np.int8(1)
+
+
+def rounded(descriptors: NDArray[np.float32]) -> NDArray[np.int8]:
+    """Descriptors (n, d) of unit length, times 127."""
+    return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
+
+
+COMPARABLE: dict[FeatureKind, Callable[[NDArray[Any]], Descriptors]] = {
+    "sift": root_sift,
+    "orb": signs,
+    "surf": rounded,
+}

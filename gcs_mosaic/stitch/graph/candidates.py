@@ -1,0 +1,160 @@
+"""Finding the frames that show the same ground: by place where it is known, by likeness where it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph import neighbours
+from gcs_mosaic.stitch.graph.observer import Observer
+from gcs_mosaic.stitch.graph.view_graph import Network, box_of, centres
+from gcs_mosaic.stitch.registration.registration import (
+    NotRegistered,
+    Part,
+    Registration,
+    RegistrationSettings,
+    register,
+)
+
+View = tuple[Pose, Camera]
+
+# Frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ.
+PER_NEIGHBOUR = 4
+AT_ONCE = 2  # frames that are matched with one at a time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchSettings:
+    """Which frames a new one is matched with."""
+
+    neighbours: int = 12  # frames a new one is matched with; this bound keeps the cost per frame constant
+    first_tries: int = 4  # frames near the last one that are tried before the wide search
+    wide_tries: int = 6  # best of all frames that the wide search matches in full
+    least_overlap: float = 0.05  # share of a frame below which matching is not worth the time
+
+
+class Search:
+    """Looks for links between the frames of a network."""
+
+    def __init__(
+        self,
+        network: Network,
+        settings: SearchSettings,
+        registration: RegistrationSettings,
+        observer: Observer | None = None,
+    ) -> None:
+        self._network = network
+        self._settings = settings
+        self._registration = registration
+        self._observer = observer
+        self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="register")
+
+    def first_links(
+        self, frame: int, last: int, compared: Mapping[int, Registration | None] = MappingProxyType({})
+    ) -> Iterator[tuple[int, Registration]]:
+        """Placed frames that this one can be registered with, the likeliest first; `last` was placed last.
+
+        `compared`: what came of comparing it with some of them already.
+        """
+        tried: set[int] = set()
+        for other in self._candidates(frame, last):
+            if other not in tried:
+                tried.add(other)
+                registration = compared[other] if other in compared else self.register(frame, other)
+                if registration is not None:
+                    yield other, registration
+
+    def _candidates(self, frame: int, last: int) -> Iterator[int]:
+        yield from self._nearby(last)
+        yield from self.likeliest(frame, self._network.placed())
+
+    def likeliest(self, frame: int, among: ArrayLike, count: int | None = None) -> list[int]:
+        """Frames that look most like this one, best first."""
+        others = np.asarray(among, dtype=np.intp)
+        others = others[others != frame]
+        features = self._network.frames[frame].features
+        return self._network.retrieval.likeliest(
+            features, others, self._settings.wide_tries if count is None else count
+        )
+
+    def register(self, frame: int, other: int) -> Registration | None:
+        """Register two frames that may lie anywhere."""
+        a, b = self._network.frames[frame].features, self._network.frames[other].features
+        parts = (Part(again=self._network.matched_before(f)) for f in (frame, other))
+        return self._told(frame, other, register(a, b, self._registration, *parts))
+
+    def compare(self, name: str, features: Features, other: int) -> Registration | None:
+        """Register a frame that is not of the network yet with one that is; the same as `register` once it is."""
+        part = Part(again=self._network.matched_before(other))
+        found = register(features, self._network.frames[other].features, self._registration, part_b=part)
+        return self._told_of(name, other, found)
+
+    def neighbour_links(
+        self, frame: int, pose: Pose, island: int, most: int | None = None
+    ) -> dict[int, Registration | None]:
+        """Links of a frame at a rough pose with those it should overlap, or with the `most` likely, spread over all directions;
+        None where none is."""
+        view = pose, self._network.camera_on(island, self._network.frames[frame].camera)
+        known = self._network.frames[frame].inliers
+        others = [other for other in self._overlapping(frame, *view, island) if other not in known][:most]
+        again = self._network.matched_before(frame)
+        found = self._pool.map(lambda other: self._registered_in_place(frame, view, again, other), others)
+        return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
+
+    def _nearby(self, last: int) -> list[int]:
+        """The last placed frame, then those that meet its region of interest, nearest first."""
+        network = self._network
+        region = neighbours.region_of_interest(network.boxes[last])
+        here = network.members(network.island_of(last))
+        here = here[neighbours.boxes_meet(region, network.boxes[here])]
+        far = np.linalg.norm(centres(network.boxes[here]) - centres(network.boxes[[last]]), axis=1)
+        order = [int(here[i]) for i in np.argsort(far, kind="stable") if here[i] != last]
+        return [last, *order][: self._settings.first_tries]
+
+    def _overlapping(self, frame: int, pose: Pose, camera: Camera, island: int) -> list[int]:
+        """Frames of the island that share ground with this pose, spread over all directions, the best of each first.
+
+        A climb puts hundreds of frames inside the box of one: the boxes choose those whose overlap is worked out.
+        """
+        network, count = self._network, self._settings.neighbours
+        box = box_of(pose, camera)
+        members = network.members(island)
+        members = members[(members != frame) & neighbours.boxes_meet(box, network.boxes[members])]
+        away = centres(network.boxes[members]) - centres(box[None])
+        bearings = np.arctan2(away[:, 1], away[:, 0])
+        roughly = neighbours.boxes_shared(box, network.boxes[members])
+        likely = neighbours.spread_choice(roughly, bearings, PER_NEIGHBOUR * count)
+        members, bearings = members[likely], bearings[likely]
+        shared = np.array([neighbours.overlap(pose, camera, network.pose_of(o), network.camera_of(o)) for o in members])
+        keep = shared >= self._settings.least_overlap
+        chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
+        return [int(f) for f in members[keep][chosen]]
+
+    def _registered_in_place(
+        self, frame: int, view_a: View, again: NDArray[np.bool_], other: int
+    ) -> Registration | NotRegistered:
+        """Register two frames by the features that both should see, as far as their poses are known; `again`: those of the first
+        that were matched before."""
+        network = self._network
+        a, b = network.frames[frame].features, network.frames[other].features
+        view_b = network.pose_of(other), network.camera_of(other)
+        seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
+        seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
+        part_a = Part(seen_a, again)
+        part_b = Part(seen_b, network.matched_before(other))
+        return register(a, b, self._registration, part_a, part_b)
+
+    def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
+        return self._told_of(self._network.frames[frame].name, other, found)
+
+    def _told_of(self, name: str, other: int, found: Registration | NotRegistered) -> Registration | None:
+        if self._observer:
+            self._observer.registered(name, self._network.frames[other].name, found)
+        return found if isinstance(found, Registration) else None

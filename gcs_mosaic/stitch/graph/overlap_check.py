@@ -1,0 +1,94 @@
+"""Does what lies around a frame bear out its place? All that other frames see there must be found in it.
+
+One pair of frames can share a thing that looks alike elsewhere and little else: then its own matches cannot tell. The
+frames around can: where they see what this frame should see, as sharply, some match must say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.camera.geometry import (
+    Array,
+    Camera,
+    Pose,
+    canvas_from_pixels,
+    ground_sampling_distance,
+    pixel_grid,
+    pixels_from_canvas,
+)
+from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.registration.a_contrario import Confirmed
+
+COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features where there is anything to see
+COMPARABLE = 3  # features below which a cell says nothing
+SHARPER = 2.0  # times; SIFT bridges more, but finds less and less in common
+
+
+def confirmed_around(
+    network: Network, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[Array]
+) -> Confirmed:
+    """How much of what these other frames of an island should have in common with the frame at this pose matches confirm:
+    of what was matched between them before if that is enough to judge, else of all they see.
+
+    matched: the frame's pixels (m, 2) in full resolution that were matched with any of them.
+    """
+    camera = network.camera_on(island, network.frames[frame].camera)
+    agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
+    full = _full_cells(network, frame, camera)
+    expected = full & _matched_before_by_any(network, frame, pose, camera, others)
+    if expected.sum() < ENOUGH_CELLS:
+        expected = full & _seen_by_any(network, pose, camera, others)
+    return Confirmed(float(agreeing[expected].mean()) if expected.any() else 1.0, int(expected.sum()))
+
+
+ENOUGH_CELLS = 6
+
+
+def _matched_before_by_any(
+    network: Network, frame: int, pose: Pose, camera: Camera, others: Sequence[int]
+) -> NDArray[np.bool_]:
+    """Cells (ROWS * COLUMNS,) that show what the others have been matched by, but for this frame, as sharply as they do."""
+    counts = np.zeros(ROWS * COLUMNS, np.intp)
+    for other in others:
+        view = network.pose_of(other), network.camera_of(other)
+        pixels = network.frames[other].features.points[network.matched_before(other, but=frame)].astype(np.float64)
+        places = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
+        with np.errstate(invalid="ignore"):
+            inside = ((places >= 0) & (places < [camera.width, camera.height])).all(axis=1)
+        ratio = ground_sampling_distance(*view, pixels[inside]) / ground_sampling_distance(pose, camera, places[inside])
+        alike = (ratio < SHARPER) & (ratio > 1 / SHARPER)
+        counts = np.maximum(counts, _counts(places[inside][alike], camera))
+    return np.asarray(counts >= COMPARABLE)
+
+
+def _full_cells(network: Network, frame: int, camera: Camera) -> NDArray[np.bool_]:
+    points = network.frames[frame].features.points.astype(np.float64)
+    return np.asarray(_counts(points, camera) >= COMPARABLE)
+
+
+def _counts(pixels: Array, camera: Camera) -> NDArray[np.intp]:
+    """How many of the pixels (n, 2) lie in each cell, (ROWS * COLUMNS,)."""
+    column, row = ((pixels + 0.5) * [COLUMNS / camera.width, ROWS / camera.height]).astype(int).T
+    return np.bincount(row.clip(0, ROWS - 1) * COLUMNS + column.clip(0, COLUMNS - 1), minlength=ROWS * COLUMNS)
+
+
+def _seen_by_any(network: Network, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
+    """Cells (ROWS * COLUMNS,) whose middle some other frame sees, neither much sharper nor much coarser."""
+    half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
+    inner = Camera(camera.width, camera.height)
+    middles = half_cell - 0.5 + pixel_grid(inner, COLUMNS, ROWS) * (1 - np.array([1 / COLUMNS, 1 / ROWS]))
+    places = canvas_from_pixels(pose, camera, middles)
+    own = ground_sampling_distance(pose, camera, middles)
+    seen = np.zeros(len(middles), bool)
+    for other in others:
+        view = network.pose_of(other), network.camera_of(other)
+        pixels = pixels_from_canvas(*view, places)
+        with np.errstate(invalid="ignore"):
+            inside = ((pixels >= 0) & (pixels < [view[1].width, view[1].height])).all(axis=1)
+            ratio = ground_sampling_distance(*view, pixels) / own
+            seen |= inside & (ratio < SHARPER) & (ratio > 1 / SHARPER)
+    return seen

@@ -1,0 +1,322 @@
+"""The network of frames: which frames there are, how they were linked by matches, and where they lie.
+
+One network holds all islands, and it is all that the placing of frames keeps: the rooms around it decide, and remember
+nothing. Frames are numbered in the order in which they came; numbers never change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, footprint
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
+from gcs_mosaic.stitch.graph.waiting import WaitingFrames
+from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
+from gcs_mosaic.stitch.registration.registration import Registration, well_spread
+from gcs_mosaic.stitch.transaction import Kept
+
+Array = NDArray[np.float64]
+CameraNumber = int  # frames of one size were taken by one camera
+
+NOWHERE = -1  # the island of a frame that is not placed
+# Of the cells around a frame that is where it is believed to be, those that matches confirm (0.9 over fields, 0.5 to 0.9 in
+# woods), and cells that this is worth, two or three frames: as long as a flight has not shown its own share.
+FIRST_SHARE, FIRST_CELLS = 0.8, 60
+LEAST_SHARE, MOST_SHARE = 0.5, 0.85  # between which that is believed: where islands meet, poses are rough
+LENS_KNOWN = 5  # frames after which an island knows a lens well enough to judge residuals, and to tell others
+NO_INLIERS: Mapping[int, int] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class FrameState:
+    """All that is kept of a frame. `pose` is None until it is placed; `held` is the pose it is drawn at."""
+
+    name: str
+    features: Features
+    camera: CameraNumber
+    pose: Pose | None = None
+    held: tuple[Pose, Camera] | None = None
+    inliers: Mapping[int, int] = field(default_factory=lambda: NO_INLIERS)  # independent inliers by linked frame
+    relief: ReliefDisplacement | None = None
+    residual_px: float = math.nan  # median over its matches, full-resolution pixels
+    hops: int = 0  # links between it and its island's root, along the shortest way
+    corner_deviation_px: float = 0.0  # of its least certain corner, full-resolution pixels; relative to the root
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """Matches of two frames: full-resolution pixels (m, 2) in each of a few, and which features (k, 2) all of them are.
+
+    `held_out` (n, 2): inliers, and `doubtful` (d, 2): tentative matches, by which nothing is placed; see matching/held_out.py.
+    """
+
+    pixels_a: Array
+    pixels_b: Array
+    features: NDArray[np.uint32]
+    held_out: NDArray[np.uint32]
+    doubtful: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True)
+class Bridge:
+    """Two frames of different islands that were registered with each other."""
+
+    frame_a: int
+    frame_b: int
+    registration: Registration  # of frame a with frame b
+
+    def turned(self) -> Bridge:
+        """The same bridge, seen from the other side."""
+        return Bridge(self.frame_b, self.frame_a, self.registration.turned())
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """What an island's frames have shown of a camera, and how well: `information` (5, 5), the inverse of the covariance of
+    its terms as in `projection.lens_row`; None while it was not estimated from them."""
+
+    camera: Camera
+    information: Array | None = None
+
+
+class Network(Kept):
+    """Frames, lenses, links and islands.
+
+    `islands` (n,): each frame's island, NOWHERE for those that are not placed. `cameras` (n,): each frame's camera. `boxes`
+    (n, 4): bounding box of each placed frame's footprint, NaN for the others. All are arrays so that a question about all
+    frames costs next to nothing.
+    `roots`: the frame that founded each island, by the island's number. `merged_into`: by number, the island that each one
+    has become part of, or None. `lenses`: by island and camera, because an island knows the lens by its own frames only.
+    """
+
+    def __init__(self, first_focal: float, matches_per_link: int) -> None:
+        self.frames: list[FrameState] = []
+        self.numbers: dict[str, int] = {}  # by the frame's name
+        self.sizes: list[Camera] = []  # by camera: its size, and the lens that is expected of any
+        self.lenses: dict[tuple[int, CameraNumber], Lens] = {}
+        self.links: dict[tuple[int, int], Link] = {}
+        self.islands: NDArray[np.intp] = np.empty(0, np.intp)
+        self.cameras: NDArray[np.intp] = np.empty(0, np.intp)
+        self.boxes: Array = np.empty((0, 4))
+        self.roots: dict[int, int] = {}
+        self.merged_into: list[int | None] = []
+        self.bridges: list[Bridge] = []
+        # Pairs of frames that were compared in a pause, smaller number first, and the poses at which they could not be
+        # connected though they have much in common; None where they have not.
+        self.compared: dict[tuple[int, int], tuple[Pose | None, Pose | None] | None] = {}
+        self.frames_to_ask: list[int] = []  # those that are to be compared next,
+        self.asked_when: tuple[int, int, int] | None = None  # chosen when so much was known
+        # Around frames that were believed: how many cells should have been confirmed, and how many were.
+        self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
+        self.waiting = WaitingFrames()
+        self.retrieval = RetrievalIndex()
+        self.last_placed = 0  # where the next frame is looked for first
+        self.order = -1  # of the frame that was looked at last, in the order of capture
+        self._seen_at: dict[int, int] = {}  # by the order of frames looked at before: the placed frame that is nearest
+        self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
+        self._first_focal = first_focal
+        self._matches_per_link = matches_per_link
+
+    def append(self, name: str, features: Features) -> int:
+        """Take in a frame, not yet placed; a size not seen before is a camera of its own."""
+        number, size = len(self.frames), (features.width, features.height)
+        sizes = [(camera.width, camera.height) for camera in self.sizes]
+        if size not in sizes:
+            self.sizes.append(Camera(*size, focal=self._first_focal))
+            sizes.append(size)
+        self.frames.append(FrameState(name, features, sizes.index(size)))
+        self.numbers[name] = number
+        self.islands = np.append(self.islands, NOWHERE)
+        self.cameras = np.append(self.cameras, sizes.index(size))
+        self.boxes = np.concatenate([self.boxes, np.full((1, 4), np.nan)])
+        self.retrieval.add(features)
+        return number
+
+    def turn_to(self, order: int) -> None:
+        """The frame with this number in the order of capture is placed next. One that is not the next in that order is first
+        looked for where the frame was that is nearest to it in time."""
+        self._seen_at[self.order] = self.last_placed
+        if order != self.order + 1:
+            nearest = min(self._seen_at, key=lambda other: (abs(other - order), other))
+            self.last_placed = self._seen_at[nearest]
+        self.order = order
+
+    def found_island(self) -> int:
+        """A new island without frames; returns its number, which is never used again."""
+        self.merged_into.append(None)
+        return len(self.merged_into) - 1
+
+    def put(self, frame: int, pose: Pose, island: int) -> None:
+        """Place a frame, or move it."""
+        self.put_all([frame], [pose], island)
+
+    def put_all(
+        self,
+        frames: Sequence[int],
+        poses: Sequence[Pose],
+        island: int,
+        lenses: Mapping[CameraNumber, Lens] = MappingProxyType({}),
+    ) -> None:
+        """Place frames, or move them, all on one island, together with what is now known of its lenses.
+
+        The one way in which a lens changes: every frame of its camera on the island lies elsewhere from then on.
+        """
+        changed = {number for number, lens in lenses.items() if self.camera_on(island, number) != lens.camera}
+        self.lenses |= {(island, number): lens for number, lens in lenses.items()}
+        for frame, pose in zip(frames, poses, strict=True):
+            number = self.frames[frame].camera
+            self.lenses.setdefault((island, number), Lens(self.camera_on(island, number)))
+            self.note(frame, pose=pose)
+            self.roots.setdefault(island, frame)
+        self.islands[list(frames)] = island
+        shifted = {f for f in self.members(island).tolist() if self.frames[f].camera in changed} if changed else set()
+        for frame in shifted.union(frames):
+            self.boxes[frame] = box_of(self.pose_of(frame), self.camera_of(frame))
+            self.moved.add(frame)
+
+    def merge(self, goes: int, stays: int) -> None:
+        """An island's frames lie on another one from now on, all of which must have been put there."""
+        self.merged_into[goes] = stays
+        self.lenses = {key: lens for key, lens in self.lenses.items() if key[0] != goes}
+        islands = (self.islands[b.frame_a] == self.islands[b.frame_b] for b in self.bridges)
+        self.bridges = [bridge for bridge, same in zip(self.bridges, islands, strict=True) if not same]
+
+    def note(self, frame: int, **known: object) -> None:
+        """Keep something of a frame; the names are those of FrameState's fields."""
+        self.frames[frame] = replace(self.frames[frame], **known)  # type: ignore[arg-type]
+
+    def take_back(self, frame: int) -> None:
+        """Make a frame unplaced and unlinked again."""
+        for other in list(self.frames[frame].inliers):
+            self.unlink(frame, other)
+        self.note(frame, pose=None, held=None, relief=None)
+        if self.roots.get(int(self.islands[frame])) == frame:
+            del self.roots[int(self.islands[frame])]
+        self.islands[frame] = NOWHERE
+        self.boxes[frame] = np.nan
+        self.moved.discard(frame)
+
+    def link(self, a: int, b: int, registration: Registration) -> None:
+        """Keep what registered frame a with frame b, thinned to well-spread matches."""
+        features = registration.features.astype(np.uint32)
+        apart = held_out(features)
+        used = np.flatnonzero(~apart)
+        chosen = used[well_spread(registration.pixels_a[used], self._matches_per_link)]
+        self.unlink(a, b)
+        self.links[a, b] = Link(
+            pixels_a=registration.pixels_a[chosen],
+            pixels_b=registration.pixels_b[chosen],
+            features=features[used],
+            held_out=features[apart],
+            doubtful=held_out_doubtful(registration.tentative, features),
+        )
+        for frame, other in ((a, b), (b, a)):
+            self.note(frame, inliers={**self.frames[frame].inliers, other: registration.independent_inliers})
+
+    def unlink(self, a: int, b: int) -> None:
+        for first, second in ((a, b), (b, a)):
+            self.links.pop((first, second), None)
+            inliers = self.frames[first].inliers
+            if second in inliers:
+                self.note(first, inliers={other: count for other, count in inliers.items() if other != second})
+
+    @property
+    def true_share(self) -> float:
+        """Share of the cells of a true overlap that matches confirm, as this flight has shown it."""
+        return min(max(self.cells_confirmed / self.cells_expected, LEAST_SHARE), MOST_SHARE)
+
+    def note_believed(self, cells: int, share: float) -> None:
+        """A frame was believed of whose cells this share was confirmed."""
+        self.cells_expected += cells
+        self.cells_confirmed += share * cells
+
+    def matched_before(self, frame: int, but: int | None = None) -> NDArray[np.bool_]:
+        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links with it do not count."""
+        matched = np.zeros(len(self.frames[frame].features), bool)
+        for other in self.frames[frame].inliers.keys() - {but}:
+            first = (frame, other) in self.links
+            link = self.links[(frame, other) if first else (other, frame)]
+            for features in (link.features, link.held_out):
+                matched[features[:, 0 if first else 1]] = True
+        return matched
+
+    def camera_on(self, island: int, number: CameraNumber) -> Camera:
+        """A camera as an island knows it; on one that has seen none of its frames, as the one with most of them does."""
+        if (island, number) in self.lenses:
+            return self.lenses[island, number].camera
+        best = self._with_most([other for other, camera in self.lenses if camera == number], number)
+        return self.sizes[number] if best is None else self.lenses[best, number].camera
+
+    def best_known_lens(self, number: CameraNumber) -> int | None:
+        """The island that has estimated a camera's lens from most frames of it, and from enough; None if none has."""
+        known = [
+            island
+            for (island, camera), lens in self.lenses.items()
+            if camera == number and lens.information is not None
+        ]
+        best = self._with_most(known, number)
+        return best if best is not None and self.count_with_camera(best, number) >= LENS_KNOWN else None
+
+    def _with_most(self, islands: list[int], number: CameraNumber) -> int | None:
+        """Which of these islands has most frames of a camera, the oldest of several; None of none."""
+        return max(islands, key=lambda island: (self.count_with_camera(island, number), -island), default=None)
+
+    def camera_of(self, frame: int) -> Camera:
+        """The camera of a placed frame."""
+        return self.camera_on(self.island_of(frame), self.frames[frame].camera)
+
+    def pose_of(self, frame: int) -> Pose:
+        pose = self.frames[frame].pose
+        assert pose is not None, "only placed frames have a pose"
+        return pose
+
+    def island_of(self, frame: int) -> int:
+        assert self.islands[frame] != NOWHERE, "only placed frames lie on an island"
+        return int(self.islands[frame])
+
+    def placed(self) -> NDArray[np.intp]:
+        """Frames that lie on any island, in the order in which they came."""
+        return np.flatnonzero(self.islands != NOWHERE)
+
+    def members(self, island: int) -> NDArray[np.intp]:
+        """Frames of an island, in the order in which they came."""
+        return np.flatnonzero(self.islands == island)
+
+    def count_members(self, island: int) -> int:
+        return int(np.count_nonzero(self.islands == island))
+
+    def elsewhere(self, island: int) -> NDArray[np.intp]:
+        """Placed frames of the other islands."""
+        return np.flatnonzero((self.islands != NOWHERE) & (self.islands != island))
+
+    def count_with_camera(self, island: int, number: CameraNumber, most: int | None = None) -> int:
+        """How many of an island's frames a camera has taken, of which no more than `most` are wanted."""
+        count = int(np.count_nonzero((self.islands == island) & (self.cameras == number)))
+        return count if most is None else min(count, most)
+
+    def frame_counts(self) -> dict[int, int]:
+        """Placed frames by island."""
+        numbers, counts = np.unique(self.islands[self.placed()], return_counts=True)
+        return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
+
+
+def box_of(pose: Pose, camera: Camera) -> Array:
+    """Bounding box (x0, y0, x1, y1) of what a frame sees of the canvas; NaN where it sees no ground."""
+    outline = footprint(pose, camera, per_side=3)
+    outline = outline[np.isfinite(outline).all(axis=1)]
+    if not len(outline):
+        return np.full(4, np.nan)
+    return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
+
+
+def centres(boxes: Array) -> Array:
+    """Middles (n, 2) of boxes (n, 4)."""
+    return (boxes[:, :2] + boxes[:, 2:]) / 2

@@ -1,0 +1,155 @@
+"""Frames that show nothing new: a placed frame, the keyframe, sees all that they see, as finely and as sharply.
+
+A video or an aircraft that hovers brings many pictures of one place, and each would be matched with a dozen others of it.
+One registration tells that a frame is covered: then it is kept in relation to its keyframe and takes no further part. It is
+judged against the keyframe alone, never against another covered frame, so that a slow drift does not add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.candidates import Search
+from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
+from gcs_mosaic.stitch.graph.placement import Covered
+from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.registration.a_contrario import confirmed
+from gcs_mosaic.stitch.registration.registration import Registration
+
+Compared = Mapping[int, Registration | None]  # what a frame was matched with, and what came of it
+
+CANDIDATES = 4  # placed frames around a new one whose overlap with it is worked out; boxes alone mislead
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoverSettings:
+    """When a frame is kept without being placed, because a placed one shows all that it would."""
+
+    enabled: bool = True  # false: every frame is placed and painted, and costs as much as one of new ground
+    # share of a frame that the placed one may lack; where aircraft moved on, recorded flights have 0.03 and more
+    most_new: float = 0.025
+    most_finer: float = 1.03  # how much finer than the placed one a frame may see the ground
+    # how much sharper it may be (`sharpness`): a blur of 0.7 px counts 1.1 to 1.7, a smear of 3 px 1.1 to 1.8, compression
+    # 0.9 to 1.1, light nothing
+    most_sharper: float = 1.2
+    least_confirmed: float = 0.5  # share of the overlap that matches bear out; what is seen worse is placed with care
+
+
+class Covering:
+    """Looks whether frames are covered by those of a network. Remembers nothing itself."""
+
+    def __init__(self, network: Network, search: Search, settings: CoverSettings) -> None:
+        self._network = network
+        self._search = search
+        self._settings = settings
+
+    def look(self, name: str, features: Features) -> Covered | Compared:
+        """Whether a frame that is not of the network yet is covered; if not, what it was matched with to see that.
+
+        The search for the frame that comes next begins at the keyframe of this one.
+        """
+        network, compared = self._network, dict[int, Registration | None]()
+        if not self._settings.enabled or not network.merged_into:
+            return compared
+        last = network.last_placed
+        compared[last] = self._search.compare(name, features, last)
+        for keyframe in self._keyframes(features, last, compared[last]):
+            if keyframe not in compared:
+                compared[keyframe] = self._search.compare(name, features, keyframe)
+            link = compared[keyframe]
+            if link is not None and self._is_covered(features, keyframe, link):
+                network.last_placed = keyframe
+                by_from_frame = link.b_from_a / link.b_from_a[2, 2]
+                return Covered(name, network.frames[keyframe].name, tuple(map(tuple, by_from_frame.tolist())))
+        return compared
+
+    def _keyframes(self, features: Features, last: int, link: Registration | None) -> Iterator[int]:
+        """The frame placed last, then the one that should cover this frame best, as far as poses tell; each if it may."""
+        if link is None:
+            return
+        if self._may_cover(features, last):
+            yield last
+        others = {other: share for other, share in self._shares(features, last, link) if other != last}
+        best = max(others, key=lambda other: (others[other], -other), default=None)
+        if best is not None and others[best] >= 1 - self._settings.most_new:
+            yield best
+
+    def _shares(self, features: Features, last: int, link: Registration) -> Iterator[tuple[int, float]]:
+        """Frames around that may cover this one, and the share of it that each should see."""
+        network = self._network
+        outline = _mapped(link.b_from_a, _corners(features))
+        places = canvas_from_pixels(network.pose_of(last), network.camera_of(last), outline)
+        if not np.isfinite(places).all():
+            return  # it sees the horizon, and where that lies no homography of the ground tells
+        box = np.concatenate([places.min(axis=0), places.max(axis=0)])
+        members = network.members(network.island_of(last))
+        members = members[boxes_meet(box, network.boxes[members])]
+        likely = np.argsort(-boxes_shared(box, network.boxes[members]), kind="stable")[:CANDIDATES]
+        for other in members[likely].tolist():
+            if self._may_cover(features, other):
+                camera = network.camera_of(other)
+                yield other, _share_inside(pixels_from_canvas(network.pose_of(other), camera, places), camera)
+
+    def _may_cover(self, features: Features, other: int) -> bool:
+        """Whether a placed frame is of the same camera (another one shows other things) and not clearly less sharp."""
+        placed = self._network.frames[other].features
+        same = (placed.width, placed.height) == (features.width, features.height)
+        return same and features.sharpness <= self._settings.most_sharper * placed.sharpness
+
+    def _is_covered(self, features: Features, keyframe: int, link: Registration) -> bool:
+        """Whether a frame that was registered with one that may cover it adds neither ground nor resolution."""
+        outline, camera = _mapped(link.b_from_a, _corners(features)), self._network.camera_of(keyframe)
+        if _share_inside(outline, camera) < 1 - self._settings.most_new:
+            return False
+        area = cv2.contourArea(outline.astype(np.float32)) / (features.width * features.height)
+        if area * self._settings.most_finer**2 < 1:
+            return False
+        placed = self._network.frames[keyframe].features
+        found = _mapped(np.asarray(np.linalg.inv(link.b_from_a), dtype=np.float64), placed.points.astype(np.float64))
+        share = confirmed(features.points.astype(np.float64), found, link.pixels_a).share
+        return share >= self._settings.least_confirmed
+
+
+def _corners(features: Features) -> Array:
+    """The frame's outer corners (4, 2) in pixels, clockwise."""
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    return unit * [features.width, features.height] - 0.5
+
+
+def _mapped(homography: Array, points: Array) -> Array:
+    return np.asarray(cv2.perspectiveTransform(points[None], homography)[0])
+
+
+def _share_inside(outline: Array, camera: Camera) -> float:
+    """Share, by area, of a four-sided outline (4, 2) in a frame's pixels that lies inside the frame; 0 for a folded one."""
+    quad = (outline + 0.5).astype(np.float32)
+    if not np.isfinite(quad).all() or not cv2.isContourConvex(quad):
+        return 0.0
+    whole = common = quad.astype(np.float64)
+    for axis, size in enumerate((camera.width, camera.height)):
+        common = _cut(_cut(common, axis, 1.0, 0.0), axis, -1.0, float(size))
+    return _area(common) / max(_area(whole), 1e-9)
+
+
+def _cut(polygon: Array, axis: int, sign: float, offset: float) -> Array:
+    """The part of a convex polygon (n, 2) where sign * coordinate + offset >= 0 (Sutherland and Hodgman, CACM 17(1), 1974).
+
+    Of two polygons that share sides OpenCV 4.10 returns the wrong intersection.
+    """
+    kept: list[Array] = []
+    for here, there in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        a, b = sign * here[axis] + offset, sign * there[axis] + offset
+        kept += [here] if a >= 0 else []
+        kept += [here + (there - here) * (a / (a - b))] if (a >= 0) != (b >= 0) else []
+    return np.array(kept).reshape(-1, 2)
+
+
+def _area(polygon: Array) -> float:
+    x, y = polygon.T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

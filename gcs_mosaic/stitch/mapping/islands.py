@@ -1,0 +1,242 @@
+"""Islands: parts of the map that are not (yet) connected, and the evidence that joins two of them.
+
+A wrong join is worse than none. A pair of frames across the water (a bridge) says where one island lies on the other; chance
+alone does not make one (evidence.py), but something that looks alike elsewhere does, whatever the number of its matches. So
+a bridge is a hypothesis: it is tested where the islands should overlap, and what is found there must agree, on different
+ground and between different frames, until the evidence suffices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.bundle.lens import believable
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
+from gcs_mosaic.stitch.camera.projection import lens_row, with_lens
+from gcs_mosaic.stitch.graph.candidates import Search
+from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
+from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
+from gcs_mosaic.stitch.graph.view_graph import Bridge, CameraNumber, Lens, Network, box_of, centres
+from gcs_mosaic.stitch.registration.a_contrario import SAMPLE, log_odds
+
+Array = NDArray[np.float64]
+Similarity = tuple[float, float, Array]  # scale, angle in radians, shift
+
+AGREEMENT = 0.1  # of a footprint's diagonal: how far two bridges may put the same ground apart
+# -log10 of the chance that two wrong bridges agree so: 0.007 in place (3 x 3 footprints), 0.06 in heading (0.2 radians
+# either way), 0.1 in scale (20 % of a factor of 5 either way).
+LOG_AGREEMENT = 4.0
+# Most that one bridge counts for, in decades: none of 1,900 registered pairs of the recorded flights was wrong, but over
+# halls of one make one unrelated pair in five is registered.
+LOG_BRIDGE = 2.0
+# Of a footprint's diagonal: nearer than this, the matches of two bridges may lie on one and the same thing.
+APART = 0.25
+MUCH = 0.5  # of a frame of the smaller island that lies on the larger one: then it can tell whether that is right
+WITNESSES = 3  # frames of the smaller island for which the overlap is looked into
+PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched with
+TELLING_CELLS = 6  # of a witness that matches could confirm; of fewer, one by chance would decide
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IslandSettings:
+    """When islands are joined."""
+
+    # -log10 of the chance that a join is wrong: two bridges that agree give 8, one whatever its matches 2, a frame that is
+    # confirmed all over by what the other island shows of its ground about 5, one that is in a quarter of it 3.2
+    least_evidence: float = 3.0
+    # frames of other islands, or waiting, that each one is compared with in a pause and at the end: 0.03 s each
+    tries_in_a_pause: int = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Island:
+    """A part of the map; `merged_into` is the island that it has become part of."""
+
+    number: int
+    merged_into: int | None = None
+
+
+class Bridges:
+    """Judges what connects islands, and joins them where it suffices."""
+
+    def __init__(self, network: Network, search: Search, settings: IslandSettings) -> None:
+        self._network = network
+        self._search = search
+        self._settings = settings
+
+    @property
+    def tries_in_a_pause(self) -> int:
+        return self._settings.tries_in_a_pause
+
+    def add(self, newest: Bridge) -> list[Bridge]:
+        """Keep a bridge; returns all that agree with it, the larger island's side first, if they prove the join."""
+        sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
+        stays, goes = sorted(sides, key=lambda island: (-self._network.count_members(island), island))
+        newest = self._from_side(newest, stays)
+        self._forget(newest)
+        if not self._agree(newest, newest):
+            return []  # its own matches fit no similarity: the frames lie awry on their islands
+        known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
+        looked_for, odds = self._look_into_overlap(stays, goes, known)
+        agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
+        self._network.bridges.append(newest)
+        proven = odds >= 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
+        return agreeing if proven else []
+
+    def join(self, bridges: list[Bridge]) -> tuple[int, int]:
+        """Move the smaller island onto the larger one, where the bridges say. Returns (island that stays, that goes)."""
+        network = self._network
+        stays, goes = network.island_of(bridges[0].frame_a), network.island_of(bridges[0].frame_b)
+        stays_from_goes = self._similarity(bridges)
+        members = network.members(goes).tolist()
+        moved = [moved_by_similarity(network.pose_of(frame), *stays_from_goes) for frame in members]
+        network.put_all(members, moved, stays, self._reconciled_lenses(stays, goes))
+        for frame in members:
+            network.note(frame, held=None)
+        for bridge in bridges:
+            network.link(bridge.frame_a, bridge.frame_b, bridge.registration)
+        network.merge(goes, stays)
+        return stays, goes
+
+    def _reconciled_lenses(self, stays: int, goes: int) -> dict[CameraNumber, Lens]:
+        """What two islands know of the cameras of the one that goes, each weighing as much as it knows: where the adjustment
+        of the joined island begins."""
+        lenses = self._network.lenses
+        return {
+            number: _reconciled(lenses[stays, number], lens) if (stays, number) in lenses else lens
+            for (island, number), lens in lenses.items()
+            if island == goes
+        }
+
+    def _forget(self, newest: Bridge) -> None:
+        """A bridge between the same two frames was found before: it would count twice."""
+        ends = {newest.frame_a, newest.frame_b}
+        self._network.bridges = [b for b in self._network.bridges if {b.frame_a, b.frame_b} != ends]
+
+    def _between(self, stays: int, goes: int) -> list[Bridge]:
+        """All bridges between two islands, the first island's side as a."""
+        return [
+            self._from_side(bridge, stays)
+            for bridge in self._network.bridges
+            if {self._network.island_of(bridge.frame_a), self._network.island_of(bridge.frame_b)} == {stays, goes}
+        ]
+
+    def _from_side(self, bridge: Bridge, island: int) -> Bridge:
+        return bridge if self._network.island_of(bridge.frame_a) == island else bridge.turned()
+
+    def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
+        """Match frames that should overlap if the known bridges are right.
+
+        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness. One
+        that sees too little to tell counts as 0: it refutes nothing, and then it is for the bridges alone to prove the join.
+        """
+        network, stays_from_goes = self._network, self._similarity(known)
+        found: list[Bridge] = []
+        odds: list[float] = []
+        for witness in self._witnesses(stays, goes, stays_from_goes, known):
+            pose = moved_by_similarity(network.pose_of(witness), *stays_from_goes)
+            links = self._search.neighbour_links(witness, pose, stays, PAIRS_PER_WITNESS)
+            links |= {bridge.frame_a: bridge.registration.turned() for bridge in known if bridge.frame_b == witness}
+            matched = {other: link for other, link in links.items() if link is not None}
+            pixels = [link.agreeing_a for link in matched.values()]
+            around = confirmed_around(network, witness, pose, stays, list(links), pixels)
+            odds.append(log_odds(around, network.true_share) if around.cells >= TELLING_CELLS else 0.0)
+            here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
+            found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]
+        return found, min(odds)
+
+    def _witnesses(self, stays: int, goes: int, stays_from_goes: Similarity, known: list[Bridge]) -> list[int]:
+        """The newest bridge's frame, and those next to it that should see much of the other island.
+
+        Farther ones would tell as well, but an island that is not joined yet may be bent.
+        """
+        network, members, newest = self._network, self._network.members(goes).tolist(), known[-1].frame_b
+        moved = {f: moved_by_similarity(network.pose_of(f), *stays_from_goes) for f in members}
+        boxes = {f: box_of(pose, network.camera_of(f)) for f, pose in moved.items()}
+        others = network.boxes[network.members(stays)]
+        shared = {f: boxes_shared(box, others[boxes_meet(box, others)]).max(initial=0.0) for f, box in boxes.items()}
+        inside = [f for f, share in shared.items() if share > MUCH and f != newest]
+        away = {f: float(np.linalg.norm(centres(boxes[f][None]) - centres(boxes[newest][None]))) for f in inside}
+        return [newest, *sorted(inside, key=away.__getitem__)[: WITNESSES - 1]]
+
+    def _evidence(self, bridges: list[Bridge]) -> float:
+        """-log10 of the chance that these bridges are wrong and yet agree, by the independent ones among them."""
+        independent = max((self._independent_of(first, bridges) for first in bridges), key=len)
+        of_each = sum(min(bridge.registration.evidence, LOG_BRIDGE) for bridge in independent)
+        return of_each + LOG_AGREEMENT * (len(independent) - 1)
+
+    def _independent_of(self, first: Bridge, bridges: list[Bridge]) -> list[Bridge]:
+        """The bridge and as many others as are found, strongest first, that are independent of it and of each other."""
+        chosen = [first]
+        for bridge in sorted(bridges, key=lambda b: -b.registration.evidence):
+            if all(self._are_independent(bridge, other) for other in chosen):
+                chosen.append(bridge)
+        return chosen
+
+    def _are_independent(self, one: Bridge, other: Bridge) -> bool:
+        """Whether two bridges share no frame, and their matches lie on different ground."""
+        if one.frame_a == other.frame_a or one.frame_b == other.frame_b:
+            return False
+        middles = [np.median(self._places(bridge)[0], axis=0) for bridge in (one, other)]
+        return bool(np.linalg.norm(middles[0] - middles[1]) > APART * self._diagonal(one.frame_a))
+
+    def _agree(self, first: Bridge, second: Bridge) -> bool:
+        """Whether two bridges put island b at the same place of island a; what sees no ground agrees with nothing."""
+        if min(len(self._places(bridge)[0]) for bridge in (first, second)) < SAMPLE:
+            return False
+        return all(
+            self._misfit(self._similarity([bridge]), other) < AGREEMENT * self._diagonal(bridge.frame_a)
+            for bridge, other in ((first, second), (second, first))
+        )
+
+    def _misfit(self, a_from_b: Similarity, bridge: Bridge) -> float:
+        """Median distance by which a similarity misses the matches of another bridge, canvas units of island a."""
+        scale, angle, shift = a_from_b
+        c, s = np.cos(angle), np.sin(angle)
+        places_a, places_b = self._places(bridge)
+        moved = scale * places_b @ np.array([[c, s], [-s, c]]) + shift
+        return float(np.median(np.linalg.norm(moved - places_a, axis=1)))
+
+    def _similarity(self, bridges: list[Bridge]) -> Similarity:
+        """Island a from island b, as these bridges show it together."""
+        places = [self._places(bridge) for bridge in bridges]
+        return similarity_between(np.concatenate([b for _, b in places]), np.concatenate([a for a, _ in places]))
+
+    def _places(self, bridge: Bridge) -> tuple[Array, Array]:
+        """Where the matches (m, 2) lie on either island, at the poses of now."""
+        network, r = self._network, bridge.registration
+        places_a, places_b = (
+            canvas_from_pixels(network.pose_of(frame), network.camera_of(frame), pixels)
+            for frame, pixels in ((bridge.frame_a, r.pixels_a), (bridge.frame_b, r.pixels_b))
+        )
+        seen = np.isfinite(places_a).all(axis=1) & np.isfinite(places_b).all(axis=1)
+        return places_a[seen], places_b[seen]
+
+    def _diagonal(self, frame: int) -> float:
+        box = self._network.boxes[frame]
+        return float(np.linalg.norm(box[2:] - box[:2]))
+
+
+def _reconciled(one: Lens, other: Lens) -> Lens:
+    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none. If no camera
+    can have that lens, the one that is known better."""
+    if one.information is None or other.information is None:
+        return other if one.information is None and other.information is not None else one
+    information = one.information + other.information
+    weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
+    mean: Array = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
+    if not np.allclose(believable(mean[None])[0], mean, rtol=0.0, atol=SAME_LENS):
+        return one if _known(one.information) >= _known(other.information) else other
+    return Lens(with_lens(one.camera, mean), information)
+
+
+SAME_LENS = 1e-9  # of its terms; rounding may carry the mean of two lenses at a bound across it
+
+
+def _known(information: Array) -> float:
+    """How much is known of all terms of a lens together: log of how much smaller a volume they are in than if each were only
+    known to about 1."""
+    return float(np.linalg.slogdet(information + np.eye(len(information)))[1])

@@ -1,0 +1,166 @@
+"""Where a frame lies, once it is known to overlap another: from the first link, through its neighbours, to its pose."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.stitch.bundle.certainty import note_resected
+from gcs_mosaic.stitch.bundle.island import Resected, adjust_island, level_pose_over, resect
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
+from gcs_mosaic.stitch.bundle.relief import note_relief
+from gcs_mosaic.stitch.camera import geometry
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.graph.candidates import Search
+from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
+from gcs_mosaic.stitch.graph.view_graph import LENS_KNOWN, Network
+from gcs_mosaic.stitch.registration.a_contrario import log_odds
+from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.transaction import attempt
+
+UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlausibilitySettings:
+    """What is not believed of a placement."""
+
+    least_features: int = 40  # a picture with fewer shows nothing to hold on to
+    # median residual above which a placement is not believed, pixels of the feature picture
+    most_residual_px: float = 4.0
+    most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
+    steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
+    largest_zoom: float = 5.0  # change of height against a linked frame that is still believed
+    # log10 of how much likelier what is found around a frame is if it lies there than if something only looks alike: below
+    # this it is refused; a little below nought, because a pair of frames that match for certain speaks for it already
+    least_log_odds: float = -0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Disbelief:
+    """A pose that is not to be believed, and why."""
+
+    reason: str
+
+
+class Placing:
+    """Finds poses for the frames of a network."""
+
+    def __init__(
+        self, network: Network, search: Search, plausibility: PlausibilitySettings, adjustment: AdjustmentSettings
+    ) -> None:
+        self._network = network
+        self._search = search
+        self._plausibility = plausibility
+        self._adjustment = adjustment
+
+    def pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
+        """The pose of a frame that was registered with a placed one, and its links with all that it overlaps.
+
+        Nothing is changed if the result is not to be believed.
+        """
+        with attempt(self._network) as trial:
+            found = self._pose_beside(frame, other, registration)
+            if isinstance(found, Pose):
+                trial.keep()
+        return found
+
+    def _pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
+        island = self._network.island_of(other)
+        self._network.link(frame, other, registration)
+        found = self._believable_pose(frame, self._rough_poses(frame, other, registration), island)
+        if isinstance(found, Disbelief):
+            return found
+        links = {other: registration, **self._search.neighbour_links(frame, found, island)}
+        matched = {neighbour: link for neighbour, link in links.items() if link is not None}
+        for neighbour, link in matched.items():
+            self._network.link(frame, neighbour, link)
+        found = self._believable_pose(frame, [found], island)
+        if isinstance(found, Disbelief):
+            return found
+        return self._borne_out(frame, found, island, list(links), list(matched.values()))
+
+    def _borne_out(
+        self, frame: int, pose: Pose, island: int, others: list[int], matched: list[Registration]
+    ) -> Pose | Disbelief:
+        """The pose, if what the other frames see around it was found in the frame."""
+        network = self._network
+        found = confirmed_around(network, frame, pose, island, others, [link.agreeing_a for link in matched])
+        if log_odds(found, network.true_share) < self._plausibility.least_log_odds:
+            return Disbelief(f"only {found.share:.0%} of what it should show was found in it")
+        network.note_believed(found.cells, found.share)
+        return pose
+
+    def note_relief(self, frame: int) -> None:
+        """Measure the relief displacement of a frame that has just been put at its pose."""
+        note_relief(self._network, frame, self._adjustment.relief)
+
+    def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
+        """First poses from one link: level, as most frames are, and tilted as the homography says."""
+        pose, camera = self._network.pose_of(other), self._network.camera_of(other)
+        places = geometry.canvas_from_pixels(pose, camera, registration.pixels_b)
+        on_ground = np.isfinite(places).all(axis=1)
+        if on_ground.sum() < 4:
+            return []
+        own = self._network.camera_on(self._network.island_of(other), self._network.frames[frame].camera)
+        homography = geometry.pinhole_homography(pose, camera) @ registration.b_from_a
+        tilted = geometry.pose_from_homography(homography, own)
+        return [
+            level_pose_over(own, registration.pixels_a[on_ground], places[on_ground]),
+            *([tilted] if tilted else []),
+        ]
+
+    def _believable_pose(self, frame: int, rough: list[Pose], island: int) -> Pose | Disbelief:
+        """The frame's best pose on an island against its links from any of the rough ones, if it is to be believed."""
+        found = [resect(self._network, frame, pose, island, self._adjustment) for pose in rough]
+        best = min(found, key=lambda resected: resected.residual_px, default=None)
+        if best is None:
+            return Disbelief("what it has in common with the other lies above its horizon")
+        doubt = self._doubt(frame, best, island)
+        if not doubt:
+            note_resected(self._network, frame, best.pose, best.corner_deviation_px)
+            return best.pose
+        return self._pose_with_all_free(frame, best.pose, island) or Disbelief(doubt)
+
+    def _pose_with_all_free(self, frame: int, rough: Pose, island: int) -> Pose | None:
+        """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
+        network = self._network
+        others = [member for member in network.members(island).tolist() if member != frame]
+        if len(others) >= LENS_KNOWN:
+            return None
+        network.put(frame, rough, island)
+        adjust_island(network, island, self._adjustment)
+        state = network.frames[frame]
+        fits = state.residual_px <= self._plausibility.most_residual_px * state.features.scale
+        possible = not any(self._impossible(member, network.pose_of(member)) for member in [frame, *others])
+        return state.pose if fits and possible else None
+
+    def _doubt(self, frame: int, resected: Resected, island: int) -> str:
+        """Why a pose does not fit its links, is not determined by them, or is none that an aircraft can have; or nothing."""
+        settings = self._plausibility
+        most_px = self._residual_limit(frame, island)
+        if not resected.residual_px <= most_px:
+            return f"misses its matches by {resected.residual_px:.1f} px, {most_px:.1f} allowed"
+        camera = self._network.camera_on(island, self._network.frames[frame].camera)
+        most_deviation_px = settings.most_deviation * camera.half_diagonal
+        if not resected.cautious_deviation_px <= most_deviation_px:
+            return f"a corner is only known to {resected.cautious_deviation_px:.0f} px, {most_deviation_px:.0f} allowed"
+        return self._impossible(frame, resected.pose)
+
+    def _impossible(self, frame: int, pose: Pose) -> str:
+        """Why no aircraft can have been there, or nothing."""
+        settings = self._plausibility
+        tilt_deg = math.degrees(math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll))))
+        if not tilt_deg <= settings.steepest_tilt_deg:
+            return f"tilted by {tilt_deg:.0f} degrees"
+        linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
+        zoom = math.exp(max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0))
+        return "" if zoom <= settings.largest_zoom else f"change of height by {zoom:.1f}"
+
+    def _residual_limit(self, frame: int, island: int) -> float:
+        """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
+        shown = self._network.count_with_camera(island, self._network.frames[frame].camera, LENS_KNOWN)
+        limit = self._plausibility.most_residual_px
+        return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)

@@ -1,1 +1,0 @@
-"""What a frame shows, and whether two frames show the same ground."""

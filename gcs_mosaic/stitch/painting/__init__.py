@@ -1,1 +1,0 @@
-"""Frames at their poses, painted on tiles."""

@@ -1,0 +1,324 @@
+"""Do two frames show the same ground? Robust homographies, and the evidence that one of them is no accident.
+
+MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). What counts as evidence: evidence.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.features.fixed_pattern import moving
+from gcs_mosaic.stitch.features.matching import match
+from gcs_mosaic.stitch.registration.a_contrario import (
+    SAMPLE,
+    Confirmed,
+    cell_numbers,
+    chance_of_agreement,
+    confirmed,
+    log_evidence,
+    log_odds,
+)
+from gcs_mosaic.stitch.registration.parallax import displaced_by_height
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+HYPOTHESES = 3  # homographies tried: the ground can be outdone by a thing that looks alike elsewhere, and by writing
+NO_MATCHES = np.empty((0, 2), np.intp)
+NO_PIXELS: Array = np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegistrationSettings:
+    """When two frames are believed to show the same ground."""
+
+    # of the distances to the best and second-best match; RANSAC follows: a loose test loses nothing
+    ratio: float = 0.85
+    threshold_px: float = 4.0  # how far relief and lens may carry an inlier, in pixels of the feature picture
+    # -log10 of chance agreements expected per pair: one in 3,000 flights of 1,000 frames (30 pairs each)
+    least_evidence: float = 8.0
+    # share of the overlap that inliers bear out; true pairs 0.3 and more, copies of one house 0.2 and less
+    least_confirmed: float = 0.25
+    # log10 of how much likelier a true overlap is by those features that were matched before: below this it is refused,
+    least_odds_again: float = -0.5
+    # from this on it needs nothing else to bear it out: in woods a tenth of the overlap agrees, and nearly all of these do
+    enough_odds_again: float = 1.0
+    cell_px: float = 16.0  # inliers nearer than this, in pixels of the feature picture, count as one
+    largest_zoom: float = 5.0  # change of scale between two frames that is still believed
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """Two frames that overlap: inlier pixels of each, (m, 2) in full resolution, and b_from_a (3x3)."""
+
+    pixels_a: Array
+    pixels_b: Array
+    features: NDArray[np.intp]  # (m, 2) which of the features of a and b the inliers are
+    b_from_a: Array
+    independent_inliers: int
+    evidence: float  # -log10 of the chance agreements as good as this that were to be expected
+    displaced_a: Array = field(
+        default_factory=lambda: NO_PIXELS
+    )  # (k, 2) matches beside the plane that parallax explains
+    displaced_b: Array = field(default_factory=lambda: NO_PIXELS)
+    tentative: NDArray[np.intp] = field(default_factory=lambda: NO_MATCHES)  # (k, 2) features, inliers or not
+
+    def turned(self) -> Registration:
+        """The same, seen from the other frame."""
+        a_from_b = np.asarray(np.linalg.inv(self.b_from_a), dtype=np.float64)
+        turned = replace(self, features=self.features[:, ::-1], tentative=self.tentative[:, ::-1])
+        turned = replace(turned, displaced_a=self.displaced_b, displaced_b=self.displaced_a)
+        return replace(turned, pixels_a=self.pixels_b, pixels_b=self.pixels_a, b_from_a=a_from_b)
+
+    @property
+    def agreeing_a(self) -> Array:
+        """Pixels (m + k, 2) of frame a that were matched, on the plane or beside it."""
+        return np.concatenate([self.pixels_a, self.displaced_a])
+
+
+@dataclass(frozen=True, slots=True)
+class NotRegistered:
+    """Two frames that do not overlap as far as can be seen, and why; the pixels that agreed all the same, (m, 2) each."""
+
+    reason: str
+    inliers: int
+    pixels_a: Array
+    pixels_b: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Two frames in pixels of their feature pictures: all their features (n, 2), (m, 2), which of them match (k, 2)."""
+
+    all_a: Array
+    all_b: Array
+    size_a: Array
+    size_b: Array
+    matches: NDArray[np.intp]
+    features: NDArray[np.intp]  # (k, 2), the matches counted among all features of either frame
+    again_a: Mask  # (n,) which of them were matched before, see `register`
+    again_b: Mask  # (m,)
+
+    @property
+    def a(self) -> Array:
+        return self.all_a[self.matches[:, 0]]
+
+    @property
+    def b(self) -> Array:
+        return self.all_b[self.matches[:, 1]]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Which of a frame's n features are asked for; each (n,), None means all or none.
+
+    `seen`: those that the other frame should see, as far as poses are known. `again`: those that were matched before, with
+    other frames. Of a wood few features are ever found again, of a field nearly all: what was found before must be found
+    now where the frames overlap, and what never was says nothing.
+    """
+
+    seen: Mask | None = None
+    again: Mask | None = None
+
+    def chosen(self, features: Features) -> NDArray[np.intp]:
+        return np.arange(len(features)) if self.seen is None else np.flatnonzero(self.seen)
+
+
+ALL = Part()
+
+
+def register(
+    a: Features, b: Features, settings: RegistrationSettings, part_a: Part = ALL, part_b: Part = ALL
+) -> Registration | NotRegistered:
+    """Find the common ground of two frames."""
+    pair = _matched(a, b, part_a, part_b, settings.ratio)
+    left = np.ones(len(pair.matches), bool)
+    first_doubt: NotRegistered | None = None
+    for _ in range(HYPOTHESES):
+        homography, inlier = robust_homography_among(pair, left, settings.threshold_px)
+        if homography is None:
+            break
+        independent = independent_count(pair.a[inlier], pair.b[inlier], settings.cell_px)
+        evidence = _evidence(pair, homography, inlier, independent, settings)
+        displaced = np.zeros(len(left), bool)
+        if evidence >= settings.least_evidence:
+            diagonal = float(np.linalg.norm(pair.size_b))
+            displaced = displaced_by_height(_mapped(homography, pair.a), pair.b, inlier, diagonal)
+        doubt = _doubt(pair, homography, inlier, displaced, evidence, settings)
+        if not doubt:
+            return _in_full_resolution(pair, homography, inlier, displaced, independent, evidence, a.scale, b.scale)
+        first_doubt = first_doubt or NotRegistered(
+            doubt, independent, pair.a[inlier] * a.scale, pair.b[inlier] * b.scale
+        )
+        if evidence < settings.least_evidence:
+            break  # what agrees best is chance: what is left will not do better
+        left &= ~inlier
+    return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
+
+
+def _matched(a: Features, b: Features, part_a: Part, part_b: Part, ratio: float) -> _Pair:
+    chosen_a, chosen_b = part_a.chosen(a), part_b.chosen(b)
+    matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b], ratio)
+    matches = matches[moving(a, b, np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1))]
+    return _Pair(
+        all_a=a.points[chosen_a].astype(np.float64) / a.scale,
+        all_b=b.points[chosen_b].astype(np.float64) / b.scale,
+        size_a=np.array([a.width, a.height]) / a.scale,
+        size_b=np.array([b.width, b.height]) / b.scale,
+        matches=matches,
+        features=np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1),
+        again_a=np.zeros(len(chosen_a), bool) if part_a.again is None else part_a.again[chosen_a],
+        again_b=np.zeros(len(chosen_b), bool) if part_b.again is None else part_b.again[chosen_b],
+    )
+
+
+def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[Array | None, Mask]:
+    """b_from_a (3x3) of those matches that are left, and which of all matches (k,) are its inliers; or None."""
+    inlier = np.zeros(len(left), bool)
+    if left.sum() <= SAMPLE:
+        return None, inlier
+    homography, inlier[left] = robust_homography(pair.a[left], pair.b[left], threshold)
+    return homography, inlier
+
+
+def robust_homography(a: Array, b: Array, threshold: float) -> tuple[Array | None, Mask]:
+    """b_from_a (3x3) and the inliers (m,) of matched points (m, 2), or None."""
+    homography, inlier = cv2.findHomography(
+        a, b, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.9995
+    )  # fmt: skip
+    if homography is None or not np.isfinite(homography).all():
+        return None, np.zeros(len(a), bool)
+    return np.asarray(homography, dtype=np.float64), inlier.ravel().astype(bool)
+
+
+def independent_count(a: Array, b: Array, cell: float) -> int:
+    """Number of inliers that no other one lies next to, in either frame: features pile up on one spot."""
+    return min(len(np.unique(cell_numbers(points, cell))) for points in (a, b))
+
+
+def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, settings: RegistrationSettings) -> float:
+    matches = max(independent, independent_count(pair.a, pair.b, settings.cell_px))
+    area = float(pair.size_b.prod())
+    chance = chance_of_agreement(_mapped(homography, pair.a), pair.b, settings.threshold_px, area)
+    return log_evidence(matches, independent, chance)
+
+
+def _doubt(
+    pair: _Pair, homography: Array, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
+) -> str:
+    """Why this homography cannot be two views of one ground, or nothing."""
+    if evidence < settings.least_evidence:
+        return f"evidence {evidence:.1f}, {settings.least_evidence:.1f} needed"
+    area = _area_scale(homography, pair.a[inlier])
+    if (area <= 0).any():
+        return "the ground would be seen from below"
+    zoom = np.sqrt(area)
+    if zoom.max() > settings.largest_zoom or zoom.min() < 1 / settings.largest_zoom:
+        return f"change of scale {zoom.min():.2f} to {zoom.max():.2f}"
+    return _contradicted(pair, homography, inlier | displaced, settings)
+
+
+def _contradicted(pair: _Pair, homography: Array, agreeing: Mask, settings: RegistrationSettings) -> str:
+    """What speaks against the overlap, or nothing: what was matched before, if that is enough to judge, else all."""
+    overlap = _Overlap.of(pair, homography, pair.a[agreeing])
+    again = overlap.confirmed_again(pair)
+    odds = log_odds(again, EXPECTED_SHARE)
+    if odds < settings.least_odds_again:
+        return f"only {again.share:.0%} of what was matched before agrees"
+    share = overlap.confirmed(ANY, ANY).share
+    if share < settings.least_confirmed and odds < settings.enough_odds_again:
+        return f"only {share:.0%} of the overlap agrees"
+    return ""
+
+
+ANY = np.True_
+ENOUGH_CELLS = 3
+EXPECTED_SHARE = 0.8  # of what was matched before, that a true overlap confirms: 0.75 to 1 in woods
+NOTHING = Confirmed(1.0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Overlap:
+    """The features of both frames that the other should see, in pixels of a: `a` (n, 2) and which of them do, `b` likewise."""
+
+    a: Array
+    b: Array
+    inside_a: Mask
+    inside_b: Mask
+    agreeing: Array  # (k, 2)
+
+    @classmethod
+    def of(cls, pair: _Pair, homography: Array, agreeing: Array) -> _Overlap:
+        a_from_b = np.asarray(np.linalg.inv(homography), dtype=np.float64)
+        places_b = _mapped(a_from_b, pair.all_b)
+        in_b = _inside(_mapped(homography, pair.all_a), pair.size_b) & (_area_scale(homography, pair.all_a) > 0)
+        in_a = _inside(places_b, pair.size_a) & (_area_scale(a_from_b, pair.all_b) > 0)
+        return cls(pair.all_a, places_b, in_b, in_a, agreeing)
+
+    def confirmed_again(self, pair: _Pair) -> Confirmed:
+        """How much matches bear out of what was matched before in both frames, or in one of them; no cells if too little was."""
+        for of_a, of_b in ((pair.again_a, pair.again_b), (ANY, pair.again_b), (pair.again_a, ANY)):
+            again = self.confirmed(of_a, of_b)
+            if again.cells >= ENOUGH_CELLS:
+                return again
+        return NOTHING
+
+    def confirmed(self, of_a: Mask | np.bool_, of_b: Mask | np.bool_) -> Confirmed:
+        """How much matches bear out of what these features show."""
+        return confirmed(self.a[self.inside_a & of_a], self.b[self.inside_b & of_b], self.agreeing)
+
+
+def _area_scale(homography: Array, points: Array) -> Array:
+    """By how much areas around the points (n, 2) grow; not positive behind the camera or seen from below."""
+    depth = points @ homography[2, :2] + homography[2, 2]
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.linalg.det(homography) / depth**3)
+
+
+def _in_full_resolution(
+    pair: _Pair,
+    homography: Array,
+    inlier: Mask,
+    displaced: Mask,
+    independent: int,
+    evidence: float,
+    scale_a: float,
+    scale_b: float,
+) -> Registration:
+    small_from_full_a, full_from_small_b = np.diag([1 / scale_a, 1 / scale_a, 1]), np.diag([scale_b, scale_b, 1])
+    return Registration(
+        pixels_a=pair.a[inlier] * scale_a,
+        pixels_b=pair.b[inlier] * scale_b,
+        features=pair.features[inlier],
+        b_from_a=full_from_small_b @ homography @ small_from_full_a,
+        independent_inliers=independent,
+        evidence=evidence,
+        displaced_a=pair.a[displaced] * scale_a,
+        displaced_b=pair.b[displaced] * scale_b,
+        tentative=pair.features,
+    )
+
+
+def _mapped(homography: Array, points: Array) -> Array:
+    return np.asarray(cv2.perspectiveTransform(points[None], homography)[0]) if len(points) else points
+
+
+def _inside(points: Array, size: Array) -> Mask:
+    return np.asarray(((points >= 0) & (points < size)).all(axis=1))
+
+
+def well_spread(points: Array, count: int) -> NDArray[np.intp]:
+    """Indices of at most `count` of the points (n, 2), each as far as possible from those already chosen."""
+    if len(points) <= count:
+        return np.arange(len(points))
+    chosen = [int(((points - points.mean(axis=0)) ** 2).sum(axis=1).argmax())]
+    distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    for _ in range(count - 1):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+    return np.array(chosen)

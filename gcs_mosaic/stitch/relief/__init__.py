@@ -1,1 +1,0 @@
-"""Heights of the ground, and what they shift in each frame."""

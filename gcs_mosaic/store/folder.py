@@ -1,0 +1,124 @@
+"""Which folder a flight is written into: a new flight never touches an old one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
+
+LEDGER_NAME = "flight.sqlite"
+RECORDING_NAME = "flight.tlog"
+LOG_NAME = "flight.log"
+OUR_NAMES = (
+    *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
+    *("tiles", "masks", "frames"),
+)
+MOST_FLIGHTS = 1000  # beside each other; more than that is a mistake in a script
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightFolder:
+    """A folder that is ours alone to write until `close`; `said` is the sentence for the operator."""
+
+    path: Path
+    resumed: bool
+    said: str
+    lock: FolderLock
+    existed: bool = True
+
+    def close(self) -> None:
+        """Let others write; of a flight that never began nothing stays behind."""
+        if not (self.path / LEDGER_NAME).exists():
+            with suppress(OSError):
+                (self.path / LOCK_NAME).unlink()
+                if not self.existed:
+                    self.path.rmdir()
+        self.lock.release()
+
+
+def open_flight_folder(out: Path, *, resume: bool = False) -> FlightFolder:
+    """The folder `out`, or if that is taken the first free one of `out-2`, `out-3`, …, made and locked.
+
+    Raises UsageError if no such folder can be made or written, and for `resume`.
+    """
+    if resume:
+        raise UsageError(
+            "--resume was given, but an earlier flight cannot be gone on with yet: leave it out, "
+            "and the new flight is written beside the old one"
+        )
+    taken: str | None = None
+    for path in candidates(out):
+        existed = path.exists()
+        lock, obstacle = take(path)
+        if lock is not None:
+            said = f"{taken}; this flight is written to {path}" if taken else spoken(path, existed)
+            return FlightFolder(path=path, resumed=False, said=said, lock=lock, existed=existed)
+        taken = taken or obstacle
+    raise UsageError(f"{out} and {MOST_FLIGHTS} folders beside it hold flights already: choose another --out")
+
+
+def find_flight(path: Path) -> Path:
+    """`path` if it holds a flight that can be read. Raises UsageError."""
+    if (path / LEDGER_NAME).is_file() or (path / "mosaic.json").is_file():
+        return path
+    what = "holds no flight" if path.is_dir() else "is not a folder" if path.exists() else "does not exist"
+    raise UsageError(f"{path} {what}: name a folder that gcs-mosaic has written a flight into")
+
+
+def refuse_watching_ourselves(watched: Path, out: Path) -> None:
+    """Raises UsageError if pictures that we write would appear in the watched folder and become frames."""
+    if (watched / LEDGER_NAME).exists():
+        raise UsageError(
+            f"{watched} holds a flight that gcs-mosaic has written: watch the folder that the camera fills"
+        )
+    inner, outer = watched.resolve(), out.resolve()
+    ours = any(inner.is_relative_to(outer / name) for name in OUR_NAMES)
+    if inner == outer or ours or outer.is_relative_to(inner):
+        raise UsageError(
+            f"the output folder {out} and the watched folder {watched} overlap, so the map's own pictures "
+            "would be taken for frames: choose an --out outside the watched folder"
+        )
+
+
+def candidates(out: Path) -> Iterator[Path]:
+    """`out`, then its neighbours by number."""
+    yield out
+    whole = out.resolve()  # so that "." has a name to number
+    beside = whole.parent if not out.name else out.parent
+    for number in range(2, MOST_FLIGHTS + 2):
+        yield beside / f"{whole.name}-{number}"
+
+
+def take(path: Path) -> tuple[FolderLock | None, str]:
+    """Make and lock one folder; or None and why it is taken. Raises UsageError if it cannot be written."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if obstacle := occupied(path):
+            return None, obstacle
+        lock = try_lock(path)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written ({error.strerror}): choose another --out") from error
+    if lock is None:
+        return None, f"{path} is being written by another gcs-mosaic"
+    if obstacle := occupied(path):  # another one may have come and gone while we waited for the lock
+        lock.release()
+        return None, obstacle
+    return lock, ""
+
+
+def occupied(path: Path) -> str:
+    """What of ours already is in the folder, as a sentence; empty if nothing."""
+    if (path / LEDGER_NAME).exists() or (path / "mosaic.json").exists():
+        return f"{path} holds an earlier flight, which is left as it is"
+    for name in OUR_NAMES:
+        if (path / name).exists() or (path / name).is_symlink():
+            return f"{path} has its own {name}, which is left as it is"
+    return ""
+
+
+def spoken(path: Path, existed: bool) -> str:
+    return f"this flight is written to {path}" if existed else f"{path} was created; this flight is written to it"

@@ -1,0 +1,41 @@
+"""How good the islands are, as documents and people are told: how far the map tears held-out matches apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.store.documents import Document, finite
+
+Figures = Mapping[int, HeldOut]  # by island
+
+
+def largest(figures: Figures, count: int) -> Figures:
+    """The figures of so many islands, of those with most matches."""
+    most = sorted(figures.items(), key=lambda item: -item[1].matches)[:count]
+    return dict(sorted(most))
+
+
+def held_out_entry(found: HeldOut | None) -> Document | None:
+    """Pixels of the island's median frame; None, for null, while nothing is known."""
+    if found is None:
+        return None
+    return {"median": _rounded(found.median_px), "p95": _rounded(found.p95_px), "matches": found.matches}
+
+
+def held_out_words(island: object, entry: dict[str, Any]) -> str:
+    """The entry of an island, for people."""
+    median, p95 = ("endless" if px is None else f"{px:.1f} px" for px in (entry["median"], entry["p95"]))
+    return f"held-out matches: {median} median, {p95} 95 % (island {island}, {entry['matches']:,} matches)"
+
+
+def held_out_lines(figures: Figures) -> list[str]:
+    """How good islands are, a line for each."""
+    entries = ((island, held_out_entry(found)) for island, found in figures.items())
+    return [held_out_words(island, entry) for island, entry in entries if entry is not None]
+
+
+def _rounded(px: float) -> float | None:
+    known = finite(px)
+    return None if known is None else round(known, 2)

@@ -1,0 +1,257 @@
+"""The ledger: everything that a flight's output depends on, besides the originals' pixels.
+
+One SQLite file, owned by one thread (SQLite itself refuses calls from another). Every method is one transaction unless
+it stands inside `with ledger.transaction():`, which makes all of a frame's changes appear together or not at all.
+All methods that write raise DiskFull when nothing more fits; the ledger then is as it was before and may be used again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict
+
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.stitch.camera.geometry import Camera
+from gcs_mosaic.stitch.graph.placement import Homography
+from gcs_mosaic.store.ledger_file import LedgerFile
+from gcs_mosaic.store.records import (
+    Accounts,
+    CoveredRecord,
+    Estimate,
+    EventAccount,
+    EventRecord,
+    EventState,
+    FlightRecord,
+    FrameAccount,
+    FrameRecord,
+    FrameState,
+    IslandRecord,
+    NoticeRecord,
+)
+from gcs_mosaic.store.rows import (
+    EVENT_COLUMNS,
+    LENS_COLUMNS,
+    LOOK_COLUMNS,
+    POSE_COLUMNS,
+    RELIEF_COLUMNS,
+    SUPPORT_COLUMNS,
+    camera_row,
+    canvas_of,
+    covered_of,
+    estimate_of,
+    event_record_of,
+    event_row,
+    frame_record_of,
+    homography_row,
+    look_row,
+    name_of,
+    painted_of,
+    pose_row,
+    relief_row,
+    stored,
+    support_row,
+)
+
+
+class Ledger(LedgerFile):
+    """The ledger of one flight."""
+
+    # The flight
+
+    def begin_flight(self, flight: FlightRecord) -> None:
+        """Write down which flight this is; a ledger holds exactly one."""
+        values = (flight.name, flight.started_utc, json.dumps(asdict(flight.canvas)))
+        self.write("INSERT INTO flight (id, name, started_utc, canvas) VALUES (1, ?, ?, ?)", *values)
+
+    def flight(self) -> FlightRecord | None:
+        for row in self.rows("SELECT * FROM flight"):
+            canvas = canvas_of(row)
+            return FlightRecord(name=row["name"], started_utc=row["started_utc"], canvas=canvas)
+        return None
+
+    def record_notice(self, notice: Notice, utc: float) -> None:
+        """Keep what was said aloud, and when (seconds since 1970)."""
+        columns = "INSERT INTO notices (utc, source, level, text) VALUES (?, ?, ?, ?)"
+        self.write(columns, utc, notice.source, notice.level, printable(notice.text))
+
+    def notices(self, last: int = 1000) -> list[NoticeRecord]:
+        """The newest `last` notices, oldest first."""
+        rows = self.rows("SELECT utc, source, level, text FROM notices ORDER BY id DESC LIMIT ?", last)
+        return [NoticeRecord(**{key: row[key] for key in row.keys()}) for row in reversed(rows)]  # noqa: SIM118
+
+    # Events
+
+    def record_event(self, event: TriggerEvent, *, duplicate_of: int | None = None) -> int:
+        """A new event, pending unless another one about the same shot (`duplicate_of`) counts; returns its id."""
+        state = EventState.PENDING if duplicate_of is None else EventState.DUPLICATE
+        values = (state, duplicate_of, *event_row(event))
+        columns = f"state, duplicate_of, {EVENT_COLUMNS}"
+        return self.write(f"INSERT INTO events ({columns}) VALUES ({marks(values)})", *values)
+
+    def settle_event(
+        self, event_id: int, state: EventState, *, frame: str | None = None, duplicate_of: int | None = None
+    ) -> None:
+        """What became of an event: matched (to `frame`), duplicate (of the event `duplicate_of`), missing or failed."""
+        frame_id = None if frame is None else self._frame_id(frame)
+        self.update(
+            "UPDATE events SET state = ?, frame = ?, duplicate_of = ? WHERE id = ?",
+            *(state, frame_id, duplicate_of, event_id),
+        )
+
+    def events(self, state: EventState | None = None) -> list[EventRecord]:
+        """All events, or those in one state, in the order in which they were recorded."""
+        select = "SELECT events.*, frames.name AS frame_name FROM events LEFT JOIN frames ON frames.id = events.frame"
+        rows = self.rows(f"{select} WHERE ? IS NULL OR events.state = ? ORDER BY events.id", state, state)
+        return [event_record_of(row) for row in rows]
+
+    # Frames
+
+    def record_frame(self, frame: Frame) -> None:
+        """A frame has come, whole. A file that was damaged before becomes pending; any other known name is an error."""
+        values = (frame.content_hash, frame.size, frame.received, frame.modified, stored(frame.name))
+        with self.transaction():
+            mend = "state = 'pending', reason = NULL, content_hash = ?, size = ?, received = ?, modified = ?"
+            if not self.changed(f"UPDATE frames SET {mend} WHERE name = ? AND state = 'damaged'", *values):
+                columns = "content_hash, size, received, modified, name"
+                self.write(f"INSERT INTO frames ({columns}) VALUES ({marks(values)})", *values)
+
+    def record_damaged(self, damaged: DamagedFile) -> None:
+        """A file that is not whole. Told again, it keeps its newest reason; the name of a whole frame is an error."""
+        values = (printable(damaged.reason), stored(damaged.name))
+        with self.transaction():
+            if not self.changed("UPDATE frames SET reason = ? WHERE name = ? AND state = 'damaged'", *values):
+                self.write("INSERT INTO frames (reason, name, state) VALUES (?, ?, 'damaged')", *values)
+
+    def record_original(self, name: str, original: str) -> None:
+        """Where the frame's original is kept: a POSIX path relative to the output folder."""
+        self.update("UPDATE frames SET original = ? WHERE name = ?", stored(original), stored(name))
+
+    def record_size(self, name: str, width: int, height: int) -> None:
+        """The frame's size in pixels, known once it was decoded."""
+        self.update("UPDATE frames SET width = ?, height = ? WHERE name = ?", width, height, stored(name))
+
+    def settle_frame(self, name: str, state: FrameState, reason: str | None = None) -> None:
+        """What became of a frame; `reason` is wanted for rejected, duplicate, damaged and dropped."""
+        reason = None if reason is None else printable(reason)
+        self.update("UPDATE frames SET state = ?, reason = ? WHERE name = ?", state, reason, stored(name))
+
+    def frames(self, state: FrameState | None = None) -> list[FrameRecord]:
+        """All frames, or those in one state, in the order in which they came."""
+        had_event = "EXISTS (SELECT 1 FROM events WHERE events.frame = frames.id) AS had_event"
+        rows = self.rows(f"SELECT *, {had_event} FROM frames WHERE ? IS NULL OR state = ? ORDER BY id", state, state)
+        return [frame_record_of(row) for row in rows]
+
+    # Placements
+
+    def record_island(self, island: int) -> None:
+        """A new island. Ids are never used again, so a known one is an error."""
+        self.write("INSERT INTO islands (id) VALUES (?)", island)
+
+    def merge_island(self, island: int, into: int) -> None:
+        """`island` has become a part of `into`; its frames are re-recorded by whoever moved them."""
+        self.update("UPDATE islands SET merged_into = ? WHERE id = ?", into, island)
+
+    def islands(self) -> list[IslandRecord]:
+        rows = self.rows("SELECT id, merged_into FROM islands ORDER BY id")
+        return [IslandRecord(id=row["id"], merged_into=row["merged_into"]) for row in rows]
+
+    def record_estimates(self, estimates: Iterable[Estimate]) -> None:
+        """The newest estimates of some frames, all at once."""
+        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}, homography"
+        with self.transaction():
+            for one in estimates:
+                head = (self._frame_id(one.name), int(one.island), self._camera_id(one.camera))
+                values = (*head, *pose_row(one.pose), *support_row(one), *relief_row(one.relief))
+                values = (*values, homography_row(one.homography))
+                self.write(f"INSERT OR REPLACE INTO estimates ({columns}) VALUES ({marks(values)})", *values)
+
+    def estimates(self) -> list[Estimate]:
+        """The newest estimate of every frame that has one, in the order in which the frames came."""
+        return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id"))]
+
+    def record_covered(self, name: str, by: str, by_from_frame: Homography) -> None:
+        """The frame lies where its keyframe `by` lies; replaces what was recorded for it before."""
+        values = (self._frame_id(name), self._frame_id(by), homography_row(by_from_frame))
+        self.write("INSERT OR REPLACE INTO covered (frame, keyframe, keyframe_from_frame) VALUES (?, ?, ?)", *values)
+
+    def covered(self) -> list[CoveredRecord]:
+        """Every frame that a placed one covers, in the order in which they came; none in a ledger from before there were."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'covered'"):
+            return []
+        frame = (
+            "JOIN frames AS frame ON frame.id = covered.frame JOIN frames AS keyframe ON keyframe.id = covered.keyframe"
+        )
+        columns = "frame.name, frame.width, frame.height, keyframe.name AS keyframe, keyframe_from_frame"
+        return [covered_of(row) for row in self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame")]
+
+    def newest_on_map(self) -> str | None:
+        """The frame that came last of those that have a place."""
+        rows = self.rows("SELECT name FROM frames WHERE state IN ('placed', 'covered') ORDER BY id DESC LIMIT 1")
+        return name_of(rows[0]) if rows else None
+
+    def record_painted(self, painted: Painted) -> None:
+        """How a frame is painted now; replaces what was recorded for it before."""
+        columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {LOOK_COLUMNS}, {RELIEF_COLUMNS}'
+        with self.transaction():
+            head = (self._frame_id(painted.name), int(painted.order), int(painted.island), int(painted.level))
+            place = (self._camera_id(painted.camera), *pose_row(painted.pose))
+            values = (*head, *place, *look_row(painted), *relief_row(painted.relief))
+            self.write(f"INSERT OR REPLACE INTO painted ({columns}) VALUES ({marks(values)})", *values)
+
+    def forget_painted(self, name: str) -> None:
+        """The frame is not painted any more."""
+        self.write("DELETE FROM painted WHERE frame = ?", self._frame_id(name))
+
+    def painted(self, island: int) -> list[Painted]:
+        """Every frame painted on an island, in the order of painting."""
+        rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)
+        return [painted_of(row) for row in rows]
+
+    # The accounts
+
+    def accounts(self) -> Accounts:
+        """How many events and frames are in each state. The sums are the numbers of rows, always."""
+        announced = "SELECT count(DISTINCT frame) FROM events"  # four times as fast as asking for each frame
+        return Accounts(
+            events=EventAccount(**self._count_by_state("events")),
+            frames=FrameAccount(**self._count_by_state("frames")),
+            orphans=self.rows(f"SELECT count(*) - ({announced}) FROM frames")[0][0],
+        )
+
+    def _count_by_state(self, table: str) -> dict[str, int]:
+        return {row["state"]: row["n"] for row in self.rows(f"SELECT state, count(*) AS n FROM {table} GROUP BY state")}
+
+    # Looking up
+
+    def _frame_id(self, name: str) -> int:
+        rows = self.rows("SELECT id FROM frames WHERE name = ?", stored(name))
+        if not rows:
+            raise LookupError(f"no frame of that name in {self.path}: {name!r}")
+        return int(rows[0]["id"])
+
+    def _camera_id(self, camera: Camera) -> int:
+        columns, values = f"width, height, {LENS_COLUMNS}", camera_row(camera)
+        self.write(f"INSERT OR IGNORE INTO cameras ({columns}) VALUES ({marks(values)})", *values)
+        where = " AND ".join(f"{column} = ?" for column in columns.split(", "))
+        return int(self.rows(f"SELECT id FROM cameras WHERE {where}", *values)[0]["id"])
+
+
+def placed_in(table: str, order: str, where: str = "") -> str:
+    """A query for the rows of `painted` or `estimates` with the frame's name and the camera's values beside them."""
+    return (
+        f"SELECT {table}.*, frames.name, cameras.width AS camera_width, cameras.height AS camera_height, {LENS_COLUMNS} "
+        f"FROM {table} JOIN frames ON frames.id = {table}.frame JOIN cameras ON cameras.id = {table}.camera "
+        f"{where} ORDER BY {order}"
+    )
+
+
+def marks(values: tuple[object, ...]) -> str:
+    """A question mark for each value."""
+    return ", ".join("?" * len(values))
+
+
+def printable(text: str) -> str:
+    """A text for people that may quote a file name with bytes that are no characters."""
+    return text.encode("utf-8", "replace").decode("utf-8")

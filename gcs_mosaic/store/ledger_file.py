@@ -1,0 +1,67 @@
+"""The file under the ledger: transactions, and telling a full disk."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from gcs_mosaic.store.disk import telling_disk_full
+from gcs_mosaic.store.schema import connect, connect_for_reading
+
+
+class LedgerFile:
+    """One SQLite file that holds a flight. Use it from the thread that opened it."""
+
+    def __init__(self, path: Path, *, read_only: bool = False) -> None:
+        """Open the ledger at `path`; make it if there is none (unless `read_only`). Raises UsageError and DiskFull."""
+        self.path = path
+        self._connection = connect_for_reading(path) if read_only else connect(path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._connection.close()
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All changes inside appear together, or none of them. Inside another transaction it is part of that one."""
+        if self._connection.in_transaction:
+            yield
+            return
+        with telling_disk_full(self.path):
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+                self._connection.execute("COMMIT")
+            finally:
+                # SQLite ends the transaction itself on some errors (a full disk), not on others.
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+
+    def write(self, sql: str, *values: object) -> int:
+        """Run one statement; returns the id of the row that it made."""
+        with telling_disk_full(self.path):
+            return self._connection.execute(sql, values).lastrowid or 0
+
+    def changed(self, sql: str, *values: object) -> int:
+        """Run one statement; returns how many rows it changed."""
+        with telling_disk_full(self.path):
+            return self._connection.execute(sql, values).rowcount
+
+    def update(self, sql: str, *values: object) -> None:
+        """Change exactly one row, named by the last value. Raises LookupError if there is none."""
+        if self.changed(sql, *values) != 1:
+            raise LookupError(f"nothing of that name in {self.path}: {values[-1]!r}")
+
+    def rows(self, sql: str, *values: object) -> list[sqlite3.Row]:
+        return self._connection.execute(sql, values).fetchall()

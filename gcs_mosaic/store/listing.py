@@ -1,0 +1,132 @@
+"""The frames of a flight as readers see them: each in the list of its fate, kept as text, so that all are soon listed again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_frame
+from gcs_mosaic.stitch.graph.placement import Homography
+from gcs_mosaic.store.documents import FORMAT, Document, compact, finite
+from gcs_mosaic.store.records import CoveredRecord, Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameNews:
+    """What is told of some frames; it replaces whatever was told of them before. `newest` holds for the flight."""
+
+    estimates: Sequence[Estimate] = ()  # of placed frames
+    covered: Sequence[CoveredRecord] = ()
+    rejected: Mapping[str, str] = field(default_factory=dict)  # reason by name
+    waiting: Sequence[str] = ()
+    newest: str | None = None  # of the frames that have a place, the one that came last
+
+
+@dataclass(frozen=True, slots=True)
+class _Placed:
+    estimate: Estimate
+    text: str  # its entry but for the camera, which is a number in one document and another in the next
+
+
+@dataclass(frozen=True, slots=True)
+class _Unplaced:
+    kind: str  # the list that it is in
+    text: str
+
+
+_Entry: TypeAlias = _Placed | CoveredRecord | _Unplaced
+
+
+class Listing:
+    """All that was told of the frames of a flight."""
+
+    def __init__(self) -> None:
+        self._entries: dict[str, _Entry] = {}  # in the order in which the frames were first told of
+        self._newest: str | None = None
+
+    def tell(self, news: FrameNews) -> list[str]:
+        """Take in what is new; returns the names of the frames that it is about."""
+        told: dict[str, _Entry] = {}
+        for name, reason in news.rejected.items():
+            told[name] = _Unplaced("rejected", compact({"name": name, "reason": reason}))
+        for name in news.waiting:
+            told[name] = _Unplaced("waiting", compact({"name": name}))
+        for estimate in news.estimates:
+            told[estimate.name] = _Placed(estimate, compact(frame_entry(estimate)))
+        for covered in news.covered:
+            told[covered.name] = covered
+        self._entries |= told
+        self._newest = news.newest
+        return list(told)
+
+    def text(self, revision: int, names: Iterable[str] | None = None) -> str:
+        """The content of placements.json; with only these frames in it, a line of placements.jsonl.
+
+        A frame's `camera` is an index into `cameras`.
+        """
+        lists: dict[str, list[str]] = {"frames": [], "covered": [], "rejected": [], "waiting": []}
+        cameras: dict[Camera, int] = {}
+        for name in self._entries if names is None else names:
+            match self._entries[name]:
+                case _Placed(estimate, text):
+                    camera = cameras.setdefault(estimate.camera, len(cameras))
+                    lists["frames"].append(f'{{"camera":{camera},{text[1:]}')
+                case _Unplaced(kind, text):
+                    lists[kind].append(text)
+                case covered:
+                    lists["covered"].append(compact(covered_entry(covered, self._estimate(covered.by))))
+        head: Document = {
+            "format": FORMAT,
+            "revision": revision,
+            "newest": self._newest,
+            "cameras": [*map(asdict, cameras)],
+        }
+        parts = (f'"{kind}":[{",".join(texts)}]' for kind, texts in lists.items())
+        return f"{compact(head)[:-1]},{','.join(parts)}}}"
+
+    def _estimate(self, name: str) -> Estimate | None:
+        entry = self._entries.get(name)
+        return entry.estimate if isinstance(entry, _Placed) else None
+
+
+def frame_entry(estimate: Estimate) -> Document:
+    """A placed frame, but for its camera."""
+    deviation = estimate.corner_deviation_px
+    placed = canvas_from_frame(estimate.pose, estimate.camera).tolist()
+    return {
+        "name": estimate.name,
+        "island": estimate.island,
+        "canvas_from_frame": estimate.homography or placed,
+        "width": estimate.camera.width,
+        "height": estimate.camera.height,
+        "inliers": estimate.inliers,
+        "residual_px": None if estimate.residual_px is None else finite(estimate.residual_px),
+        "neighbours": estimate.neighbours,
+        "hops": estimate.hops,
+        "corner_deviation_px": None if deviation is None else finite(deviation),
+    }
+
+
+def covered_entry(covered: CoveredRecord, keyframe: Estimate | None) -> Document:
+    """A frame that follows its keyframe, wherever that lies now."""
+    return {
+        "name": covered.name,
+        "covered_by": covered.by,
+        "keyframe_from_frame": covered.by_from_frame,
+        "island": keyframe.island if keyframe else None,
+        "canvas_from_frame": followed(keyframe.pose, keyframe.camera, covered.by_from_frame) if keyframe else None,
+        "width": covered.width,
+        "height": covered.height,
+    }
+
+
+@lru_cache(maxsize=65536)
+def followed(pose: Pose, camera: Camera, by_from_frame: Homography) -> list[list[float]]:
+    """`canvas_from_frame` of a covered frame whose keyframe lies at this pose; kept, because most keyframes stay."""
+    canvas_from_covered = canvas_from_frame(pose, camera) @ np.array(by_from_frame)
+    rows: list[list[float]] = (canvas_from_covered / canvas_from_covered[2, 2]).tolist()
+    return rows

@@ -1,0 +1,111 @@
+"""What the output folder says about itself, revision by revision: mosaic.json, after what is told of the frames (format 1)."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from gcs_mosaic.render.tile_grid import TILE_SIZE
+from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.store.documents import FORMAT, Document, iso_utc, write_json
+from gcs_mosaic.store.held_out import held_out_entry
+from gcs_mosaic.store.listing import FrameNews
+from gcs_mosaic.store.placements import Placements
+from gcs_mosaic.store.records import Accounts
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IslandEntry:
+    """One island as readers see it. A merged one stays listed, so that a reader knows where its tiles went."""
+
+    id: int
+    bounds: tuple[float, float, float, float]  # left, top, right, bottom in canvas units
+    minzoom: int  # the coarsest level with tiles
+    maxzoom: int  # the finest level with tiles
+    frames: int
+    merged_into: int | None = None
+    held_out: HeldOut | None = None  # how good it is; None while that is not known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contents:
+    """Everything that is told at one revision; of the frames only what is new."""
+
+    flight: str
+    updated_utc: float
+    islands: Sequence[IslandEntry]
+    accounts: Accounts
+    frames: FrameNews
+
+
+class Manifest:
+    """Writes the documents of one output folder; the revision rises with every writing, also over restarts."""
+
+    def __init__(self, out: Path) -> None:
+        self.out = out
+        self.revision = last_revision(out)
+        self._given = self.revision  # also to a writing that failed on the way: some of it may have been read
+        self._placements = Placements(out)
+
+    def write(self, contents: Contents, *, everything: bool = False) -> int:
+        """Write what is told of the frames, of all of them if `everything`, then mosaic.json; returns the new revision.
+
+        After DiskFull the old revision stays, and what was new is to be told again.
+        """
+        self._given += 1
+        self._placements.write(self._given, contents.frames, everything=everything)
+        write_json(self.out / "mosaic.json", mosaic_document(contents, self._given))
+        self.revision = self._given
+        return self.revision
+
+    def catch_up(self) -> None:
+        """Bring placements.json to this revision. Raises DiskFull."""
+        self._placements.catch_up()
+
+    def close(self) -> None:
+        """Nothing more is written."""
+        self._placements.close()
+
+
+def last_revision(out: Path) -> int:
+    """The revision of the folder's mosaic.json, 0 if there is none that can be read."""
+    try:
+        return int(json.loads((out / "mosaic.json").read_bytes())["revision"])
+    except FileNotFoundError:
+        return 0
+    except (OSError, ValueError, KeyError, TypeError):
+        logger.warning("mosaic.json cannot be read: its revisions begin anew", exc_info=True)
+        return 0
+
+
+def mosaic_document(contents: Contents, revision: int) -> Document:
+    """The content of mosaic.json."""
+    return {
+        "format": FORMAT,
+        "flight": contents.flight,
+        "revision": revision,
+        "tile_size": TILE_SIZE,
+        "islands": [island_entry(island) for island in contents.islands],
+        "events": asdict(contents.accounts.events),
+        "frames": asdict(contents.accounts.frames),
+        "orphans": contents.accounts.orphans,
+        "updated": iso_utc(contents.updated_utc),
+    }
+
+
+def island_entry(island: IslandEntry) -> Document:
+    entry: Document = {
+        "id": island.id,
+        "bounds": [float(edge) for edge in island.bounds],
+        "minzoom": island.minzoom,
+        "maxzoom": island.maxzoom,
+        "frames": island.frames,
+        "held_out_px": held_out_entry(island.held_out),
+        "tiles": f"tiles/{island.id}/{{z}}/{{x}}/{{y}}.jpg",
+    }
+    return entry if island.merged_into is None else entry | {"merged_into": island.merged_into}

@@ -1,0 +1,162 @@
+"""Keeping the frames a flight was made of, as they were when they came.
+
+A camera that is still flying may write again into a file that it has finished, and a hard link would follow it: so
+frames are copied, and checked against their hash, unless nobody writes there any more (a finished folder) or space has
+run short.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+from gcs_mosaic.messages import Frame, Notice
+from gcs_mosaic.store.disk import make_folder, write_beside
+
+logger = logging.getLogger(__name__)
+
+GB = 10**9
+LONGEST_PART = 200  # bytes of UTF-8; most file systems take 255, and a temporary name is a little longer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OriginalsSettings:
+    """How the original frames are kept."""
+
+    # "copy" is safe whatever the camera does. "link" takes no space, but follows a file that is written again.
+    keep: Literal["copy", "link"] = "copy"
+    # Beyond this frames are only linked, which takes no space; said aloud. A long day is about 5 000 frames of 5 MB.
+    budget_gb: float = 50.0
+    # What must stay free on the disk for the map (about 1 GB for a flight); below it frames are only linked.
+    reserve_gb: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """An original is at `path` (POSIX, relative to the output folder)."""
+
+    path: str
+    linked: bool
+    notice: Notice | None  # said once, when the budget or the disk's reserve is reached
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotKept:
+    """Why there is no original of a frame."""
+
+    reason: str
+    notice: Notice | None
+
+
+class Originals:
+    """The folder `frames` of one output folder. Nothing in it is ever changed or overwritten."""
+
+    def __init__(self, out: Path, settings: OriginalsSettings | None = None) -> None:
+        self.out = out
+        self.settings = settings or OriginalsSettings()
+        self.used = sum(path.stat().st_size for path in (out / "frames").rglob("*") if path.is_file())
+        self._said = False
+
+    def keep(self, frame: Frame) -> Kept | NotKept:
+        """Keep one frame. Raises DiskFull when even that does not fit."""
+        shortage = self._shortage(frame.size)
+        notice = self._say_once(shortage) if shortage else None
+        target = free_place(self.out / relative_place(frame.name), frame.content_hash)
+        reason = None
+        may_link = frame.data is None and (self.settings.keep == "link" or shortage is not None)
+        linked = may_link and link(frame.path, target)
+        if not linked:
+            reason = shortage or self._copy(frame, target)
+        if reason is not None:
+            return NotKept(reason=reason, notice=notice)
+        return Kept(path=target.relative_to(self.out).as_posix(), linked=linked, notice=notice)
+
+    def _copy(self, frame: Frame, target: Path) -> str | None:
+        """Copy the frame's file; returns a reason when its content is not what it was when the frame came."""
+        if target.exists():
+            return None
+        try:
+            data = frame.read()
+        except OSError as error:
+            return f"the file could not be read again to keep it ({error.strerror})"
+        if content_hash(data) != frame.content_hash:
+            return "the file was written again before it could be kept"
+        try:
+            make_folder(target.parent)
+            write_beside(target, data)
+        except OSError as error:  # such as a folder where there was a file of that name
+            return f"{target} could not be written ({error.strerror})"
+        self.used += len(data)
+        return None
+
+    def _shortage(self, size: int) -> str | None:
+        """Why this many bytes should not be copied any more."""
+        free = shutil.disk_usage(self.out).free
+        if free - size < self.settings.reserve_gb * GB:
+            return (
+                f"only {free / GB:.1f} GB are free on the disk ({self.settings.reserve_gb:g} GB are kept for the map)"
+            )
+        if self.used + size > self.settings.budget_gb * GB:
+            return f"the originals take {self.used / GB:.1f} GB, the budget is {self.settings.budget_gb:g} GB"
+        return None
+
+    def _say_once(self, shortage: str) -> Notice | None:
+        if self._said:
+            return None
+        self._said = True
+        advice = "from now on frames are linked instead of copied: do not write again into their files"
+        return Notice(source="originals", level="warning", text=f"{shortage}; {advice}")
+
+
+def is_intact(path: Path, expected_hash: str) -> bool:
+    """Whether an original still is what came: a linked one may have been written again."""
+    try:
+        return content_hash(path.read_bytes()) == expected_hash
+    except OSError:
+        logger.warning("the original %s cannot be read", path, exc_info=True)
+        return False
+
+
+def content_hash(data: bytes) -> str:
+    """The hash of `events.Frame.content_hash`: blake2b with 16 bytes, in hex."""
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def relative_place(name: str) -> PurePosixPath:
+    """Where under the output folder a frame of this name is kept; whatever the name, it is inside `frames/`."""
+    parts = [part for part in name.replace("\0", "_").replace("\\", "_").split("/") if part not in ("", ".", "..")]
+    return PurePosixPath("frames", *[short(part) for part in parts or ["unnamed"]][-16:])
+
+
+def short(part: str) -> str:
+    """A part of a path that every file system takes; different long names stay different."""
+    if len(os.fsencode(part)) <= LONGEST_PART:
+        return part
+    mark = hashlib.blake2b(os.fsencode(part), digest_size=6).hexdigest()
+    suffix = PurePosixPath(part).suffix[-12:]
+    return f"{os.fsdecode(os.fsencode(part)[: LONGEST_PART // 2]).encode('ascii', 'replace').decode()}~{mark}{suffix}"
+
+
+def free_place(target: Path, expected_hash: str) -> Path:
+    """`target`, or a name beside it if another picture is kept there already."""
+    if not target.exists() or is_intact(target, expected_hash):
+        return target
+    return target.with_name(f"{target.stem}~{expected_hash[:12]}{target.suffix}")
+
+
+def link(source: Path, target: Path) -> bool:
+    """Hard link `target` to `source`; False where that cannot be done (another disk, a file system without links)."""
+    if target.exists():
+        return True
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.hardlink_to(source.resolve())
+    except OSError:
+        logger.debug("%s cannot be linked", source, exc_info=True)
+        return False
+    return True

@@ -1,0 +1,87 @@
+"""placements.json, which lists every frame, and placements.jsonl, which tells what has changed meanwhile.
+
+To list all frames costs the more, the longer the flight. So it is done every few seconds, and each revision only adds a
+line to the journal: a document like placements.json, of the frames of which something new is told.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+from gcs_mosaic.store.disk import telling_disk_full, write_beside
+from gcs_mosaic.store.documents import FORMAT, compact
+from gcs_mosaic.store.listing import FrameNews, Listing
+
+WHOLE_NAME, JOURNAL_NAME = "placements.json", "placements.jsonl"
+WHOLE_EACH_S = 5.0  # placements.json is no older than that while frames come,
+WHOLE_SHARE = 0.02  # unless more than this part of the time would go into writing it
+JOURNAL_BYTES = 1 << 18  # a longer journal is begun anew, or whoever opens the page would have to read ever more
+
+
+class Placements:
+    """Writes both files of one output folder."""
+
+    def __init__(self, out: Path) -> None:
+        self._whole, self._journal = out / WHOLE_NAME, out / JOURNAL_NAME
+        self._listing = Listing()
+        self._listed = self._told = 0  # revisions: of placements.json, of the journal's last line
+        self._due = 0.0  # monotonic seconds: when placements.json may be written again
+
+    def write(self, revision: int, news: FrameNews, *, everything: bool) -> None:
+        """Tell what is new; of everything too if that is asked for, or due. Raises DiskFull.
+
+        placements.json comes first: who reads the journal and then placements.json misses nothing.
+        """
+        line = self._listing.text(revision, self._listing.tell(news))
+        begin_anew = not self._journal.exists()
+        if everything or begin_anew or time.monotonic() >= self._due:
+            self._list(revision)
+            begin_anew |= self._journal.exists() and self._journal.stat().st_size > JOURNAL_BYTES
+        if begin_anew:
+            since = compact({"format": FORMAT, "since": revision - 1})
+            write_beside(self._journal, f"{since}\n{line}\n".encode("ascii"))
+        else:
+            append(self._journal, f"{line}\n".encode("ascii"))
+        self._told = revision
+
+    def catch_up(self) -> None:
+        """List every frame, if the journal tells more than placements.json. Raises DiskFull."""
+        if self._listed < self._told:
+            self._list(self._told)
+
+    def close(self) -> None:
+        """Leave no journal that tells nothing more than placements.json."""
+        if self._listed >= self._told:
+            self._journal.unlink(missing_ok=True)
+
+    def _list(self, revision: int) -> None:
+        start = time.monotonic()
+        write_beside(self._whole, self._listing.text(revision).encode("ascii"))
+        self._listed, now = revision, time.monotonic()
+        self._due = now + max(WHOLE_EACH_S, (now - start) / WHOLE_SHARE)
+
+
+def append(path: Path, data: bytes) -> None:
+    """Add a line to a file. What a full disk took of it is taken back. Raises DiskFull."""
+    with telling_disk_full(path), path.open("ab", buffering=0) as file:
+        size = file.tell()
+        try:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[file.write(rest) :]
+        except BaseException:
+            file.truncate(size)
+            raise
+
+
+def told_after(journal: Path, revision: int) -> bytes:
+    """The journal's head and those of its lines that are newer than `revision`, whole ones only."""
+    head, *lines = journal.read_bytes().splitlines(keepends=True)
+    if lines and not lines[-1].endswith(b"\n"):
+        del lines[-1]
+    first = len(lines)
+    while first and json.loads(lines[first - 1])["revision"] > revision:
+        first -= 1
+    return head + b"".join(lines[first:])

@@ -1,0 +1,253 @@
+"""Rows of the ledger's tables and the records they stand for."""
+
+from __future__ import annotations
+
+import json
+import math
+import sqlite3
+from dataclasses import asdict
+
+import numpy as np
+
+from gcs_mosaic.messages import CaptureResult, Position, Source, TriggerEvent
+from gcs_mosaic.render.canvas import CanvasSettings
+from gcs_mosaic.render.display import PLAIN, Display
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.vignetting import FLAT, Vignetting
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.graph.placement import Homography
+from gcs_mosaic.store.records import CoveredRecord, Estimate, EventRecord, EventState, FrameRecord, FrameState
+
+EVENT_COLUMNS = (
+    "vehicle, component, camera, source, sequence, received, source_time, clock, utc, result, file_hint, "
+    "latitude_deg, longitude_deg, altitude_m"
+)
+POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
+LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
+RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
+LOOK_COLUMNS = "gain, vignetting, display, dead_border"
+SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
+
+Stored = str | bytes | None
+
+
+def stored(text: str | None) -> Stored:
+    """A text from outside as SQLite can hold it: file names may contain bytes that are no characters."""
+    if text is None:
+        return None
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "surrogatepass")
+    return text
+
+
+def restored(value: Stored) -> str | None:
+    """Inverse of `stored`."""
+    return value.decode("utf-8", "surrogatepass") if isinstance(value, bytes) else value
+
+
+def name_of(row: sqlite3.Row) -> str:
+    """The frame name that the row's `name` column holds."""
+    return restored(row["name"]) or ""
+
+
+def event_row(event: TriggerEvent) -> tuple[object, ...]:
+    """Values for EVENT_COLUMNS."""
+    place = event.position
+    position = (place.latitude_deg, place.longitude_deg, place.altitude_m) if place else (None, None, None)
+    return (
+        *(event.vehicle, event.component, event.camera, int(event.source), event.sequence, event.received),
+        *(event.source_time, event.clock, event.utc, event.result.value, stored(event.file_hint)),
+        *position,
+    )
+
+
+def event_of(row: sqlite3.Row) -> TriggerEvent:
+    return TriggerEvent(
+        vehicle=row["vehicle"],
+        component=row["component"],
+        camera=row["camera"],
+        source=Source(row["source"]),
+        sequence=row["sequence"],
+        received=row["received"],
+        source_time=row["source_time"],
+        clock=row["clock"],
+        utc=row["utc"],
+        result=CaptureResult(row["result"]),
+        file_hint=restored(row["file_hint"]),
+        position=position_of(row),
+    )
+
+
+def position_of(row: sqlite3.Row) -> Position | None:
+    if row["latitude_deg"] is None or row["longitude_deg"] is None:
+        return None
+    return Position(latitude_deg=row["latitude_deg"], longitude_deg=row["longitude_deg"], altitude_m=row["altitude_m"])
+
+
+def event_record_of(row: sqlite3.Row) -> EventRecord:
+    return EventRecord(
+        id=row["id"],
+        event=event_of(row),
+        state=EventState(row["state"]),
+        duplicate_of=row["duplicate_of"],
+        frame=restored(row["frame_name"]),
+    )
+
+
+def frame_record_of(row: sqlite3.Row) -> FrameRecord:
+    return FrameRecord(
+        name=name_of(row),
+        state=FrameState(row["state"]),
+        reason=row["reason"],
+        had_event=bool(row["had_event"]),
+        original=restored(row["original"]),
+        content_hash=row["content_hash"],
+        size=row["size"],
+        width=row["width"],
+        height=row["height"],
+        received=row["received"],
+        modified=row["modified"],
+    )
+
+
+def pose_row(pose: Pose) -> tuple[float, ...]:
+    """Values for POSE_COLUMNS. Raises ValueError for what is no number: such a pose must not reach the ledger."""
+    values = (pose.x, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll)
+    if not all(math.isfinite(value) for value in values):
+        raise ValueError(f"not a pose: {pose}")
+    return tuple(float(value) for value in values)
+
+
+def support_row(one: Estimate) -> tuple[float | None, ...]:
+    """Values for SUPPORT_COLUMNS."""
+    counts = int(one.inliers), one.residual_px, int(one.neighbours), int(one.hops)
+    return (*counts, one.corner_deviation_px)
+
+
+def pose_of(row: sqlite3.Row) -> Pose:
+    return Pose(row["x"], row["y"], row["log_gsd"], row["yaw"], row["pitch"], row["roll"])
+
+
+def camera_row(camera: Camera) -> tuple[float, ...]:
+    """Values for width, height and LENS_COLUMNS."""
+    lens = (camera.focal, camera.k1, camera.k2, camera.shift_x, camera.shift_y)
+    return (camera.width, camera.height, *(float(value) for value in lens))
+
+
+def camera_of(row: sqlite3.Row) -> Camera:
+    lens = (row["focal"], row["k1"], row["k2"], row["shift_x"], row["shift_y"])
+    return Camera(row["camera_width"], row["camera_height"], *lens)
+
+
+def relief_row(relief: ReliefDisplacement | None) -> tuple[object, ...]:
+    """Values for RELIEF_COLUMNS."""
+    return (None, None, None) if relief is None else (relief.columns, relief.rows, relief.shifts)
+
+
+def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
+    if row["relief_shifts"] is None:
+        return None
+    return ReliefDisplacement(row["relief_columns"], row["relief_rows"], row["relief_shifts"])
+
+
+def look_row(painted: Painted) -> tuple[object, ...]:
+    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit numbers, the others as JSON."""
+    gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
+    return gain, vignetting, json.dumps(asdict(painted.display)), json.dumps([int(lines) for lines in painted.dead])
+
+
+def vignetting_of(row: sqlite3.Row) -> Vignetting:
+    """Also for a ledger that was written before there was any."""
+    stored = row["vignetting"] if "vignetting" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    if stored is None:
+        return FLAT
+    values = np.frombuffer(stored, "<f8").tolist()
+    if len(values) == 2:  # one curve for all bands, of even powers, before each had its own
+        return ((0.0, *values),) * len(gain_of(row)) if any(values) else FLAT
+    return tuple(zip(*(values[k::3] for k in range(3)), strict=True))
+
+
+def dead_border_of(row: sqlite3.Row) -> DeadBorder:
+    """Also for a ledger that was written before there was any."""
+    stored = row["dead_border"] if "dead_border" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    return NO_BORDER if stored is None else DeadBorder(*json.loads(stored))
+
+
+def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
+    if "gain" in row.keys():  # noqa: SIM118 -- a row's `in` asks its values
+        return tuple(np.frombuffer(row["gain"], dtype="<f8").tolist())
+    return row["gain_b"], row["gain_g"], row["gain_r"]  # version 2
+
+
+def canvas_of(row: sqlite3.Row) -> CanvasSettings:
+    return CanvasSettings(**json.loads(row["canvas"])) if "canvas" in row.keys() else CanvasSettings(blend="edge")  # noqa: SIM118
+
+
+def display_of(row: sqlite3.Row) -> Display:
+    if "display" not in row.keys():  # noqa: SIM118
+        return PLAIN
+    blue, green, red = (values := json.loads(row["display"]))["shown"]
+    light = values.get("factor", 1.0), values.get("gamma", 1.0)
+    return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]), *light)
+
+
+def homography_row(homography: Homography | None) -> bytes | None:
+    """Nine numbers of eight bytes."""
+    return None if homography is None else np.array(homography, dtype="<f8").tobytes()
+
+
+def homography_of(row: sqlite3.Row) -> Homography | None:
+    """None also for a ledger that was written before there were any."""
+    stored = row["homography"] if "homography" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    return None if stored is None else nine_numbers(stored)
+
+
+def nine_numbers(stored: bytes) -> Homography:
+    """Inverse of `homography_row`."""
+    return tuple(map(tuple, np.frombuffer(stored, "<f8").reshape(3, 3).tolist()))
+
+
+def covered_of(row: sqlite3.Row) -> CoveredRecord:
+    return CoveredRecord(
+        name=name_of(row),
+        by=restored(row["keyframe"]) or "",
+        by_from_frame=nine_numbers(row["keyframe_from_frame"]),
+        width=row["width"],
+        height=row["height"],
+    )
+
+
+def painted_of(row: sqlite3.Row) -> Painted:
+    return Painted(
+        name=name_of(row),
+        order=row["order"],
+        island=row["island"],
+        pose=pose_of(row),
+        camera=camera_of(row),
+        relief=relief_of(row),
+        gain=gain_of(row),
+        vignetting=vignetting_of(row),
+        display=display_of(row),
+        dead=dead_border_of(row),
+        level=row["level"],
+    )
+
+
+def estimate_of(row: sqlite3.Row) -> Estimate:
+    return Estimate(
+        name=name_of(row),
+        island=row["island"],
+        pose=pose_of(row),
+        camera=camera_of(row),
+        relief=relief_of(row),
+        inliers=row["inliers"],
+        residual_px=row["residual_px"],
+        neighbours=row["neighbours"],
+        hops=row["hops"],
+        corner_deviation_px=row["corner_deviation_px"],
+        homography=homography_of(row),
+    )

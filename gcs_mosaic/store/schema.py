@@ -1,0 +1,212 @@
+"""The tables of the ledger, and opening a file that holds them."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store.disk import telling_disk_full
+
+VERSION = 8  # PRAGMA user_version; raise it with every change to the tables below, and migrate
+APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
+BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
+
+# Numbers whose every bit counts have no declared type, so that SQLite stores them as they are (a REAL column
+# turns whole numbers into integers on disk, and -0.0 into 0).
+FRAMES = """CREATE TABLE frames (
+    id INTEGER PRIMARY KEY,
+    name NOT NULL UNIQUE,
+    state TEXT NOT NULL DEFAULT 'pending'
+        CHECK (state IN ('pending', 'placed', 'covered', 'waiting', 'rejected', 'duplicate', 'damaged', 'dropped')),
+    reason TEXT,
+    original,
+    content_hash TEXT,
+    size INTEGER,
+    width INTEGER,
+    height INTEGER,
+    received,
+    modified,
+    CHECK (reason IS NOT NULL OR state NOT IN ('rejected', 'duplicate', 'damaged', 'dropped')),
+    CHECK (content_hash IS NOT NULL OR state = 'damaged')
+);
+"""
+COVERED = """CREATE TABLE covered (
+    frame INTEGER PRIMARY KEY REFERENCES frames (id),
+    keyframe INTEGER NOT NULL REFERENCES frames (id),
+    keyframe_from_frame BLOB NOT NULL,
+    CHECK (frame != keyframe)
+);
+"""
+TABLES = f"""
+CREATE TABLE flight (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    name TEXT NOT NULL,
+    started_utc NOT NULL,
+    canvas TEXT NOT NULL -- how frames are painted, JSON
+);
+{FRAMES}CREATE TABLE events (
+    id INTEGER PRIMARY KEY,
+    state TEXT NOT NULL CHECK (state IN ('pending', 'matched', 'missing', 'duplicate', 'failed')),
+    duplicate_of INTEGER REFERENCES events (id),
+    frame INTEGER REFERENCES frames (id),
+    vehicle INTEGER NOT NULL,
+    component INTEGER NOT NULL,
+    camera INTEGER NOT NULL,
+    source INTEGER NOT NULL,
+    sequence INTEGER,
+    received NOT NULL,
+    source_time,
+    clock TEXT NOT NULL,
+    utc,
+    result TEXT NOT NULL,
+    file_hint,
+    latitude_deg,
+    longitude_deg,
+    altitude_m,
+    CHECK ((state = 'matched') = (frame IS NOT NULL)),
+    CHECK ((state = 'duplicate') = (duplicate_of IS NOT NULL)),
+    CHECK (duplicate_of != id)
+);
+CREATE INDEX events_by_frame ON events (frame);
+CREATE TABLE islands (
+    id INTEGER PRIMARY KEY,
+    merged_into INTEGER REFERENCES islands (id),
+    CHECK (merged_into != id)
+);
+-- One row for each set of lens values ever used: a painted frame refers to those it was painted with.
+CREATE TABLE cameras (
+    id INTEGER PRIMARY KEY,
+    width INTEGER NOT NULL,
+    height INTEGER NOT NULL,
+    focal NOT NULL,
+    k1 NOT NULL, k2 NOT NULL,
+    shift_x NOT NULL, shift_y NOT NULL,
+    UNIQUE (width, height, focal, k1, k2, shift_x, shift_y)
+);
+CREATE TABLE painted (
+    frame INTEGER PRIMARY KEY REFERENCES frames (id),
+    "order" INTEGER NOT NULL,
+    island INTEGER NOT NULL REFERENCES islands (id),
+    level INTEGER NOT NULL,
+    camera INTEGER NOT NULL REFERENCES cameras (id),
+    x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
+    gain BLOB NOT NULL, display TEXT NOT NULL, vignetting BLOB,
+    dead_border TEXT, -- left, top, right, bottom, JSON
+    relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
+);
+CREATE INDEX painted_by_island ON painted (island, "order");
+CREATE TABLE estimates (
+    frame INTEGER PRIMARY KEY REFERENCES frames (id),
+    island INTEGER NOT NULL REFERENCES islands (id),
+    camera INTEGER NOT NULL REFERENCES cameras (id),
+    x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
+    inliers INTEGER NOT NULL,
+    residual_px,
+    neighbours INTEGER NOT NULL,
+    hops INTEGER NOT NULL,
+    corner_deviation_px,
+    relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB,
+    homography BLOB
+);
+{COVERED}CREATE TABLE notices (
+    id INTEGER PRIMARY KEY,
+    utc NOT NULL,
+    source TEXT NOT NULL,
+    level TEXT NOT NULL,
+    text NOT NULL
+);
+"""
+
+# What makes the tables of each older version those of the next one.
+MIGRATIONS = {
+    1: "ALTER TABLE estimates ADD COLUMN homography BLOB;",
+    2: """
+ALTER TABLE flight ADD COLUMN canvas TEXT NOT NULL DEFAULT '{"blend": "edge"}';
+ALTER TABLE painted ADD COLUMN gain BLOB NOT NULL DEFAULT x'';
+ALTER TABLE painted ADD COLUMN display TEXT NOT NULL DEFAULT '{"shown": [0, 1, 2], "black": [0, 0, 0], "white": [255, 255, 255]}';
+UPDATE painted SET gain = numbers(gain_b, gain_g, gain_r);
+ALTER TABLE painted DROP COLUMN gain_b;
+ALTER TABLE painted DROP COLUMN gain_g;
+ALTER TABLE painted DROP COLUMN gain_r;
+""",
+    3: "ALTER TABLE painted ADD COLUMN vignetting BLOB;",
+    4: "ALTER TABLE painted ADD COLUMN dead_border TEXT;",
+    # What a table checks is only changed by making it anew; references to it go by its name.
+    5: f"""
+{FRAMES.replace("frames", "new_frames")}
+INSERT INTO new_frames SELECT * FROM frames;
+DROP TABLE frames;
+ALTER TABLE new_frames RENAME TO frames;
+{COVERED}
+""",
+    6: "",  # one curve of vignetting for all bands is read as one for each
+    7: "",  # a display without factor and gamma is read as with 1
+}
+
+
+def connect(path: Path) -> sqlite3.Connection:
+    """The ledger at `path`, made if there is none. Raises UsageError for a file that is not ours, and DiskFull."""
+    with telling_disk_full(path):
+        connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+        try:
+            prepare(connection, path)
+        except BaseException:
+            connection.close()
+            raise
+    return connection
+
+
+def connect_for_reading(path: Path) -> sqlite3.Connection:
+    """The ledger at `path` beside the program that writes it. Raises UsageError where there is none of ours."""
+    if not path.is_file():
+        raise UsageError(f"{path} does not exist: name a folder that gcs-mosaic has written a flight into")
+    connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_S, isolation_level=None)
+    try:
+        connection.row_factory = sqlite3.Row
+        if version_of(connection, path) == 0:
+            raise UsageError(f"{path} holds no flight: name a folder that gcs-mosaic has written a flight into")
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def prepare(connection: sqlite3.Connection, path: Path) -> None:
+    """Make the tables in a new file, or check that those of an old one are ours; set how the file is written."""
+    connection.row_factory = sqlite3.Row
+    version = version_of(connection, path)
+    if version == 0:
+        connection.executescript(
+            f"BEGIN; {TABLES} PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {VERSION}; COMMIT;"
+        )
+    connection.create_function("numbers", 3, lambda *values: struct.pack("<3d", *values))
+    for old in range(version or VERSION, VERSION):
+        connection.executescript(f"BEGIN; {MIGRATIONS[old]} PRAGMA user_version = {old + 1}; COMMIT;")
+    connection.execute("PRAGMA journal_mode = WAL")
+    # With a write-ahead log, NORMAL survives any kill; a power cut may cost the last frames, never the file.
+    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute("PRAGMA foreign_keys = ON")
+
+
+def version_of(connection: sqlite3.Connection, path: Path) -> int:
+    """The schema version, 0 for an empty file. Raises UsageError for what is not ours or newer than this program."""
+    try:
+        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        application = int(connection.execute("PRAGMA application_id").fetchone()[0])
+        empty = connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0] == 0
+    except sqlite3.DatabaseError as error:
+        if isinstance(error, sqlite3.OperationalError):
+            raise
+        raise UsageError(f"{path} is not a flight's ledger ({error}): move it away or choose another --out") from error
+    if empty:
+        return 0
+    if application != APPLICATION:
+        raise UsageError(f"{path} belongs to another program: move it away or choose another --out")
+    if version > VERSION:
+        raise UsageError(
+            f"{path} was written by a newer gcs-mosaic (ledger version {version}, this one knows up to {VERSION}): "
+            "update gcs-mosaic or choose another --out"
+        )
+    return version

@@ -1,0 +1,220 @@
+"""What the daemon says about itself while it runs: `status.json`, for the page and for `gcs-mosaic status`."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.messages import LinkReport, SourceReport
+from gcs_mosaic.store.documents import FORMAT, Document, finite, iso_utc
+from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.store.held_out import Figures, held_out_entry, held_out_words
+from gcs_mosaic.store.records import Accounts, NoticeRecord
+
+HUNG_AFTER_S = 8.0  # a running daemon writes its status each two seconds or more often
+
+# listening: no frame yet; flying: frames come; idle: none for a while; settling: the last frames and the final
+# painting; stopped: everything is written.
+DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastFrame:
+    """The frame that was worked off last; `outcome` is a frame state."""
+
+    name: str
+    outcome: str
+    island: int | None
+    utc: float
+    seconds_to_tile: float | None  # from the file being whole to its tiles being on disk
+    reason: str | None = None
+    covered_by: str | None = None  # the placed frame that shows all that this one does
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Behind:
+    """How far the map is behind: frames that wait to be worked off, and how long ago the first of them came."""
+
+    frames: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Status:
+    """Everything in status.json. Written at least each two seconds: an old `updated` means a daemon that hangs."""
+
+    flight: str
+    state: DaemonState
+    updated_utc: float
+    started_utc: float
+    revision: int = 0
+    mavlink: tuple[LinkReport, ...] = ()
+    watch: SourceReport | None = None
+    behind: Behind = field(default_factory=Behind)
+    last_frame: LastFrame | None = None
+    accounts: Accounts = field(default_factory=Accounts)
+    held_out: Figures = field(default_factory=dict)  # how good islands are, by number
+    notices: tuple[NoticeRecord, ...] = ()  # the newest few, oldest first
+
+
+def status_document(status: Status) -> Document:
+    """The content of status.json; moments are written in ISO 8601, UTC."""
+    return {
+        "format": FORMAT,
+        "flight": status.flight,
+        "state": status.state,
+        "updated": iso_utc(status.updated_utc),
+        "started": iso_utc(status.started_utc),
+        "revision": status.revision,
+        "mavlink": [link_entry(link) for link in status.mavlink],
+        "watch": watch_entry(status.watch) if status.watch else None,
+        "frames_in_queue": status.behind.frames,
+        "seconds_behind": round(status.behind.seconds, 1),
+        "last_frame": last_frame_entry(status.last_frame) if status.last_frame else None,
+        "events": asdict(status.accounts.events),
+        "frames": asdict(status.accounts.frames),
+        "orphans": status.accounts.orphans,
+        "held_out_px": {str(island): held_out_entry(found) for island, found in status.held_out.items()},
+        "notices": [notice_entry(notice) for notice in status.notices],
+    }
+
+
+def link_entry(link: LinkReport) -> Document:
+    return {
+        "address": link.address,
+        "state": link.state,
+        "last_heard": None if link.last_heard_utc is None else iso_utc(link.last_heard_utc),
+        "silences": link.silences,
+        "followed": link.followed,
+        "other_triggers": {str(system): count for system, count in link.others},
+        "refused": asdict(link.refused),
+        "sent": link.sent,
+    }
+
+
+def watch_entry(source: SourceReport) -> Document:
+    """The watched folder or the stream, all that is known of it in one place."""
+    return {
+        "kind": source.kind,
+        "folder": source.name,
+        "state": source.state,
+        "since": None if source.since_utc is None else iso_utc(source.since_utc),
+        "last_seen": None if source.last_seen_utc is None else iso_utc(source.last_seen_utc),
+        "seen": source.seen,
+        "taken": source.taken,
+        "damaged": source.damaged,
+        "gaps": source.gaps,
+    }
+
+
+def last_frame_entry(frame: LastFrame) -> Document:
+    return {
+        "name": frame.name,
+        "outcome": frame.outcome,
+        "reason": frame.reason,
+        "covered_by": frame.covered_by,
+        "island": frame.island,
+        "time": iso_utc(frame.utc),
+        "seconds_to_tile": None if frame.seconds_to_tile is None else finite(frame.seconds_to_tile),
+    }
+
+
+def notice_entry(notice: NoticeRecord) -> Document:
+    return {"time": iso_utc(notice.utc), "source": notice.source, "level": notice.level, "text": notice.text}
+
+
+def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = None) -> str:
+    """What a flight's folder says of itself, for people or (the document as it is) as JSON. Raises UsageError."""
+    path = find_flight(flight) / "status.json"
+    try:
+        document = json.loads(path.read_bytes())
+        if as_json:
+            return json.dumps(document, indent=2)
+        return "\n".join(harmless(line) for line in status_lines(document, now_utc or time.time()))
+    except FileNotFoundError as error:
+        raise UsageError(
+            f"{path} does not exist: the flight was written without one, open mosaic.json instead"
+        ) from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{path} is not a status that this gcs-mosaic can read ({error!r}): update gcs-mosaic"
+        ) from error
+
+
+def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
+    """The document of `status_document` for people, a line for each thing."""
+    age = now_utc - datetime.fromisoformat(document["updated"]).timestamp()
+    hangs = age > HUNG_AFTER_S and document["state"] != "stopped"
+    warning = [f"nothing was written for {age:.0f} s: the program was killed or hangs"] if hangs else []
+    last, watch = document["last_frame"], document["watch"]
+    return [
+        f"{document['flight']}: {document['state']}, revision {document['revision']}, {document['updated']}",
+        *warning,
+        f"frames: {counted(document['frames'])}; {behind_words(document)}",
+        f"triggers: {counted(document['events'])}",
+        *[held_out_words(island, entry) for island, entry in document.get("held_out_px", {}).items()],
+        *([last_frame_words(last)] if last else []),
+        *([f"{watch['kind']} {watch['folder']}: {'; '.join(watch_words(watch))}"] if watch else []),
+        *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
+        *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
+    ]
+
+
+def behind_words(document: dict[str, Any]) -> str:
+    """How far the map is behind; an older document does not tell the seconds."""
+    frames, seconds = document["frames_in_queue"], document.get("seconds_behind")
+    if not frames:
+        return "none waits"
+    return f"the map is {frames} frames{'' if seconds is None else f', {seconds:.0f} s'} behind"
+
+
+def last_frame_words(last: dict[str, Any]) -> str:
+    """What became of the frame that was worked off last."""
+    return f"last frame: {last['name']}, {last['outcome']}{covered_words(last)} at {last['time']}{latency_words(last)}"
+
+
+def latency_words(last: dict[str, Any]) -> str:
+    """How long it took from the file being whole to its tiles being on disk."""
+    seconds = last["seconds_to_tile"]
+    return "" if seconds is None else f", on the map {seconds:.1f} s after it came"
+
+
+def covered_words(last: dict[str, Any]) -> str:
+    """Which frame covers the last one, if any does."""
+    return f" by {last['covered_by']}" if last.get("covered_by") else ""
+
+
+def watch_words(watch: dict[str, Any]) -> Iterator[str]:
+    """How the source of frames is, since when, and what it has brought."""
+    yield f"{watch['state']} since {watch['since']}" if watch["since"] else str(watch["state"])
+    yield counted({name: watch[name] for name in ("seen", "taken", "damaged", "gaps")})
+
+
+def link_words(link: dict[str, Any]) -> Iterator[str]:
+    """How a link is, and what about it is out of the ordinary."""
+    yield link["state"]
+    if link["silences"]:
+        yield f"{link['silences']} silences"
+    if link["other_triggers"]:
+        left_out = ", ".join(f"{count} of system {system}" for system, count in link["other_triggers"].items())
+        yield f"triggers left out, as system {link['followed']} is followed: {left_out}"
+    if any(link["refused"].values()):
+        yield f"packets refused: {counted(link['refused'])}"
+    if link["sent"]:
+        yield f"{link['sent']} packets sent"
+
+
+def counted(account: dict[str, int]) -> str:
+    """The states of an account that hold anything."""
+    return ", ".join(f"{count} {state}" for state, count in account.items() if count) or "none yet"
+
+
+def harmless(line: str) -> str:
+    """Without what would steer a terminal; the names of files come from outside."""
+    return "".join(letter if letter.isprintable() else "?" for letter in line)

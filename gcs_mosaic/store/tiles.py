@@ -1,0 +1,179 @@
+"""Tiles as files: `tiles/<island>/<z>/<x>/<y>.jpg`, and a mask beside them in `masks/` where a tile is not full."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.painted import TileKey
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.tile_cache import full_coverage
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.store.disk import make_folder, write_beside
+from gcs_mosaic.store.stages import stage
+
+logger = logging.getLogger(__name__)
+
+Image = NDArray[np.uint8]
+Shown = Callable[[], TilePicture | None]
+MCU = 8  # px; the blocks of a JPEG without chroma subsampling
+QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
+PATIENCE_S = 60.0  # for the disk to take one tile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TileSettings:
+    """How tiles are written."""
+
+    jpeg_quality: int = 90  # 0 to 100
+    writers: int = 2  # threads
+
+
+def tile_path(root: Path, island: int, tile: Tile) -> Path:
+    """Where a tile's colours are."""
+    return root / f"tiles/{island}/{tile.z}/{tile.x}/{tile.y}.jpg"
+
+
+def mask_path(root: Path, island: int, tile: Tile) -> Path:
+    """Where a tile's coverage is, if it is not full."""
+    return root / f"masks/{island}/{tile.z}/{tile.x}/{tile.y}.png"
+
+
+class TileWriter:
+    """Writes tiles into a flight's folder from a few threads."""
+
+    def __init__(self, root: Path, settings: TileSettings | None = None) -> None:
+        self._root = root
+        self._settings = settings or TileSettings()
+        self._pool = ThreadPoolExecutor(self._settings.writers, thread_name_prefix="tiles")
+
+    def write(self, keys: Iterable[TileKey], shown: Callable[[int, Tile], Shown]) -> int:
+        """Write the tiles of these keys, remove those that show nothing, and come back when all is on the disk; returns how many
+        tiles there are now. DiskFull if there is no room.
+
+        `shown` (`Canvas.tile_later`) is called here, what it returns in one of the threads.
+        """
+        pending: deque[Future[bool]] = deque()
+        present = 0
+        try:
+            for island, tile in keys:
+                pending.append(self._pool.submit(self._write_one, island, tile, shown(island, tile)))
+                if len(pending) >= QUEUE:
+                    present += _finished(pending)
+            while pending:
+                present += _finished(pending)
+        finally:
+            for future in pending:
+                future.cancel()
+        return present
+
+    def close(self) -> None:
+        self._pool.shutdown()
+
+    def _write_one(self, island: int, tile: Tile, shown: Shown) -> bool:
+        picture = shown()
+        if picture is None:
+            remove_tile(self._root, island, tile)
+        else:
+            with stage("encode", f"{island}/{tile.z}/{tile.x}/{tile.y}"):
+                write_tile(self._root, island, tile, picture, self._settings.jpeg_quality)
+        return picture is not None
+
+
+def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_quality: int) -> None:
+    """Write a tile and its mask, each beside its place and then renamed. Raises DiskFull."""
+    path, mask = tile_path(root, island, tile), mask_path(root, island, tile)
+    full = int(picture.coverage.min()) == 255
+    if not full:
+        # Before the colours, because a tile without a mask counts as full.
+        _put(mask, encode(".png", picture.coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3]))
+    _put(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality))
+    if full:
+        mask.unlink(missing_ok=True)
+
+
+def remove_tile(root: Path, island: int, tile: Tile) -> None:
+    """Remove a tile and its mask, if they are there."""
+    # The mask last, because a tile without a mask counts as full.
+    tile_path(root, island, tile).unlink(missing_ok=True)
+    mask_path(root, island, tile).unlink(missing_ok=True)
+
+
+def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
+    """A tile from the disk; None if it is not there, not whole, or not a tile."""
+    colour = _read(tile_path(root, island, tile), cv2.IMREAD_COLOR)
+    if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
+        return None
+    coverage = read_mask(root, island, tile)
+    if coverage is None or coverage is full_coverage(TILE_SIZE):
+        return None if coverage is None else TilePicture(colour, coverage)
+    return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)
+
+
+def read_mask(root: Path, island: int, tile: Tile) -> Image | None:
+    """A tile's coverage from the disk, `full_coverage(256)` itself if it is full; None as for `read_tile`."""
+    path = mask_path(root, island, tile)
+    if not path.exists():
+        return full_coverage(TILE_SIZE) if tile_path(root, island, tile).exists() else None
+    coverage = _read(path, cv2.IMREAD_GRAYSCALE)
+    return coverage if coverage is not None and coverage.shape == (TILE_SIZE, TILE_SIZE) else None
+
+
+def encode_jpeg(colour: Image, coverage: Image, quality: int) -> bytes:
+    """JPEG bytes without chroma subsampling, so that a small red thing on green stays as red as it was."""
+    filled = colour if int(coverage.min()) == 255 else _border_blocks_filled(colour, coverage)
+    sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+    return encode(".jpg", filled, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
+
+
+def _put(path: Path, data: bytes) -> None:
+    try:
+        write_beside(path, data)
+    except FileNotFoundError:
+        make_folder(path.parent)
+        write_beside(path, data)
+
+
+def _border_blocks_filled(colour: Image, coverage: Image) -> Image:
+    """Uncovered pixels in blocks that are partly covered get the block's mean colour: black beside colour would ring."""
+    size = colour.shape[1] // MCU, colour.shape[0] // MCU
+    share = cv2.resize((coverage > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    mean = cv2.resize(colour, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1 / MCU**2)[..., None]
+    blocks = cv2.resize(mean.clip(0, 255).astype(np.uint8), colour.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.copyTo(colour, coverage, blocks), dtype=np.uint8)
+
+
+def encode(suffix: str, image: Image, parameters: list[int]) -> bytes:
+    """The bytes of an image file. ValueError if OpenCV cannot make it."""
+    done, data = cv2.imencode(suffix, image, parameters)
+    if not done:
+        raise ValueError(f"an image of shape {image.shape} cannot be written as {suffix}")
+    return bytes(data)
+
+
+def _read(path: Path, flags: int) -> Image | None:
+    """Decoded from bytes read here, because OpenCV writes about missing files to the terminal."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        if not isinstance(error, FileNotFoundError):
+            logger.warning("the tile %s cannot be read", path, exc_info=True)
+        return None
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    return None if image is None else np.asarray(image, dtype=np.uint8)
+
+
+def _finished(pending: deque[Future[bool]]) -> bool:
+    """Take out the future that has waited longest, when it is done; whether its tile is there now."""
+    try:
+        return pending.popleft().result(PATIENCE_S)
+    except TimeoutError:
+        raise OSError(f"the disk took no tile for {PATIENCE_S:.0f} s") from None

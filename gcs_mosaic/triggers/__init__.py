@@ -1,0 +1,21 @@
+"""Camera events become shots, and shots find their frames. No clock, no I/O: time comes as an argument.
+
+May import `messages`; called by `app`.
+"""
+
+from gcs_mosaic.triggers.matcher import Pairing
+from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
+from gcs_mosaic.triggers.settings import PairingSettings
+
+__all__ = [
+    "Accounts",
+    "Failed",
+    "How",
+    "Matched",
+    "Missing",
+    "Orphan",
+    "Outcome",
+    "Pairing",
+    "PairingSettings",
+    "Unmatched",
+]

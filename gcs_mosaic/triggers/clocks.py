@@ -1,0 +1,64 @@
+"""Where the clocks of those who tell of shots stand on the host's monotonic clock. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from gcs_mosaic.messages import FEEDBACK_WRAP_S, Source, TriggerEvent, unwrapped
+
+JUMP_S = 5.0  # later than the envelope by more than this: a delayed message, or another clock
+SAME_CLOCK_S = 0.5  # two late messages agree this well only if the clock itself has moved
+SAME_CLOCK_AFTER_S = 1.0  # ... and only if they did not come in one burst
+DRIFT = 1e-4  # seconds per second; quartz is good to 20-50 ppm
+
+
+@dataclass(slots=True)
+class OffsetClock:
+    """One foreign clock; its offset is the lower envelope of received − source time, because delays only add.
+
+    A clock that leaps (reboot, a GPS fix) is followed: forwards at once, backwards when two messages that did not come
+    together agree, so that one message that was held up changes nothing. One that wraps is known to.
+    """
+
+    offset: float | None = None
+    wrap_s: float | None = None  # the clock begins anew every so many seconds
+    _updated: float = 0.0
+    _suspect: tuple[float, float] | None = None
+
+    def moment(self, source_time: float, received: float) -> float:
+        """When it happened, in seconds of the host's monotonic clock; never later than `received`."""
+        if self.wrap_s is not None and self.offset is not None:
+            source_time = unwrapped(source_time, received - self.offset, self.wrap_s)
+        sample = received - source_time
+        if self.offset is not None:
+            self.offset += DRIFT * max(0.0, received - self._updated)
+        if self.offset is None or sample <= self.offset or self._has_leapt(sample, received):
+            self.offset = sample
+        self._updated = received
+        return source_time + self.offset
+
+    def _has_leapt(self, sample: float, received: float) -> bool:
+        if self.offset is None or sample - self.offset <= JUMP_S:
+            self._suspect = None
+            return False
+        if self._suspect is None or abs(sample - self._suspect[0]) > SAME_CLOCK_S:
+            self._suspect = (sample, received)
+            return False
+        return received - self._suspect[1] >= SAME_CLOCK_AFTER_S
+
+
+class SourceClocks:
+    """An offset for every source of events that has a clock."""
+
+    def __init__(self) -> None:
+        self._clocks: dict[Hashable, OffsetClock] = {}
+
+    def moment(self, event: TriggerEvent) -> float:
+        """When the event happened on the host's monotonic clock; its arrival if it carries no time."""
+        if event.source_time is None or event.clock == "none":
+            return event.received
+        key = (event.vehicle, event.component, event.source, event.clock)
+        wraps = event.source is Source.CAMERA_FEEDBACK and event.clock == "boot"
+        clock = self._clocks.setdefault(key, OffsetClock(wrap_s=FEEDBACK_WRAP_S if wraps else None))
+        return clock.moment(event.source_time, event.received)

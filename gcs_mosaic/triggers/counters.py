@@ -1,0 +1,80 @@
+"""What two counters of the same shots differ by, learnt from pairs that something else has put together. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from gcs_mosaic.messages import Source
+
+_VOTES = 5  # pairs that decide; a late message or two among them must not move what has proven itself
+_MAJORITY = 4
+_RECENT = 8  # messages of one stream that may lie near another's
+
+
+@dataclass(slots=True)
+class OffsetVotes:
+    """`offset` is what nearly all of the last pairs differ by; None before, and when none of them does any more."""
+
+    offset: int | None = None
+    _votes: deque[int] = field(default_factory=lambda: deque(maxlen=_VOTES))
+
+    def vote(self, offset: int) -> None:
+        """One more pair differs by `offset`."""
+        self._votes.append(offset)
+        if self._votes.count(offset) >= _MAJORITY:
+            self.offset = offset
+        elif self.offset not in self._votes:
+            self.offset = None
+
+    def settle(self, offset: int) -> None:
+        """The offset is known for certain."""
+        self._votes.extend([offset] * _MAJORITY)
+        self.offset = offset
+
+
+class StreamKey(NamedTuple):
+    """One counter: every source of every component counts for each of its cameras."""
+
+    vehicle: int
+    component: int
+    camera: int
+    source: Source
+
+
+class Counters:
+    """How the counters of several sources relate, learnt from messages that come close together."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._recent: dict[StreamKey, deque[tuple[float, int]]] = {}
+        self._votes: dict[tuple[StreamKey, StreamKey], OffsetVotes] = {}
+
+    def heard(self, key: StreamKey, sequence: int, moment: float) -> None:
+        """Stream `key` has counted `sequence` at `moment`. A counter that goes backwards begins anew."""
+        recent = self._recent.setdefault(key, deque(maxlen=_RECENT))
+        if recent and sequence <= recent[-1][1]:
+            self._votes = {pair: votes for pair, votes in self._votes.items() if key not in pair}
+        recent.append((moment, sequence))
+        for other in self._recent:
+            # The better witness is the later one, as a rule; asking the earlier one too would vote for the shot before.
+            if other.vehicle == key.vehicle and other.source < key.source:
+                self._vote(key, other)
+
+    def expected(self, key: StreamKey, sequence: int) -> dict[StreamKey, int]:
+        """What the other streams have counted, or will, when `key` counts `sequence`; those that are known."""
+        known = {other: votes.offset for (own, other), votes in self._votes.items() if own == key}
+        return {other: sequence + offset for other, offset in known.items() if offset is not None}
+
+    def forget(self, key: StreamKey) -> None:
+        """The stream is no longer of interest."""
+        self._recent.pop(key, None)
+        self._votes = {pair: votes for pair, votes in self._votes.items() if key not in pair}
+
+    def _vote(self, key: StreamKey, other: StreamKey) -> None:
+        moment, sequence = self._recent[key][-1]
+        apart, count = min((abs(theirs - moment), count) for theirs, count in self._recent[other])
+        if apart <= self._window_s:
+            self._votes.setdefault((key, other), OffsetVotes()).vote(count - sequence)
+            self._votes.setdefault((other, key), OffsetVotes()).vote(sequence - count)

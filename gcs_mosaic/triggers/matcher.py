@@ -1,0 +1,209 @@
+"""Which event announced which frame. An event is a hint, not a gate: no frame ever waits for one."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterator
+
+from gcs_mosaic.messages import CaptureResult, Frame, TriggerEvent
+from gcs_mosaic.triggers.candidates import Search
+from gcs_mosaic.triggers.clocks import SourceClocks
+from gcs_mosaic.triggers.counters import StreamKey
+from gcs_mosaic.triggers.index import HeldEvent, HeldFrame, Shelf, State, number_in
+from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
+from gcs_mosaic.triggers.post_flight import counted_off
+from gcs_mosaic.triggers.settings import PairingSettings
+
+_MISLED = 5  # frames at most that come before a counter is known to have moved
+
+
+class Pairing:
+    """Matches by file name, by counters, by times, in that order of trust; see `accounts` for what became of all.
+
+    Each event has an id of the caller's own, each frame its name; both must be new. Every call returns what it
+    brought about, in order.
+    """
+
+    def __init__(self, settings: PairingSettings | None = None) -> None:
+        self._settings = settings or PairingSettings()
+        self._clocks = SourceClocks()
+        self._events: Shelf[HeldEvent] = Shelf(self._settings.remembered)
+        self._frames: Shelf[HeldFrame] = Shelf(self._settings.remembered)
+        self._search = Search(self._events, self._frames, self._settings)
+        self._votes: deque[tuple[HeldEvent, HeldFrame]] = deque(maxlen=_MISLED)
+        self._states: Counter[State] = Counter()
+        self._duplicates = self._frames_seen = 0
+
+    def event(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
+        """A new shot (`ShotMerger` says which events are)."""
+        if next(self._events.under(("id", event_id)), None):
+            raise ValueError(f"event {event_id} was told before")
+        held = HeldEvent(event_id, event, self._clocks.moment(event), now)
+        if event.result is not CaptureResult.FAILED:
+            self._search.delay.shot(held.moment)
+        self._states[State.PENDING] += 1
+        self._events.put(held, [("id", event_id)])
+        return [*self._look_at(held, event), *self._give_up_oldest()]
+
+    def improve(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
+        """A better witness of a shot that was told before; the message itself counts as a duplicate."""
+        self._duplicates += 1
+        held = next(self._events.under(("id", event_id)), None)
+        return list(self._look_at(held, event)) if held else []
+
+    def duplicate(self) -> None:
+        """A message that tells nothing new."""
+        self._duplicates += 1
+
+    def frame(self, frame: Frame, now: float, *, fresh: bool = True, asked_by: int | None = None) -> list[Outcome]:
+        """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: no time tells
+        when it was taken, so only a name can match it. `asked_by`: the event for which a stream's picture was taken."""
+        if next(self._frames.under(("frame", frame.name)), None):
+            raise ValueError(f"frame {frame.name} came before")
+        self._frames_seen += 1
+        held = HeldFrame(frame, number_in(frame.path.name), fresh)
+        name = frame.path.name
+        self._frames.put(held, [("frame", frame.name), name, ("folded", name.casefold()), ("number", held.number)])
+        self._frames.overflow()
+        if fresh:
+            self._search.delay.file(frame.received)
+        outcomes = [*self._answer(held, asked_by), *self._check_counters(held)]
+        outcomes += () if held.event else self._find_event(held)
+        return outcomes if held.event else [*outcomes, Orphan(frame)]
+
+    def tick(self, now: float) -> list[Missing]:
+        """Time has passed."""
+        due = [
+            held
+            for held in self._events.oldest_first()
+            if held.state is State.PENDING and now - held.since >= self._settings.missing_after_s
+        ]
+        return [self._missing(held) for held in due]
+
+    def close(self) -> list[Outcome]:
+        """Nothing more will come: what is left is counted off, and what is pending then is missing."""
+        outcomes = list(self._count_off())
+        pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
+        return [*outcomes, *(self._missing(held) for held in pending)]
+
+    def accounts(self) -> Accounts:
+        """The sums; they always close."""
+        states = {state.value: self._states[state] for state in State}
+        orphans = self._frames_seen - self._states[State.MATCHED]
+        return Accounts(**states, duplicate=self._duplicates, orphans=orphans)
+
+    def _look_at(self, held: HeldEvent, event: TriggerEvent) -> Iterator[Outcome]:
+        """What one witness says of a shot."""
+        self._note(held, event)
+        if held.state is State.FAILED:  # no picture is no picture, whatever another witness saw
+            return
+        if event.result is CaptureResult.FAILED:
+            yield from self._release(held)
+            self._move(held, State.FAILED)
+            yield Failed(held.id, event)
+            return
+        yield from self._find_frame(held)
+
+    def _note(self, held: HeldEvent, event: TriggerEvent) -> None:
+        held.event = event
+        if event.sequence is not None:
+            stream = StreamKey(event.vehicle, event.component, event.camera, event.source)
+            held.counts.append((stream, event.sequence))
+            self._events.put(held, [(stream, event.sequence)])
+        if event.file_hint:
+            held.hints.append(event.file_hint)
+            self._events.put(held, [event.file_hint, ("folded", event.file_hint.casefold())])
+
+    def _find_frame(self, held: HeldEvent) -> Iterator[Outcome]:
+        if frame := self._search.named(held):
+            yield from self._match(held, frame, How.NAME)
+        elif held.open:
+            if frame := self._search.numbered(held):
+                yield from self._match(held, frame, How.SEQUENCE)
+            elif frame := self._search.frame_by_time(held):
+                yield from self._match(held, frame, How.TIME)
+
+    def _find_event(self, held: HeldFrame) -> Iterator[Outcome]:
+        if event := self._search.naming(held):
+            yield from self._match(event, held, How.NAME)
+        elif event := self._search.counting(held):
+            yield from self._match(event, held, How.SEQUENCE)
+        elif event := self._search.event_by_time(held):
+            yield from self._match(event, held, How.TIME)
+
+    def _answer(self, held: HeldFrame, asked_by: int | None) -> Iterator[Outcome]:
+        event = next(self._events.under(("id", asked_by)), None)
+        if event is not None and event.state is not State.FAILED:
+            yield from self._match(event, held, How.ASKED)
+
+    def _check_counters(self, held: HeldFrame) -> Iterator[Outcome]:
+        """Let the times say whether the counters still go together; if they have moved, put right what they misled."""
+        nearest, before = self._search.clearly_nearest(held), dict(self._search.learnt.offsets())
+        if nearest is None:
+            return
+        self._search.learnt.vote(nearest, held)
+        self._votes.append((nearest, held))
+        if dict(self._search.learnt.offsets()) == before:
+            return
+        misled = [(event, frame) for event, frame in self._votes if self._are_misled(event, frame)]
+        for event, frame in misled:
+            yield from self._release(event)
+            if frame.event:
+                yield from self._release(frame.event)
+        for event, frame in misled:
+            if event.open:
+                yield from self._match(event, frame, How.SEQUENCE)
+        for event in [event for event in self._events.oldest_first() if event.open]:
+            yield from self._find_frame(event)
+
+    def _are_misled(self, event: HeldEvent, frame: HeldFrame) -> bool:
+        """Whether times and counters now agree that the two belong together, and they do not yet."""
+        apart = frame.event is not event and How.NAME not in (event.how, frame.event and frame.event.how)
+        return apart and event.state is not State.FAILED and not self._search.learnt.contradicts(event, frame)
+
+    def _match(self, event: HeldEvent, frame: HeldFrame, how: How) -> Iterator[Outcome]:
+        robbed, freed = frame.event, event.frame
+        if robbed:
+            yield from self._release(robbed)
+        yield from self._release(event)
+        event.frame, event.how, frame.event = frame, how, event
+        self._move(event, State.MATCHED)
+        if how is How.NAME:
+            self._search.learnt.named(event, frame)
+        yield Matched(event.id, event.event, frame.frame, how)
+        if robbed:
+            yield from self._find_frame(robbed)
+        if freed and not freed.event:
+            yield from self._find_event(freed)
+
+    def _count_off(self) -> Iterator[Outcome]:
+        pairs = counted_off(self._events.oldest_first(), self._frames.oldest_first(), self._search.learnt)
+        wrong = [(event, frame) for event, frame in pairs if frame.event is not event]
+        for event, frame in wrong:
+            yield from self._release(event)
+            if frame.event:
+                yield from self._release(frame.event)
+        for event, frame in wrong:
+            yield from self._match(event, frame, How.SEQUENCE)
+
+    def _release(self, held: HeldEvent) -> Iterator[Outcome]:
+        if held.frame:
+            frame, held.frame, held.how = held.frame, None, None
+            frame.event = None
+            self._move(held, State.PENDING)
+            yield Unmatched(held.id, frame.frame)
+
+    def _missing(self, held: HeldEvent) -> Missing:
+        self._move(held, State.MISSING)
+        return Missing(held.id, held.event)
+
+    def _move(self, held: HeldEvent, state: State) -> None:
+        self._states[held.state] -= 1
+        self._states[state] += 1
+        held.state = state
+
+    def _give_up_oldest(self) -> list[Outcome]:
+        given_up = self._events.overflow()
+        for held in given_up:
+            held.how = How.NAME  # what is no longer remembered cannot be undone
+        return [self._missing(held) for held in given_up if held.state is State.PENDING]

@@ -1,0 +1,34 @@
+"""At the end: files that all came late or lost their times, put in order by their numbers and the shots' counters alone.
+
+A camera that writes everything after landing, or a card that is copied, leaves no time to go by, and so nothing has told
+how its numbers and the counters differ. They are put beside each other only if they fit without a rest: as many files as
+shots, and the same gaps. One file too many or too few, and any of several ways of putting them would do as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from gcs_mosaic.triggers.index import HeldEvent, HeldFrame, State
+from gcs_mosaic.triggers.outcomes import How
+from gcs_mosaic.triggers.sequence_offsets import Learnt
+
+LEAST = 4  # three might be chance, as with the counters' votes
+
+
+def counted_off(
+    events: Iterable[HeldEvent], frames: Iterable[HeldFrame], learnt: Learnt
+) -> list[tuple[HeldEvent, HeldFrame]]:
+    """Which event belongs to which frame, of all that neither a name nor a known counter has connected."""
+    shots = [held for held in events if held.state is not State.FAILED and held.how in (None, How.TIME)]
+    files = [held for held in frames if held.fresh and (held.event is None or held.event.how is How.TIME)]
+    named = learnt.names_work and any(held.hints for held in shots)
+    if named or len(shots) != len(files) or len(shots) < LEAST:
+        return []
+    numbered = sorted((held.number, index) for index, held in enumerate(files) if held.number is not None)
+    for stream in dict(held.counts[-1] for held in shots if held.counts):
+        counted = sorted((dict(held.counts).get(stream, -1), index) for index, held in enumerate(shots))
+        differ = {number - count for (number, _), (count, _) in zip(numbered, counted, strict=False)}
+        if len(numbered) == len(counted) and counted[0][0] >= 0 and len(differ) == 1 and learnt.offset(stream) is None:
+            return [(shots[shot], files[file]) for (_, shot), (_, file) in zip(counted, numbered, strict=True)]
+    return []

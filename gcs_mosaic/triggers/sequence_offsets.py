@@ -1,0 +1,44 @@
+"""What earlier matches teach about later ones: whether names can be relied on, and how numbers and counters differ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from gcs_mosaic.triggers.counters import OffsetVotes, StreamKey
+from gcs_mosaic.triggers.index import HeldEvent, HeldFrame
+
+
+class Learnt:
+    """Grows with every match."""
+
+    def __init__(self) -> None:
+        self.names_work = False  # whether a file name in an event has ever named a frame
+        self._offsets: dict[StreamKey, OffsetVotes] = {}
+
+    def offset(self, stream: StreamKey) -> int | None:
+        """File number minus event counter, None while unknown."""
+        votes = self._offsets.get(stream)
+        return votes.offset if votes else None
+
+    def offsets(self) -> Iterator[tuple[StreamKey, int]]:
+        """All that are known."""
+        return ((stream, votes.offset) for stream, votes in self._offsets.items() if votes.offset is not None)
+
+    def named(self, event: HeldEvent, frame: HeldFrame) -> None:
+        """The event names the frame: that is certain."""
+        self.names_work = True
+        if frame.number is not None:
+            for stream, count in event.counts:
+                self._offsets.setdefault(stream, OffsetVotes()).settle(frame.number - count)
+
+    def vote(self, event: HeldEvent, frame: HeldFrame) -> None:
+        """The two seem to belong together, whatever they were matched with."""
+        if frame.number is not None:
+            for stream, count in event.counts:
+                self._offsets.setdefault(stream, OffsetVotes()).vote(frame.number - count)
+
+    def contradicts(self, event: HeldEvent, frame: HeldFrame) -> bool:
+        """Whether the file's number goes with another count than the event's."""
+        known = [(self.offset(stream), count) for stream, count in event.counts]
+        expected = [offset + count for offset, count in known if offset is not None]
+        return frame.number is not None and bool(expected) and frame.number not in expected

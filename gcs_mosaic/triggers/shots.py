@@ -1,0 +1,149 @@
+"""Several messages about one shot -> one shot. Pure; event ids are the caller's own.
+
+One picture may be told by the autopilot (112, 180, 263) and by the camera (263), over two links, and again on request.
+Messages of one source carry a counter, so a repetition is told exactly. Two sources count apart: what their counters
+differ by is learnt, and decides; only where it is not known yet does the time decide.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from gcs_mosaic.messages import Source, TriggerEvent
+from gcs_mosaic.triggers.clocks import SourceClocks
+from gcs_mosaic.triggers.counters import Counters, StreamKey
+
+_RECENT = 16  # shots that may still lie within the window; nobody takes more in a second
+_MOST_STREAMS = 32  # sources with a counter of their own; no aircraft has as many, but a forger might
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotSettings:
+    """How messages about one shot are recognised. Times are in seconds."""
+
+    window_s: float = 1.0
+    """Two sources that nothing else connects mean one shot if they lie this close; shots are seldom closer."""
+    index_window_s: float = 30.0
+    """How late the second message about a shot may come if the counters say that it belongs to it."""
+    resend_s: float = 60.0
+    """A repetition without a time of its own is a repetition only so long; after that the counter has begun anew."""
+    remembered: int = 1024
+    """Messages kept per source to recognise repetitions: at two shots a second, eight minutes."""
+
+
+@dataclass(frozen=True, slots=True)
+class New:
+    """A shot that nobody told before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Duplicate:
+    """Nothing new about the shot whose first event has the id `of`."""
+
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class Better:
+    """A better witness of the shot whose first event has the id `of`: use this event's fields from now on."""
+
+    of: int
+
+
+Verdict: TypeAlias = New | Duplicate | Better
+
+
+@dataclass(slots=True)
+class _Shot:
+    id: int
+    moment: float
+    best: Source
+    told: dict[StreamKey, int | None] = field(default_factory=dict)  # each stream's own count of it
+
+    def told_by(self, source: Source) -> bool:
+        return any(key.source == source for key in self.told)
+
+
+class ShotMerger:
+    """Says of each event whether it is a new shot, a repetition, or a better witness of a known one."""
+
+    def __init__(self, settings: ShotSettings | None = None) -> None:
+        self._settings = settings or ShotSettings()
+        self._clocks = SourceClocks()
+        self._counters = Counters(self._settings.window_s)
+        self._seen: dict[StreamKey, OrderedDict[int | None, tuple[TriggerEvent, _Shot]]] = {}
+        self._recent: deque[_Shot] = deque(maxlen=_RECENT)
+
+    def add(self, event_id: int, event: TriggerEvent) -> Verdict:
+        """What `event` is. Its id becomes the shot's if the shot is new."""
+        key = StreamKey(event.vehicle, event.component, event.camera, event.source)
+        before = self._seen.setdefault(key, OrderedDict()).get(event.sequence)
+        if before and self._is_resent(before[0], event):
+            return Duplicate(before[1].id)
+        moment = self._clocks.moment(event)
+        shot = self._same_shot(key, event.sequence, moment)
+        verdict = _verdict(shot, event)
+        if shot is None:
+            shot = _Shot(event_id, moment, event.source)
+            self._recent.append(shot)
+        self._remember(key, event, shot)
+        return verdict
+
+    def _is_resent(self, before: TriggerEvent, event: TriggerEvent) -> bool:
+        if before.result != event.result:  # a failed attempt does not move every camera's counter
+            return False
+        if before.source_time is not None and before.source_time == event.source_time:
+            return True
+        timeless = before.source_time is None and event.source_time is None
+        alike = timeless or _same(before.utc, event.utc) or _same(before.file_hint, event.file_hint)
+        return alike and event.received - before.received <= self._settings.resend_s
+
+    def _same_shot(self, key: StreamKey, sequence: int | None, moment: float) -> _Shot | None:
+        nearest = self._nearest_in_time(key, moment)
+        if sequence is None:
+            return nearest
+        self._counters.heard(key, sequence, moment)
+        expected = self._counters.expected(key, sequence)
+        for other, count in expected.items():
+            _, shot = self._seen[other].get(count, (None, None))
+            if shot and not shot.told_by(key.source) and abs(moment - shot.moment) <= self._settings.index_window_s:
+                return shot
+        return nearest if nearest and not _contradicts(expected, nearest) else None
+
+    def _nearest_in_time(self, key: StreamKey, moment: float) -> _Shot | None:
+        candidates = [
+            shot
+            for shot in self._recent
+            if abs(shot.moment - moment) <= self._settings.window_s and not shot.told_by(key.source)
+            if all(other.vehicle == key.vehicle for other in shot.told)
+        ]
+        return min(candidates, key=lambda shot: abs(shot.moment - moment), default=None)
+
+    def _remember(self, key: StreamKey, event: TriggerEvent, shot: _Shot) -> None:
+        shot.told[key] = event.sequence
+        shot.best = max(shot.best, event.source)
+        seen = self._seen[key]
+        seen[event.sequence] = (event, shot)
+        seen.move_to_end(event.sequence)
+        if len(seen) > self._settings.remembered:
+            seen.popitem(last=False)
+        if len(self._seen) > _MOST_STREAMS:
+            oldest = next(iter(self._seen))
+            del self._seen[oldest]
+            self._counters.forget(oldest)
+
+
+def _contradicts(expected: dict[StreamKey, int], shot: _Shot) -> bool:
+    return any(key in expected and count != expected[key] for key, count in shot.told.items())
+
+
+def _verdict(shot: _Shot | None, event: TriggerEvent) -> Verdict:
+    if shot is None:
+        return New()
+    return Better(shot.id) if event.source > shot.best else Duplicate(shot.id)
+
+
+def _same(one: float | str | None, other: float | str | None) -> bool:
+    return one is not None and one == other

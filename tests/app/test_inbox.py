@@ -1,0 +1,45 @@
+"""The inbox of a live flight."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+
+from gcs_mosaic.app.inbox import PICTURES, Inbox
+from gcs_mosaic.app.links import Source
+from gcs_mosaic.messages import DroppedFrame, Frame, SourceReport
+
+FAILED = SourceReport(kind="stream", name="rtsp://camera/x", state="ended")
+
+
+def frame(number: int, data: bytes | None) -> Frame:
+    path = Path(f"{number}.jpg")
+    return Frame(name=path.name, path=path, content_hash="", size=4, received=0.0, modified=0.0, data=data)
+
+
+def brought(count: int, data: bytes | None) -> tuple[list[object], Inbox]:
+    """What an inbox holds of so many frames that came while nobody took them."""
+    inbox = Inbox(threading.Event())
+    inbox.fill([Source(iter([frame(number, data) for number in range(count)]), FAILED)])
+    deadline = time.monotonic() + 20
+    while len(inbox) < count:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    return [inbox.next(0.0) for _ in range(count)], inbox
+
+
+def test_frames_of_a_stream_that_nobody_takes_are_dropped_one_by_one_and_lose_their_pictures() -> None:
+    items, inbox = brought(PICTURES + 3, b"jpeg")
+    assert [type(item) for item in items] == [Frame] * PICTURES + [DroppedFrame] * 3
+    dropped = items[-1]
+    assert isinstance(dropped, DroppedFrame)
+    assert dropped.frame == frame(PICTURES + 2, None)
+    assert "too slow" in dropped.reason
+    inbox.fill([Source(iter([frame(0, b"jpeg")]), FAILED)])  # there is room again
+    assert isinstance(inbox.next(20.0), Frame)
+
+
+def test_frames_of_a_folder_are_never_dropped() -> None:
+    items, _ = brought(PICTURES + 3, None)
+    assert [type(item) for item in items] == [Frame] * (PICTURES + 3)

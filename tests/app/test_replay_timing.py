@@ -1,0 +1,88 @@
+"""When the frames of a recorded flight came, told by recordings and files of every kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.app.replay_timing import Arrivals, arrivals
+from gcs_mosaic.frames.scan import Look
+from gcs_mosaic.mavlink.tlog_reader import RecordedLink
+from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
+from gcs_mosaic.triggers.shots import ShotSettings
+
+BEGAN = 1_750_000_000.0
+FOUND_AFTER = 0.4
+
+
+def event(received: float, sequence: int | None = None, hint: str | None = None, failed: bool = False) -> TriggerEvent:
+    return TriggerEvent(
+        vehicle=1, component=100, camera=0, source=Source.IMAGE_CAPTURED_BY_CAMERA, sequence=sequence,
+        received=received, source_time=received + 50, clock="boot", utc=None,
+        result=CaptureResult.FAILED if failed else CaptureResult.TAKEN, file_hint=hint, position=None,
+    )  # fmt: skip
+
+
+def link(events: Sequence[TriggerEvent], began: float | None = BEGAN) -> RecordedLink:
+    heard = [(one.received, one) for one in events]
+    return RecordedLink(heard=heard, seconds=100.0, packets=len(heard), began_utc=began)
+
+
+def looks(names: Sequence[str], written: Sequence[float] | None = None) -> list[Look]:
+    times = written or [1e6] * len(names)
+    return [Look(Path(name), name, 1, int((BEGAN + seconds) * 1e9)) for name, seconds in zip(names, times, strict=True)]
+
+
+def came(files: list[Look], recorded: RecordedLink) -> Arrivals:
+    return arrivals(files, recorded, ShotSettings(), FOUND_AFTER)
+
+
+def test_times_within_the_recording_are_believed() -> None:
+    told = came(looks(["a.jpg", "b.jpg", "c.jpg"], [10, 30, 20]), link([event(9, hint="b.jpg")]))
+    assert told.told_by == "the files' times"
+    assert told.seconds == pytest.approx([10.4, 30.4, 20.4])
+    assert told.fresh == [True] * 3
+
+
+def test_a_few_files_of_another_day_were_there_before_or_came_last() -> None:
+    written = [-1e5, 1e7, *range(20, 40)]
+    told = came(looks([f"{k}.jpg" for k in range(22)], written), link([]))
+    assert told.fresh == [False, *[True] * 21]
+    assert told.seconds[0] <= FOUND_AFTER
+    assert 100 < told.seconds[1] < 105
+
+
+def test_a_recording_whose_clock_is_wrong_tells_nothing_about_times() -> None:
+    told = came(looks(["a.jpg"], [10]), link([event(9, hint="a.jpg")], began=None))
+    assert told.told_by == "the file names in the camera messages"
+    assert told.seconds == [9]
+
+
+def test_names_tell_and_what_is_not_named_comes_with_the_file_before() -> None:
+    names = ["IMG_1.JPG", "IMG_2.JPG", "IMG_3.JPG", "IMG_4.JPG"]
+    told = came(
+        looks(names), link([event(10, hint="img_1.jpg"), event(20, hint="IMG_2.JPG"), event(40, hint=names[3])])
+    )
+    assert told.seconds == [10, 20, 20, 40]
+
+
+def test_numbers_tell_where_shots_and_files_are_missing() -> None:
+    names = [f"DJI_{k:04d}.JPG" for k in (7, 8, 10, 11, 12)]  # 9 was lost on the card, the message about 11 on the link
+    told = came(looks(names), link([event(10.0 * k, sequence=k - 7) for k in (7, 8, 9, 10, 12)]))
+    assert told.told_by == "the numbers in the file names"
+    assert told.seconds == [70, 80, 100, 100, 120]
+
+
+def test_order_tells_where_numbers_do_not() -> None:
+    names = ["20250601_101500.jpg", "20250601_101547.jpg", "20250601_101631.jpg"]
+    shots = [event(10, 1), event(15, 2, failed=True), event(20, 3), event(30, 4)]
+    told = came(looks(names), link(shots))
+    assert told.told_by == "the order of the shots"
+    assert told.seconds == [10, 20, 30]
+
+
+def test_without_events_they_are_spread_over_the_recording() -> None:
+    told = came(looks(["a.jpg", "b.jpg", "c.jpg", "d.jpg"]), link([]))
+    assert told.seconds == [0, 25, 50, 75]

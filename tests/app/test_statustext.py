@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gcs_mosaic.app.statustext import Announcements
+from gcs_mosaic.mavlink.announcements import Announcement
+from gcs_mosaic.messages import CaptureResult, Notice, Source, TriggerEvent
+from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.triggers import Missing
+
+PLACED, WAITING, REJECTED, DAMAGED = FrameState.PLACED, FrameState.WAITING, FrameState.REJECTED, FrameState.DAMAGED
+
+
+class Ear:
+    """Stands for a link's speaker."""
+
+    def __init__(self) -> None:
+        self.heard: list[Announcement] = []
+        self.tell = self.heard.append
+
+    @property
+    def texts(self) -> list[str]:
+        return [announcement.text.removeprefix("Mosaic: ") for announcement in self.heard]
+
+
+@pytest.fixture
+def ear() -> Ear:
+    return Ear()
+
+
+@pytest.fixture
+def announcements(ear: Any) -> Announcements:
+    told = Announcements()
+    told.speakers = [ear]
+    return told
+
+
+def missing(sequence: int | None) -> Missing:
+    event = TriggerEvent(
+        vehicle=1,
+        component=1,
+        camera=0,
+        source=Source.CAMERA_TRIGGER,
+        sequence=sequence,
+        received=0.0,
+        source_time=None,
+        clock="none",
+        utc=None,
+        result=CaptureResult.UNKNOWN,
+        file_hint=None,
+        position=None,
+    )
+    return Missing(1, event)
+
+
+def test_overlap_that_is_lost_and_comes_back_is_told_once_each(announcements: Announcements, ear: Ear) -> None:
+    for state in (WAITING, PLACED, PLACED, WAITING, WAITING, REJECTED, DAMAGED, PLACED, PLACED):
+        announcements.frame(state)
+    assert ear.texts == ["overlap lost, frames match nothing", "overlap is back"]
+    assert [announcement.warning for announcement in ear.heard] == [True, False]
+
+
+def test_shots_without_frame_are_counted(announcements: Announcements, ear: Ear) -> None:
+    announcements.missing([missing(7), missing(9)])
+    announcements.missing([])
+    announcements.missing([missing(None)])
+    assert ear.texts == ["1 shot without frame, last: 7", "2 shots without frame, last: 9", "3 shots without frame"]
+
+
+@pytest.mark.parametrize(
+    ("source", "level", "text"),
+    [
+        ("originals", "warning", ["the disk is filling up"]),
+        ("disk", "error", ["the disk cannot be written"]),
+        ("disk", "info", []),
+        ("link", "warning", []),
+    ],
+)
+def test_of_notices_only_those_about_the_disk_are_passed_on(
+    announcements: Announcements, ear: Ear, source: str, level: Any, text: list[str]
+) -> None:
+    announcements.notice(Notice(source=source, level=level, text="…"))
+    assert ear.texts == text
+
+
+def test_every_text_fits_into_one_message(announcements: Announcements, ear: Ear) -> None:
+    announcements.missing([missing(2**32 - 1)])
+    for state in (PLACED, WAITING, PLACED):
+        announcements.frame(state)
+    for level in ("warning", "error"):
+        announcements.notice(Notice(source="disk", level=level, text=""))  # type: ignore[arg-type]
+    assert all(len(announcement.text) <= 50 for announcement in ear.heard)
+    assert len(ear.heard) == 5

@@ -1,0 +1,241 @@
+"""Words on the command line: what cannot be done is said in one sentence, and nothing is written."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import socket
+import subprocess
+import threading
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import pytest
+from rich.console import Console
+from running import PROGRAM, run, until
+
+import sitl.flight
+from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.cli import choices, options
+from gcs_mosaic.cli import main as cli
+from gcs_mosaic.config.tree import Config
+from sitl.__main__ import free_port
+from sitl.path import Plan
+
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def refused(tmp_path, monkeypatch, capfd) -> Refused:
+    """Runs the program in an empty folder; it must exit with 2, say one line, and leave the folder as it was."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_end_on_signals", lambda stop, hurry: None)  # they are pytest's here
+
+    def run_here(*words: str | Path) -> str:
+        before = sorted(tmp_path.rglob("*"))
+        code = cli.main([str(word) for word in words])
+        said = capfd.readouterr()
+        assert (code, said.out, said.err.count("\n")) == (2, "", 1), said
+        assert sorted(tmp_path.rglob("*")) == before
+        return said.err
+
+    return run_here
+
+
+def listening() -> tuple[str, str]:
+    """The option for a port that is free."""
+    return "--mavlink", f"udp:127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def taken() -> Iterator[socket.socket]:
+    """A UDP port that another program has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        yield other
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory, world_cache) -> Path:
+    """A finished flight of three frames."""
+    frames = tmp_path_factory.mktemp("given")
+    route = Plan(frames=3, height=60)
+    sitl.flight.make("survey", frames, (640, 480), cache=world_cache, seed=3, world_size=2048, route=route)
+    return stitch([frames], tmp_path_factory.mktemp("flown") / "mosaic", Config(), Console(quiet=True))
+
+
+@pytest.fixture
+def empty(tmp_path) -> Path:
+    """A flight that ended before its first frame."""
+    (tmp_path / "mosaic.json").write_text('{"format": 1, "islands": []}')
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--mavlink", "utp:14550"], "--mavlink 'utp:14550' is not understood: give an address such as udp:14550"),
+        (["--mavlink", "udp:port"], "a port from 1 to 65535"),
+        (["--mavlink", "udpout:127.0.0.1:14550"], "nothing is ever sent"),
+        (["--mavlink", "nothere.tlog"], "nothere.tlog"),
+        (["--http", "nonsense:port:9"], "is not HOST:PORT: write, for example, --http 127.0.0.1:8470"),
+        (["--http", "127.0.0.1:99999"], "is not HOST:PORT"),
+        (["--http", "192.0.2.1:8470"], "192.0.2.1:8470 is not an address of this machine"),
+        (["--http", "127.0.0.1:1", "--no-http"], "not allowed with"),
+        (["--fly"], "unrecognized arguments: --fly (gcs-mosaic --help"),
+        (["--vehicle", "one"], "invalid int value: 'one'"),
+        (["--from", "yesterday"], "--from 'yesterday' is not understood: give now"),
+        (["--config", "none.yaml"], "none.yaml cannot be read (No such file or directory)"),
+        (["--watch", "mosaic/tiles"], "overlap"),
+        (["--watch", ".", "--out", "mosaic"], "choose an --out outside the watched folder"),
+        (["--resume"], "leave it out"),
+        (["--blend", "seems"], "--blend: 'seems' is not one of seam, edge, newest, first"),
+        (["stitch", ".", "--blend", "egde"], "--blend: 'egde' is not one of seam, edge, newest, first"),
+        (["status", "nowhere"], "nowhere does not exist: name a folder that gcs-mosaic has written a flight into"),
+        (["serve", "."], ". holds no flight"),
+        (["stich", "."], "'stich' is no command (did you mean 'stitch'?)"),
+        (["fly"], "'fly' is no command (those are stitch, replay, serve, status, export, benchmark)"),
+        (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
+        (["stitch", ".", "--out", "./"], "is the folder of the frames: choose another one"),
+        (["stitch", ".", "--out", "mosaic"], "holds no images"),
+        (["stitch", "nowhere", "--out", "mosaic"], "cannot be read"),
+        (["export", ".", "--format", "png"], ". holds no flight"),
+        (["export", ".", "--format", "jpeg"], "invalid choice: 'jpeg'"),
+        (["--announce", "255"], "255 is the ground station's own number"),
+        (["--vehicle", "7", "--announce", "7"], "7 is the number of the aircraft that is followed"),
+        (["--recover"], "add --announce"),
+        (["--mavlink", "udpout:127.0.0.1:14550"], "calls out, but nothing is ever sent"),
+    ],
+)
+def test_misuse_is_told_in_one_sentence(refused, words, sentence):
+    live = "--mavlink" not in words and words[0] not in cli.COMMANDS
+    assert sentence in refused(*words, *(listening() if live else ()))
+
+
+def test_a_stitch_without_any_map_says_so_and_ends_with_a_code_of_its_own(tmp_path, capfd):
+    frames, out = tmp_path / "frames", tmp_path / "mosaic"
+    frames.mkdir()
+    (frames / "a.jpg").write_bytes(b"\xff\xd8 no picture")
+    assert cli.main(["stitch", str(frames), "--out", str(out)]) == 3
+    said = capfd.readouterr()
+    assert said.err.endswith(f"gcs-mosaic: none of 1 frame found a place: there is no map, {out} has the reasons\n")
+    assert "no island" in said.out
+
+
+def test_the_version_is_told(capfd):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["--version"])
+    assert ended.value.code == 0
+    assert re.fullmatch(r"gcs-mosaic \d+\.\d+\.\d+\n", capfd.readouterr().out)
+
+
+def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):
+    file = tmp_path / "settings.yaml"
+    file.write_text("paint: {canvas: {blend: first, threads: 1}}")
+    parser = options.make_parser("gcs-mosaic")
+    options.add_blend(parser)
+    options.add_method(parser)
+    options.add_output(parser)
+    given = parser.parse_args(["--config", str(file), "--blend", "newest"])
+    canvas = choices.blended(choices.config_of(given), given.blend).paint.canvas
+    assert (canvas.blend, canvas.threads) == ("newest", 1)
+
+
+def test_an_unknown_setting_is_told_with_the_nearest_known_one(refused, tmp_path):
+    (tmp_path / "c.yaml").write_text("frames: {poll: 1}")
+    assert "c.yaml: frames: 'poll' is not a setting (did you mean 'poll_s'?)" in refused("--config", "c.yaml")
+    (tmp_path / "c.yaml").write_text("[1, 2")
+    assert "c.yaml is not YAML" in refused("--config", "c.yaml")
+
+
+def test_a_port_that_is_taken_names_who_has_it_and_how_to_share(refused, taken):
+    said = refused("--mavlink", f"udp:127.0.0.1:{taken.getsockname()[1]}", "--no-http")
+    assert "is taken by py" in said
+    assert "Enable forwarding" in said
+
+
+def test_a_page_that_cannot_be_served_leaves_no_folder_behind(refused):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        page = f"127.0.0.1:{other.getsockname()[1]}"
+        said = refused(*listening(), "--http", page)
+    assert f"another program listens on {page} already" in said
+    assert "--no-http" in said
+
+
+def test_folders_that_can_be_none_leave_no_other_behind(refused, tmp_path):
+    (tmp_path / "file").write_text("")
+    out, watch = ("--out", "file/mosaic", "--no-http"), ("--watch", "file/frames", "--no-http")
+    assert "cannot be written (Not a directory): choose another --out" in refused(*listening(), *out)
+    assert "can be no folder (Not a directory)" in refused(*listening(), *watch)
+
+
+def test_an_old_flight_is_not_watched(refused, tmp_path):
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "flight.sqlite").write_bytes(b"")
+    assert "old holds a flight" in refused(*listening(), "--watch", "old", "--out", "new")
+
+
+def test_the_folder_beside_is_not_the_watched_one(refused, tmp_path):
+    (tmp_path / "mosaic").mkdir()
+    (tmp_path / "mosaic" / "flight.sqlite").write_bytes(b"")
+    (tmp_path / "mosaic-2").mkdir()
+    said = refused(*listening(), "--no-http", "--watch", "mosaic-2")
+    assert "the output folder mosaic-2 and the watched folder mosaic-2 overlap" in said
+
+
+def test_an_export_of_what_is_not_there_is_refused(refused, flight, empty):
+    export = ("export", flight, "--format", "png")
+    assert f"There is no island 7 in {flight}; there are: 0." in refused(*export, "--island", "7")
+    assert "give a lower --zoom" in refused(*export, "--zoom", "30")
+    assert "no frame was placed in this flight" in refused("export", empty, "--format", "png")
+
+
+def test_an_export_to_a_place_that_cannot_be_written_is_refused(refused, flight):
+    for format_name in ("png", "placements"):
+        assert "give another file with --to" in refused("export", flight, "--format", format_name, "--to", "no/where")
+
+
+@pytest.mark.parametrize("damage", ["", "[]", "{}", '{"islands": 3}'])
+def test_a_map_that_cannot_be_read_is_refused(refused, empty, damage):
+    (empty / "mosaic.json").write_text(damage)
+    assert "is not a map that this gcs-mosaic can read" in refused("export", empty, "--format", "png")
+
+
+def test_a_flight_is_exported(flight, tmp_path, capsys):
+    assert cli.main(["export", str(flight), "--format", "png", "--to", str(tmp_path / "p.png")]) == 0
+    picture = cv2.imread(str(tmp_path / "p.png"), cv2.IMREAD_UNCHANGED)
+    assert picture.shape[2] == 4
+    assert min(picture.shape[:2]) > 480
+    assert cli.main(["export", str(flight), "--format", "placements", "--to", str(tmp_path / "p.json")]) == 0
+    assert len(json.loads((tmp_path / "p.json").read_text())["frames"]) == 3
+    assert "3 placements written" in capsys.readouterr().out
+
+
+def test_help_and_misuse_of_the_installed_program(tmp_path):
+    for words in (["--help"], ["stitch", "--help"]):
+        helped = run(*words, cwd=tmp_path)
+        assert (helped.returncode, helped.stderr) == (0, "")
+        assert "--out" in helped.stdout
+    assert run("--fly", cwd=tmp_path).returncode == 2
+
+
+def test_a_finished_flight_is_served(flight, tmp_path):
+    """The page, its documents and a tile; SIGTERM ends it."""
+    command = [*PROGRAM, "serve", str(flight), "--http", "127.0.0.1:0"]
+    with subprocess.Popen(command, cwd=Path(__file__).parents[2], stdout=subprocess.PIPE, text=True) as server:
+        killer = threading.Timer(30, server.kill)
+        killer.start()
+        assert server.stdout is not None
+        page = server.stdout.readline().split()[4]
+        tile = next((flight / "tiles").rglob("*.jpg")).relative_to(flight).as_posix()
+        for path in ("", "mosaic.json", tile):
+            with urllib.request.urlopen(page + path, timeout=10) as answer:
+                assert answer.status == 200
+                assert answer.read()
+        server.send_signal(signal.SIGTERM)
+        assert until(lambda: server.poll() is not None, "ended")
+        killer.cancel()
+    assert server.returncode == 0

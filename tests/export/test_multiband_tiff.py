@@ -1,0 +1,189 @@
+"""Flights of many and of deep bands, from simulated TIFFs to the exported map, by the known ground."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from rich.console import Console
+
+import sitl.flight
+from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.cli.main import main
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.export.multiband_tiff import export_tiff
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from sitl.camera import SHARPNESS, Camera
+from sitl.flight import Flight
+from sitl.path import Plan
+from sitl.score import islands_of, lay, score
+from sitl.sensor import Sensor
+
+QUIET = Console(quiet=True)
+WINDOW = 384  # px of the map that are compared with the ground
+
+
+class Flown(NamedTuple):
+    flight: Flight
+    out: Path
+    placements: dict
+
+
+def flown(tmp_path_factory, world_cache, exposure_step: float = 1.0, **sensor: int) -> Flown:
+    """A small flight of a camera with hardly a fault, stitched."""
+    folder = tmp_path_factory.mktemp("flight")
+    camera = Camera(vignetting=0.0, noise=0.5, exposure_step=exposure_step, step_every=2, sensor=Sensor(**sensor))
+    options = {"cache": world_cache, "route": Plan(frames=8), "camera": camera}
+    flight = sitl.flight.make("survey", folder / "frames", (480, 360), **options)
+    out = stitch([folder / "frames" / "DCIM"], folder / "out", Config(), QUIET)
+    assert main(["export", str(out), "--format", "placements", "--to", str(folder / "placements.json")]) == 0
+    return Flown(flight, out, json.loads((folder / "placements.json").read_text()))
+
+
+@pytest.fixture(scope="module")
+def five(tmp_path_factory, world_cache) -> Flown:
+    return flown(tmp_path_factory, world_cache, bands=5, depth=16)
+
+
+@pytest.fixture(scope="module")
+def thermal(tmp_path_factory, world_cache) -> Flown:
+    return flown(tmp_path_factory, world_cache, bands=1, depth=16)
+
+
+def exported(one: Flown, tmp_path: Path, **options) -> tuple[np.ndarray, dict, str]:
+    """The map (h, w, bands and coverage), what it tells of itself, and what was said."""
+    said = export_tiff(one.out, tmp_path / "map.tif", **options)
+    with tifffile.TiffFile(tmp_path / "map.tif") as file:
+        return file.asarray(), json.loads(file.pages[0].description), said
+
+
+def truth(one: Flown, about: dict, columns: slice, rows: slice) -> np.ndarray:
+    """The counts (h, w, bands) that the ground has under a window of the map."""
+    laid = lay(islands_of(one.flight.truth(), one.placements)[0][0])
+    ground_from_canvas, canvas_from_edges = laid[0].ground_from_canvas, np.array(about["canvas_from_pixel_edges"])
+    edges = np.stack(np.meshgrid(np.r_[columns] + 0.5, np.r_[rows] + 0.5, [1.0]), axis=-1)[:, :, 0]
+    canvas = np.concatenate([edges @ canvas_from_edges.T, edges[..., 2:]], axis=-1)
+    x, y = np.moveaxis(canvas @ ground_from_canvas[:2].T, -1, 0)
+    scene = one.flight.scene
+    gsd = one.flight.states[0].height / scene.camera.lens.focal_px * about["canvas_from_pixel_edges"][0][0]
+    octave = np.log2(gsd / scene.world.gsd) - SHARPNESS
+    sensor = scene.camera.sensor
+    return sensor.counts(sensor.levels(scene.world.colours(x, y, np.full(x.shape, octave, np.float32))))
+
+
+def middle(image: np.ndarray, side: int = WINDOW) -> tuple[slice, slice]:
+    """Columns and rows of a window that is covered all over."""
+    covered = cv2.erode((image[..., -1] == image[..., -1].max()).astype(np.uint8), np.ones((side, side)))
+    y, x = (int(np.median(place)) for place in np.nonzero(covered))
+    half = side // 2
+    return slice(x - half, x + half), slice(y - half, y + half)
+
+
+@pytest.mark.parametrize("kind", ["five", "thermal"])
+def test_every_frame_finds_its_place(kind: str, request) -> None:
+    one = request.getfixturevalue(kind)
+    judged = score(one.flight.truth(), one.placements)
+    assert (judged.placed, judged.islands) == (8, 1)
+    assert judged.ortho_rmse < 0.4
+
+
+@pytest.mark.parametrize("kind", ["five", "thermal"])
+def test_every_band_shows_the_ground_at_its_depth(kind: str, request, tmp_path) -> None:
+    """Above 255, in the same place in all bands, and off by what interpolation and noise do."""
+    one = request.getfixturevalue(kind)
+    image, about, _ = exported(one, tmp_path, gains=False)
+    sensor = one.flight.scene.camera.sensor
+    assert image.dtype == np.uint16
+    assert image.shape[2] == sensor.bands + 1
+    columns, rows = middle(image)
+    ours, wanted = image[rows, columns, :-1].astype(float), truth(one, about, columns, rows).astype(float)
+    assert wanted.min() > 0
+    shifts = [
+        cv2.phaseCorrelate(wanted[..., k], ours[..., k], cv2.createHanningWindow((WINDOW, WINDOW), cv2.CV_64F))[0]
+        for k in range(sensor.bands)
+    ]
+    assert np.abs(shifts).max() < 0.3
+    assert np.ptp(shifts, axis=0).max() < 0.03
+    error = (ours - wanted) / sensor.response[1]  # in grey levels of 255
+    assert np.abs(np.median(error, axis=(0, 1))).max() < 0.5
+    assert np.abs(error).mean(axis=(0, 1)).max() < 4
+    for k in range(sensor.bands):
+        assert np.corrcoef(ours[..., k].ravel(), wanted[..., k].ravel())[0, 1] > 0.97
+
+
+def test_where_nothing_was_seen_the_map_is_transparent(five, tmp_path) -> None:
+    image, _, _ = exported(five, tmp_path)
+    assert image[..., -1].max() == 65_535
+    assert 0.2 < (image[..., -1] == 0).mean() < 0.9
+    assert (image[image[..., -1] == 0] == 0).all()
+
+
+def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_path) -> None:
+    exported(five, tmp_path)
+    with tifffile.TiffFile(tmp_path / "map.tif") as file:
+        page = file.pages[0]
+        assert page.is_tiled
+        assert page.compression == tifffile.COMPRESSION.ADOBE_DEFLATE
+        assert tuple(page.extrasamples) == (0, 0, 0, 0, 2)
+        assert page.nodata == 0
+        assert sum(page.databytecounts) < 0.9 * page.nbytes
+
+
+def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cache, tmp_path) -> None:
+    one = flown(tmp_path_factory, world_cache, exposure_step=1.5, bands=3, depth=16)
+    off = {}
+    for gains in (True, False):
+        image, about, said = exported(one, tmp_path, gains=gains)
+        columns, rows = middle(image)
+        off[gains] = np.log(
+            image[rows, columns, 2::-1] / truth(one, about, columns, rows)
+        )  # red, green, blue in the file
+        assert about["gains_applied"] is gains
+        assert ("with gains" if gains else "without gains") in said
+    assert off[False].std(axis=(0, 1)).min() > 0.15
+    assert off[True].std(axis=(0, 1)).max() < 0.1
+
+
+def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(tmp_path_factory, world_cache, tmp_path) -> None:
+    one = flown(tmp_path_factory, world_cache)
+    image, _, _ = exported(one, tmp_path)
+    assert (image.dtype, image.shape[2]) == (np.uint8, 4)
+    assert main(["export", str(one.out), "--format", "png", "--to", str(tmp_path / "map.png")]) == 0
+    shown = cv2.cvtColor(cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_UNCHANGED), cv2.COLOR_BGRA2RGBA)
+    assert shown.shape == image.shape
+    covered = (shown[..., 3] == 255) & (image[..., 3] == 255)
+    assert covered.mean() > 0.2
+    assert np.abs(shown[covered].astype(int) - image[covered]).mean() < 3  # JPEG, and tones at seams
+
+
+def test_a_coarser_level_shows_the_same_ground(five, tmp_path) -> None:
+    image, about, said = exported(five, tmp_path, level=15)
+    assert "--zoom 16 is the finest" in said
+    columns, rows = middle(image, WINDOW // 2)
+    ours, wanted = image[rows, columns, 4].astype(float), truth(five, about, columns, rows)[..., 4].astype(float)
+    assert np.abs(cv2.phaseCorrelate(wanted, ours)[0]).max() < 0.3
+    assert np.corrcoef(ours.ravel(), wanted.ravel())[0, 1] > 0.95
+
+
+def test_an_island_that_is_not_there_is_told(five, tmp_path) -> None:
+    with pytest.raises(UsageError, match="no island 7"):
+        export_tiff(five.out, tmp_path / "map.tif", island=7)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_originals_that_are_gone_are_told(five, tmp_path) -> None:
+    with Ledger(five.out / LEDGER_NAME, read_only=True) as ledger:
+        last = five.out / ledger.frames()[-1].original
+    hidden = last.with_name("hidden")
+    last.rename(hidden)
+    try:
+        assert "left out: 1 frames whose originals are gone" in exported(five, tmp_path)[2]
+    finally:
+        hidden.rename(last)

@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import pytest
+from pictures import picture
+from streamed import trigger
+
+from gcs_mosaic.frames.rtsp.clock import CaptureClock
+from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
+from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+
+SETTINGS = StreamSettings()
+
+
+def decided(pictures: list[Picture], *moments: float, now: float = 1000.0) -> list[Pick | Unanswered]:
+    picker = Picker(SETTINGS)
+    for moment in moments:
+        picker.ask(Ask(moment, trigger()), now=min(moment, now))
+    return picker.due(pictures, now)
+
+
+def taken(pictures: list[Picture], *moments: float) -> list[float | str]:
+    found = decided(pictures, *moments)
+    return [round(one.moment, 3) if isinstance(one, Pick) else one.reason for one in found]
+
+
+def row(start: float = 10.0, end: float = 12.0, **looks: bool) -> list[Picture]:
+    return [picture(start + k / 10, **looks) for k in range(round((end - start) * 10))]
+
+
+@pytest.mark.parametrize(("moment", "nearest"), [(11.04, 11.0), (11.06, 11.1), (10.0, 10.0), (9.96, 10.0)])
+def test_the_nearest_picture_is_taken(moment: float, nearest: float) -> None:
+    assert taken(row(), moment) == [nearest]
+
+
+def test_a_blurred_picture_gives_way_to_a_sharp_one_in_the_window() -> None:
+    pictures = row()
+    pictures[10] = picture(11.0, blur=True)
+    assert taken(pictures, 11.02) == [11.1]
+
+
+def test_blurred_is_better_than_another_time() -> None:
+    assert taken(row(blur=True), 11.02) == [11.0]
+
+
+def test_a_damaged_picture_is_never_taken() -> None:
+    pictures = [*row(10.0, 10.6), *row(10.6, 11.2, damaged=True), *row(11.2, 12.0)]
+    assert taken(pictures, 10.9) == [11.2]
+    assert taken(row(damaged=True), 11.0) == ["only damaged pictures"]
+
+
+def test_a_picture_is_one_frame_however_many_triggers_ask() -> None:
+    assert taken(row(), 11.0, 11.01, 11.02) == [11.0, 11.1, 10.9]
+
+
+def test_where_no_picture_is_near_none_is_taken() -> None:
+    pictures = [*row(10.0, 11.0), *row(13.0, 14.0)]
+    assert taken(pictures, 12.0) == ["no picture of that time has come"]
+    assert taken(pictures, 11.3) == [10.9]
+
+
+def test_a_trigger_waits_for_the_pictures_after_it() -> None:
+    picker = Picker(SETTINGS)
+    picker.ask(Ask(11.95), now=12.0)
+    assert picker.due(row(10.0, 12.0), now=12.1) == []
+    (pick,) = picker.due(row(10.0, 12.3), now=12.4)
+    assert isinstance(pick, Pick)
+    assert pick.moment == pytest.approx(11.9)
+    assert len(picker) == 0
+
+
+def test_a_trigger_does_not_wait_for_ever() -> None:
+    picker = Picker(SETTINGS)
+    picker.ask(Ask(20.0), now=20.0)
+    assert picker.due(row(10.0, 12.0), now=20.0 + SETTINGS.patience_s - 0.1) == []
+    assert isinstance(picker.due(row(10.0, 12.0), now=20.0 + SETTINGS.patience_s)[0], Unanswered)
+
+
+def test_times_that_are_not_settled_decide_nothing() -> None:
+    clock = CaptureClock(11.9, 0.0)
+    clock.note(0.0, 12.0, 0.0)
+    picker = Picker(SETTINGS)
+    picker.ask(Ask(11.5), now=12.0)
+    assert picker.due([picture(0.0, clock=clock)], now=12.1) == []

@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from image_files import encoded, many_bands, picture, with_thumbnail
+
+from gcs_mosaic.frames.integrity import NotWhole, Whole, image_size, is_whole
+
+JPEG = with_thumbnail(encoded(".jpg"))
+PROGRESSIVE = encoded(".jpg", None, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+RESTARTS = encoded(".jpg", None, cv2.IMWRITE_JPEG_RST_INTERVAL, 2)
+PNG = encoded(".png")
+TIFF = encoded(".tiff")
+TIFF16 = encoded(".tiff", picture(kind=np.uint16))
+PLAIN_TIFF = encoded(".tiff", None, cv2.IMWRITE_TIFF_COMPRESSION, 1)
+ALL = [JPEG, PROGRESSIVE, RESTARTS, PNG, TIFF, TIFF16, PLAIN_TIFF]
+PLANAR = many_bands(5, planarconfig="separate")
+
+
+def big_tiff(order: str = "<") -> bytes:
+    """A grey BigTIFF of 16 x 2 pixels."""
+    head = (b"II" if order == "<" else b"MM") + struct.pack(order + "HHHQ", 43, 8, 0, 16)
+    fields = [(256, 16), (257, 2), (258, 8), (259, 1), (262, 1), (273, 300), (278, 2), (279, 32)]
+    entries = b"".join(struct.pack(order + "HHQQ", tag, 16, 1, value) for tag, value in fields)
+    directory = struct.pack(order + "Q", len(fields)) + entries + bytes(8)
+    return (head + directory).ljust(300, b"\0") + bytes(range(32))
+
+
+@pytest.mark.parametrize("data", ALL)
+def test_a_complete_image_is_whole(data: bytes) -> None:
+    assert is_whole(data) == Whole(160, 120, 3, 16 if data is TIFF16 else 8)
+    assert image_size(data) == (160, 120)
+
+
+@given(st.integers(0, len(ALL) - 1), st.floats(0, 1, exclude_max=True))
+def test_an_image_that_is_cut_off_anywhere_is_not(which: int, share: float) -> None:
+    assert isinstance(is_whole(ALL[which][: min(int(share * len(ALL[which])), len(ALL[which]) - 1)]), NotWhole)
+
+
+@pytest.mark.parametrize("data", [JPEG, PROGRESSIVE, RESTARTS, PNG])
+@pytest.mark.parametrize("written", [1, 20, 0.3, 0.9])
+def test_a_preallocated_file_is_not_whole_until_its_end_is_written(data: bytes, written: float) -> None:
+    done = int(written if written >= 1 else written * len(data))
+    assert isinstance(is_whole(data[:done].ljust(len(data), b"\0")), NotWhole)
+
+
+@pytest.mark.parametrize("data", ALL)
+def test_a_trailer_after_the_end_does_no_harm(data: bytes) -> None:
+    assert is_whole(data + b"maker's notes" * 100) == is_whole(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "bands", "bits"),
+    [
+        (many_bands(5), 5, 16),
+        (PLANAR, 5, 16),
+        (many_bands(5, extrasamples=[0, 0, 0, 2]), 4, 16),  # the last one is transparency
+        (many_bands(1, kind=np.uint8), 1, 8),
+        (encoded(".png", picture()[..., 0]), 1, 8),
+        (encoded(".jpg", picture()[..., 0]), 1, 8),
+        (encoded(".png", np.dstack([picture(), picture()[..., :1]])), 3, 8),
+    ],
+)
+def test_bands_and_depth_are_told_by_the_header(data: bytes, bands: int, bits: int) -> None:
+    assert is_whole(data) == Whole(160, 120, bands, bits)
+
+
+def test_a_band_that_is_missing_is_noticed() -> None:
+    assert isinstance(is_whole(PLANAR[:-1000]), NotWhole)
+
+
+def test_a_thumbnail_is_not_taken_for_the_picture() -> None:
+    assert isinstance(is_whole(JPEG[: JPEG.index(b"\xff\xd9") + 2]), NotWhole)
+
+
+def test_a_changed_byte_in_a_png_is_noticed() -> None:
+    damaged = PNG[:-40] + bytes([PNG[-40] ^ 1]) + PNG[-39:]
+    assert "wrong checksum" in getattr(is_whole(damaged), "reason", "")
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_big_tiff_is_understood(order: str) -> None:
+    assert is_whole(big_tiff(order)) == Whole(16, 2, 1)
+    assert isinstance(is_whole(big_tiff(order)[:-1]), NotWhole)
+
+
+def test_a_tiff_whose_directories_go_in_a_circle_ends() -> None:
+    data = bytearray(big_tiff())
+    data[16 + 8 + 8 * 20 : 16 + 16 + 8 * 20] = struct.pack("<Q", 16)
+    assert is_whole(bytes(data)) == Whole(16, 2, 1)
+
+
+def test_a_bomb_is_refused_by_its_header() -> None:
+    header = struct.pack(">IIBBBBB", 50_000, 50_000, 8, 2, 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(b"")), (b"IEND", b"")]
+    body = b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+    assert is_whole(PNG[:8] + body) == NotWhole("50000 x 50000 pixels, more than the limit of 400 million")
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ({"bands": 65}, "160 x 120 pixels of 65 bands and 16 bits: "),
+        ({"bands": 6, "kind": np.uint16}, "160 x 120 pixels of 6 bands and 16 bits: more than 0.07 million"),
+    ],
+)
+def test_more_than_the_memory_for_it_is_refused_by_its_header(kind: dict, said: str) -> None:
+    refused = is_whole(many_bands(**kind), max_pixels=70_000)
+    assert isinstance(refused, NotWhole)
+    assert refused.reason.startswith(said)
+
+
+@pytest.mark.parametrize("data", [b"GIF89a", b"%PDF-1.7", b"\0\0\0\x18ftypmp42", b"hello"])
+def test_anything_else_is_not_an_image(data: bytes) -> None:
+    assert is_whole(data) == NotWhole("not an image (JPEG, PNG or TIFF)")
+
+
+def test_an_empty_file_is_only_not_written_yet() -> None:
+    assert is_whole(b"") == is_whole(bytes(100)) == NotWhole("empty so far")
+
+
+@given(
+    st.integers(0, len(ALL) - 1),
+    st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)), max_size=8),
+    st.binary(max_size=50),
+)
+def test_no_damage_to_the_structure_raises(which: int, changes: list[tuple[int, int]], end: bytes) -> None:
+    damaged = bytearray(ALL[which])
+    for place, value in changes:
+        damaged[place] = value
+    assert isinstance(is_whole(bytes(damaged) + end), Whole | NotWhole)

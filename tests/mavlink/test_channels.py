@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import select
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+from mavlink_peer import free_udp_port, heartbeat, packet, trigger
+
+from gcs_mosaic.mavlink import channels
+from gcs_mosaic.mavlink.address import parse_address
+from gcs_mosaic.mavlink.channels import UdpChannel
+from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.settings import LinkSettings
+
+PACKET = packet(heartbeat(), system=191, component=191)
+
+
+class Many:
+    """A channel and any number of peers that have spoken on it."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        port = free_udp_port()
+        self.stack, self.to = stack, ("127.0.0.1", port)
+        self.channel = UdpChannel(parse_address(f"udp:127.0.0.1:{port}"), LinkSettings())
+        stack.callback(self.channel.close)
+
+    def peer(self, *data: bytes) -> socket.socket:
+        made = self.stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        made.bind(("127.0.0.1", 0))
+        for datagram in data:
+            made.sendto(datagram, self.to)
+            self.channel.read(1.0)
+        return made
+
+
+@pytest.fixture
+def many() -> Iterator[Many]:
+    with ExitStack() as stack:
+        yield Many(stack)
+
+
+def reached(peers: list[socket.socket]) -> int:
+    return len(select.select(peers, [], [], 0.1)[0])
+
+
+def test_before_anybody_is_heard_there_is_nobody_to_send_to(many: Many) -> None:
+    assert not many.channel.send(PACKET)
+
+
+def test_at_most_32_peers_are_sent_to_the_newest_of_them(many: Many) -> None:
+    peers = [many.peer(packet(trigger(1))) for _ in range(50)]
+    assert many.channel.send(PACKET)
+    assert (reached(peers[:18]), reached(peers[18:])) == (0, 32)
+
+
+def test_who_sends_no_mavlink_is_not_sent_to(many: Many) -> None:
+    peers = [many.peer(data) for data in (b"", b"hello", b"\xfd" + bytes(40), PACKET[:-1] + b"\x00")]
+    assert not many.channel.send(PACKET)
+    assert reached(peers) == 0
+
+
+def test_who_was_not_heard_for_a_while_is_not_sent_to(many: Many, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone, there, now = many.peer(packet(trigger(1))), many.peer(), channels.time.monotonic()
+    monkeypatch.setattr(channels.time, "monotonic", lambda: now + 9.0)
+    there.sendto(packet(trigger(2)), many.to)
+    assert isinstance(many.channel.read(1.0)[0], Arrival)
+    monkeypatch.setattr(channels.time, "monotonic", lambda: now + 11.0)
+    assert many.channel.send(PACKET)
+    assert (reached([gone]), reached([there])) == (0, 1)
+
+
+def test_what_is_read_from_one_peer_is_not_mixed_with_what_another_sends(many: Many) -> None:
+    one, other = many.peer(), many.peer()
+    begun, rest = packet(trigger(7))[:9], packet(trigger(7))[9:]
+    came = []
+    for sender, data in ((one, begun), (other, packet(trigger(8))), (one, rest)):
+        sender.sendto(data, many.to)
+        came += [item.message.seq for item in many.channel.read(1.0) if isinstance(item, Arrival)]
+    assert came == [8, 7]

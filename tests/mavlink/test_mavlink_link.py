@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+from mavlink_peer import captured, feedback, free_udp_port, heartbeat, packet, trigger
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.mavlink.address import parse_address
+from gcs_mosaic.mavlink.link import triggers
+from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.messages import Notice, TriggerEvent
+
+QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
+
+
+class Vehicle:
+    """A peer on a real UDP socket, and the daemon's ear on another."""
+
+    def __init__(self) -> None:
+        self.port, self.stop = free_udp_port(), threading.Event()
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.heard = triggers(parse_address(f"udp:127.0.0.1:{self.port}"), self.stop, QUICK)
+
+    def send(self, *packets: bytes) -> None:
+        for data in packets:
+            self.socket.sendto(data, ("127.0.0.1", self.port))
+
+    def next_event(self) -> TriggerEvent:
+        return next(item for item in self.heard if isinstance(item, TriggerEvent))
+
+    def next_notice(self, text: str) -> Notice:
+        return next(item for item in self.heard if isinstance(item, Notice) and text in item.text)
+
+
+@pytest.fixture
+def vehicle() -> Iterator[Vehicle]:
+    peer = Vehicle()
+    yield peer
+    peer.stop.set()
+    assert any("closed" in item.text for item in peer.heard if isinstance(item, Notice))
+    peer.socket.close()
+
+
+def test_all_three_messages_are_heard(vehicle: Vehicle) -> None:
+    vehicle.send(packet(trigger(1)), packet(feedback(2)), packet(captured(3, file_url=b"a/b.jpg"), component=100))
+    events = [vehicle.next_event() for _ in range(3)]
+    assert [event.sequence for event in events] == [1, 2, 3]
+    assert events[2].file_hint == "b.jpg"
+    assert 0 <= time.monotonic() - events[0].received < 5
+
+
+def test_noise_from_one_peer_harms_no_other(vehicle: Vehicle) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for seq in range(50):
+            stranger.sendto(b"\xfd\xff" + bytes(40), ("127.0.0.1", vehicle.port))
+            vehicle.send(b"", packet(trigger(seq)))
+    assert [vehicle.next_event().sequence for _ in range(50)] == list(range(50))
+
+
+def test_a_link_says_what_it_hears_and_when_it_hears_nothing(vehicle: Vehicle) -> None:
+    vehicle.next_notice("listening on udpin:127.0.0.1")
+    vehicle.send(packet(heartbeat(), system=9))
+    vehicle.next_notice("system 9")
+    assert vehicle.next_notice("silent").level == "warning"
+    vehicle.send(packet(heartbeat(), system=9))
+    vehicle.next_notice("heard again")
+
+
+def test_a_taken_port_is_refused_by_the_call_itself(vehicle: Vehicle) -> None:
+    with pytest.raises(UsageError, match=f"UDP port {vehicle.port} is taken"):
+        triggers(parse_address(f"udp:127.0.0.1:{vehicle.port}"), threading.Event())

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+
+from gcs_mosaic.render.exposure import overlap_means
+from gcs_mosaic.render.vignetting import (
+    FLAT,
+    OUTWARDS,
+    Vignetting,
+    VignettingEstimate,
+    brightening,
+    log_brightness,
+    radii,
+)
+
+WIDTH, HEIGHT = 96, 72
+CURVES = (0.0, -0.35, -0.1), (0.3, -0.5, -0.1), (0.0, -0.45, 0.0)
+
+
+def grid(width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
+    return np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
+
+
+def seen(ground: np.ndarray, x: int, y: int, exposure: float, curves: Vignetting) -> np.ndarray:
+    """A thumbnail of a piece of ground through a lens with this vignetting."""
+    fall = np.exp(radii(grid().reshape(-1, 2), WIDTH, HEIGHT) @ np.array(curves).T).reshape(HEIGHT, WIDTH, 3)
+    return np.clip(ground[y : y + HEIGHT, x : x + WIDTH] * exposure * fall, 0, 255).round().astype(np.uint8)
+
+
+def estimate(curves: Vignetting, steps: list[tuple[int, int]]) -> VignettingEstimate:
+    rng = np.random.default_rng(4)
+    ground = rng.normal(110, 15, (300, 400, 3))
+    found, (x, y) = VignettingEstimate(), (100, 100)
+    for right, down in steps:
+        one = seen(ground, x, y, rng.uniform(0.7, 1.4), curves)
+        other = seen(ground, x + right, y + down, rng.uniform(0.7, 1.4), curves)
+        means = overlap_means(one, other, lambda pixels, by=(right, down): pixels - by)
+        found = found.after(means.radial)
+    return found
+
+
+def error(curves: Vignetting) -> float:
+    """The greatest error in log brightness from the middle to the corners, in any band."""
+    return float(np.abs(np.subtract(curves, CURVES) @ OUTWARDS.T).max())
+
+
+def test_the_curves_are_found_whatever_the_exposures() -> None:
+    assert error(estimate(CURVES, [(40, 0), (0, 35), (30, 20), (-35, 10), (15, -30)]).curves) < 0.02
+
+
+def test_no_vignetting_is_found_where_there_is_none() -> None:
+    assert np.abs(estimate(((0, 0, 0),) * 3, [(40, 0), (0, 35), (30, 20)]).curves).max() < 0.05
+
+
+def test_nothing_is_claimed_where_overlaps_tell_nothing() -> None:
+    assert VignettingEstimate().curves == FLAT
+    assert np.abs(estimate(CURVES, [(0, 0)] * 5).curves).max() < 0.01
+
+
+def test_things_that_moved_change_nothing() -> None:
+    ground = np.full((200, 300, 3), 110.0)
+    one, other = seen(ground, 0, 0, 1.0, CURVES), seen(ground, 30, 20, 1.0, CURVES)
+    known = VignettingEstimate().after(overlap_means(one, other, lambda pixels: pixels - [30, 20]).radial)
+    one[20:40, 50:60] = 240
+    found = VignettingEstimate().after(overlap_means(one, other, lambda pixels: pixels - [30, 20]).radial)
+    assert np.abs(np.subtract(found.curves, known.curves) @ OUTWARDS.T).max() < 0.02
+
+
+def test_means_without_vignetting_tell_the_exposures() -> None:
+    ground = np.full((200, 300, 3), 110.0)
+    one, other = seen(ground, 0, 0, 1.5, CURVES), seen(ground, 60, 40, 1.0, CURVES)
+    means = overlap_means(one, other, lambda pixels: pixels - [60, 40])
+    flat = means.flattened(CURVES, CURVES)
+    assert np.array(flat.mean_i) / flat.mean_j == pytest.approx([1.5] * 3, rel=0.01)
+    assert means.flattened(FLAT, FLAT) == means
+
+
+def test_what_is_taken_out_was_there() -> None:
+    picture = seen(np.full((200, 300, 3), 110.0), 0, 0, 1.0, CURVES)
+    factor = brightening(CURVES, grid().astype(np.float32), WIDTH, HEIGHT)
+    brightest = (picture * factor)[HEIGHT // 2, WIDTH // 2]
+    np.testing.assert_allclose(picture * factor, np.broadcast_to(brightest, picture.shape), atol=1.5)
+    assert factor.min() == pytest.approx(1, abs=0.001)
+
+
+def test_nowhere_is_not_brightened() -> None:
+    assert (brightening(CURVES, np.full((1, 1, 2), np.nan, np.float32), WIDTH, HEIGHT) == 1).all()
+
+
+def test_frames_keep_their_colours_and_nothing_is_made_darker() -> None:
+    uneven = ((0.3, -0.61, 0.43), (0.1, -0.07, -0.01), (0.0, -0.3, 0.0))  # each band is brightest elsewhere
+    of_disc = log_brightness(uneven, OUTWARDS)
+    assert of_disc.max() == pytest.approx(0)
+    means = np.average(of_disc, axis=0, weights=OUTWARDS[:, 0])
+    np.testing.assert_allclose(means, means[0])

@@ -1,0 +1,175 @@
+"""Islands are adjusted while frames go on being placed; what came meanwhile is carried along."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stitch_ground import SMALL_CAMERA, map_error, photograph
+
+from gcs_mosaic.stitch.bundle import schedule as upkeep
+from gcs_mosaic.stitch.bundle.island import adjusted, island_task, take_in
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
+from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
+from gcs_mosaic.stitch.bundle.worker import Failed
+from gcs_mosaic.stitch.camera.geometry import Pose, moved_by_similarity
+from gcs_mosaic.stitch.camera.projection import pose_row
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+
+SETTINGS = StitchSettings(upkeep=UpkeepSettings(background_from=5, meanwhile=2))
+LINE = [Pose(350 + 90 * i, 600, 0.02 * (i % 3), 0.05 * i, 0.04, -0.03) for i in range(16)]
+
+
+class FakeWorker:
+    """Adjusts at once, and says that it is ready after having been asked some times."""
+
+    def __init__(self, asked=1, change=lambda found: found):
+        self._asked, self._change = asked, change
+        self.tasks = []
+
+    def begin(self, task):
+        self.tasks.append(task)
+        self._left = self._asked
+
+    def is_ready(self):
+        self._left -= 1
+        return self._left <= 0
+
+    def result(self):
+        return self._change(adjusted(self.tasks[-1]))
+
+
+def flown(ground, mosaic, poses=LINE):
+    for i, pose in enumerate(poses):
+        assert isinstance(mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i)), Placement)
+        mosaic.adjust()
+    return mosaic
+
+
+def elsewhere(found):
+    """The same map, turned, half as large and far away: as good a solution as any."""
+    poses = [moved_by_similarity(Pose(*pose), 0.5, 1.0, np.array([9000.0, -700.0])) for pose in found.poses]
+    return replace(found, poses=np.array([pose_row(pose) for pose in poses]))
+
+
+def test_frames_that_came_meanwhile_go_where_their_neighbours_go(ground):
+    worker = FakeWorker(asked=3, change=elsewhere)
+    mosaic = flown(ground, Mosaic(SETTINGS, worker))
+    assert len(worker.tasks) >= 2
+    assert min(p.pose.x for p in mosaic.placements()) > 5000
+    assert map_error(mosaic.placements(), LINE) < 2
+
+
+@pytest.mark.parametrize("asked", [1, 7])
+def test_a_punctual_map_does_not_depend_on_how_fast_the_worker_is(ground, asked):
+    usual, other = FakeWorker(asked=2), FakeWorker(asked=asked)
+    expected = [p.pose for p in flown(ground, Mosaic(SETTINGS, usual, punctual=True)).placements()]
+    assert [p.pose for p in flown(ground, Mosaic(SETTINGS, other, punctual=True)).placements()] == expected
+    assert [task.members for task in other.tasks] == [task.members for task in usual.tasks]
+
+
+def test_small_islands_and_the_last_adjustment_are_not_left_to_the_worker(ground):
+    worker = FakeWorker()
+    mosaic = flown(ground, Mosaic(SETTINGS, worker), LINE[:4])
+    assert worker.tasks == []
+    flown(ground, Mosaic(SETTINGS, worker), LINE[:8])
+    begun = len(worker.tasks)
+    assert begun > 0
+    mosaic.adjust(everything=True)
+    assert len(worker.tasks) == begun
+
+
+def test_a_worker_that_fails_is_said_and_frames_go_on_being_placed(ground):
+    mosaic = flown(ground, Mosaic(SETTINGS, FakeWorker(change=lambda found: Failed("it has died"))))
+    assert mosaic.problem == "it has died; from now on frames wait while it is adjusted"
+    mosaic.adjust(everything=True)
+    assert map_error(mosaic.placements(), LINE) < 2
+
+
+def test_a_pause_is_used_until_all_is_adjusted(ground):
+    mosaic = Mosaic(replace(SETTINGS, upkeep=replace(SETTINGS.upkeep, per_doubling=1)), FakeWorker(asked=2))
+    flown(ground, mosaic)
+    assert mosaic.adjust_in_a_pause()
+    while mosaic.adjust_in_a_pause():
+        pass
+    assert map_error(mosaic.placements(), LINE) < 2
+
+
+def test_the_result_for_an_island_that_is_no_more_is_dropped(ground):
+    network = flown(ground, Mosaic(), LINE[:5])._network
+    task = island_task(network, 0, AdjustmentSettings())
+    network.put(3, network.pose_of(3), 1)
+    before = [network.pose_of(frame) for frame in range(5)]
+    assert not take_in(network, task, elsewhere(adjusted(task)))
+    assert [network.pose_of(frame) for frame in range(5)] == before
+
+
+@pytest.mark.parametrize("broken", ["begin", "result"])
+def test_a_worker_that_has_raised_is_never_out_of_step(ground, monkeypatch, broken):
+    """It has begun, or answered, and then something raises: the map is what it would have been."""
+    usual, other = FakeWorker(), FakeWorker()
+    expected = [p.pose for p in flown(ground, Mosaic(SETTINGS, usual, punctual=True)).placements()]
+    work, raised = getattr(FakeWorker, broken), []
+
+    def raising_once(self, *task):
+        found = work(self, *task)
+        if len(raised) < 2:
+            raised.append(found)
+            raise MemoryError
+        return found
+
+    monkeypatch.setattr(FakeWorker, broken, raising_once)
+    mosaic = Mosaic(SETTINGS, other, punctual=True)
+    for i, pose in enumerate(LINE):
+        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+        while True:
+            try:
+                mosaic.adjust()
+                break
+            except MemoryError:
+                continue
+    assert len(raised) == 2
+    assert [p.pose for p in mosaic.placements()] == expected
+
+
+@pytest.mark.parametrize("detour", [False, True])
+def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground, detour):
+    """All is put back as it was before the worker was given its task, and something else is asked of it."""
+    worker = FakeWorker()
+    mosaic = Mosaic(SETTINGS, worker, punctual=True)
+    flown(ground, mosaic, LINE[:4])
+    before = mosaic.snapshot()
+    if detour:
+        flown(ground, mosaic, LINE[4:8])
+        assert worker.tasks
+        mosaic.restore(before)
+    again = [mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"again {i}") for i, pose in enumerate(LINE[4:])]
+    assert all(isinstance(outcome, Placement) for outcome in again)
+    mosaic.adjust()
+    assert mosaic.adjust_in_a_pause()  # the worker is at it
+    assert len(worker.tasks[-1].members) == len(LINE)
+    mosaic.adjust(everything=True)
+    assert mosaic.problem is None
+    assert map_error([replace(p, name=str(k)) for k, p in enumerate(mosaic.placements())], LINE) < 2
+
+
+def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(ground, monkeypatch):
+    mosaic = Mosaic(SETTINGS)
+    for i, pose in enumerate([*LINE[:3], *(replace(pose, y=1700) for pose in LINE[:3])]):
+        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+    adjust, tried = upkeep.adjust_island, []
+
+    def failing(network, island, settings):
+        tried.append(island)
+        adjust(network, island, settings)
+        if island == 0:
+            raise ValueError("singular")
+
+    monkeypatch.setattr(upkeep, "adjust_island", failing)
+    before = [p.pose for p in mosaic.placements()]
+    with pytest.raises(ValueError, match="singular"):
+        mosaic.adjust()
+    after = [p.pose for p in mosaic.placements()]
+    assert tried == [0, 1]
+    assert after[:3] == before[:3]
+    assert all(a != b for a, b in zip(after[3:], before[3:], strict=True))

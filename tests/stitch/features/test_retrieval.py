@@ -1,0 +1,41 @@
+"""Frames that show the same ground come first, wherever they lie in the flight."""
+
+import numpy as np
+import pytest
+from stitch_ground import SMALL_CAMERA, photograph
+
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.features import retrieval
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
+
+
+@pytest.mark.parametrize("learn_at", [(), (8,), (4, 12)], ids=["no words", "words", "words learnt anew"])
+def test_the_frame_of_the_same_ground_is_found_among_many(ground, monkeypatch, learn_at):
+    monkeypatch.setattr(retrieval, "LEARN_AT", learn_at)
+    index, places = RetrievalIndex(), [Pose(x, y) for y in (300, 900, 1500, 2100) for x in (300, 1000, 1700)]
+    for pose in places:
+        index.add(extract(photograph(ground, pose, SMALL_CAMERA), FeatureSettings()))
+    for number, pose in enumerate(places):
+        again = extract(photograph(ground, Pose(pose.x + 90, pose.y - 70, 0.1, 1.0), SMALL_CAMERA), FeatureSettings())
+        assert index.likeliest(again, np.arange(len(places)), 3)[0] == number
+
+
+def test_only_the_frames_asked_for_are_looked_at(ground):
+    index = RetrievalIndex()
+    features = extract(photograph(ground, Pose(700, 700), SMALL_CAMERA), FeatureSettings())
+    for _ in range(70):
+        index.add(features)
+    assert set(index.likeliest(features, np.array([5, 66]), 9)) == {5, 66}
+    assert index.likeliest(features, np.array([], dtype=np.intp), 9) == []
+
+
+def test_a_query_compares_itself_with_a_small_part_of_what_is_stored(ground, monkeypatch):
+    monkeypatch.setattr(retrieval, "LEARN_AT", (12,))
+    index = RetrievalIndex()
+    pictures = [photograph(ground, Pose(x, y), SMALL_CAMERA) for y in (300, 900, 1500, 2100) for x in (300, 1000, 1700)]
+    for picture in pictures:
+        index.add(extract(picture, FeatureSettings()))
+    shares = np.array([len(rows) for rows in index._rows]) / (12 * retrieval.PER_FRAME)
+    assert shares.sum() == pytest.approx(1.0)
+    assert retrieval.PROBES * (shares**2).sum() < 0.05  # of what is stored, as an average descriptor asks

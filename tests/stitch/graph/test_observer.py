@@ -1,0 +1,125 @@
+"""Whoever looks on is told what happened, and what is told is true."""
+
+import numpy as np
+import pytest
+from stitch_ground import SMALL_CAMERA, photograph
+
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.graph.observer import Observers, island_residuals
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.mapping.resection import PlausibilitySettings
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+
+
+class Notes:
+    """An observer that writes everything down."""
+
+    def __init__(self):
+        self.pairs, self.disbeliefs, self.placements, self.adjustments = [], [], [], []
+
+    def registered(self, a, b, found):
+        self.pairs.append((a, b, found))
+
+    def disbelieved(self, name, beside, reason):
+        self.disbeliefs.append((name, beside, reason))
+
+    def placed(self, placement):
+        self.placements.append(placement)
+
+    def adjusted(self, island, residuals):
+        self.adjustments.append((island, residuals()))
+
+
+TRUTH = [Pose(400 + 130 * i, 500) for i in range(3)]
+
+
+def fly(mosaic, *grounds):
+    for i, (ground, pose) in enumerate(zip(grounds, TRUTH, strict=True)):
+        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+    mosaic.adjust(everything=True)
+    return mosaic
+
+
+def test_pairs_and_placements_are_told_as_they_happen(ground, other_ground):
+    notes = Notes()
+    fly(Mosaic(observer=notes), ground, ground, other_ground)
+    (a, b, found), *others = notes.pairs
+    assert (a, b) == ("1", "0")
+    assert isinstance(found, Registration)
+    shift = found.pixels_b - found.pixels_a  # both look straight down from the same height
+    assert np.median(shift, axis=0) == pytest.approx([130, 0], abs=1)
+    assert {a for a, _, _ in others} == {"2"}
+    assert all(isinstance(refused, NotRegistered) and refused.reason for _, _, refused in others)
+    assert [placement.name for placement in notes.placements] == ["0", "1"]
+    assert all(isinstance(placement, Placement) for placement in notes.placements)
+
+
+def test_a_refused_pair_tells_which_pixels_agreed_all_the_same(ground):
+    notes, registration = Notes(), StitchSettings().registration
+    strict = StitchSettings(registration=type(registration)(least_evidence=1e6))
+    fly(Mosaic(strict, observer=notes), ground, ground, ground)
+    refused = notes.pairs[0][2]
+    assert isinstance(refused, NotRegistered)
+    assert len(refused.pixels_a) == len(refused.pixels_b) >= refused.inliers > 40
+    assert np.median(refused.pixels_b - refused.pixels_a, axis=0) == pytest.approx([130, 0], abs=1)
+
+
+def test_a_pose_that_is_not_believed_is_told_with_its_reason(ground):
+    notes = Notes()
+    nothing_fits = StitchSettings(plausibility=PlausibilitySettings(most_residual_px=1e-6))
+    fly(Mosaic(nothing_fits, observer=notes), ground, ground, ground)
+    name, beside, reason = notes.disbeliefs[0]
+    assert (name, beside) == ("1", "0")
+    assert "misses its matches by" in reason
+
+
+def test_residuals_are_what_two_frames_put_one_point_apart(ground):
+    notes = Notes()
+    mosaic = fly(Mosaic(observer=notes), ground, ground, ground)
+    island, residuals = notes.adjustments[-1]
+    assert island == 0
+    assert {frame.name for frame in residuals} == {"0", "1", "2"}
+    assert all(np.median(np.linalg.norm(frame.misses, axis=1)) < 0.5 for frame in residuals)
+    network = mosaic._network
+    pose = network.pose_of(2)
+    network.put(2, Pose(pose.x + 7, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll), 0)
+    moved = {frame.name: frame for frame in island_residuals(network, 0)}
+    assert np.median(moved["2"].misses, axis=0) == pytest.approx([-7, 0], abs=0.5)  # the others stayed behind
+
+
+def test_several_are_told_the_same(ground, other_ground):
+    first, second = Notes(), Notes()
+    fly(Mosaic(observer=Observers(first, None, second)), ground, ground, other_ground)
+    assert first.pairs == second.pairs
+    assert first.placements == second.placements
+    assert [island for island, _ in first.adjustments] == [island for island, _ in second.adjustments] == [0]
+    assert len(first.pairs) > 1
+
+
+def test_what_is_left_over_is_worked_out_only_for_whoever_asks(ground, monkeypatch):
+    class Uninterested(Notes):
+        def adjusted(self, island, residuals):
+            self.adjustments.append(island)
+
+    asked = []
+    monkeypatch.setattr("gcs_mosaic.stitch.mosaic.island_residuals", lambda *about: asked.append(about) or [])
+    notes = Uninterested()
+    fly(Mosaic(observer=notes), ground, ground, ground)
+    assert notes.adjustments
+    assert not asked
+
+
+def test_one_that_raises_looks_on_no_more_and_changes_nothing(ground, caplog):
+    class Broken(Notes):
+        def registered(self, a, b, found):
+            raise ValueError("no more paper")
+
+    broken, notes = Broken(), Notes()
+    mosaic = Mosaic(observer=Observers(broken, notes))
+    for i in range(3):
+        outcome = mosaic.add(photograph(ground, Pose(400 + 130 * i, 500), SMALL_CAMERA), str(i))
+        assert isinstance(outcome, Placement)
+    assert len(notes.placements) == 3
+    assert len(broken.placements) == 1
+    assert caplog.messages == ["Broken has failed, and looks on no more"]

@@ -1,0 +1,40 @@
+"""The journal says why frames lie where they lie: refusals always, what was believed to those who look for faults."""
+
+import logging
+
+from stitch_ground import SMALL_CAMERA, photograph
+
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.mapping.journal import Journal
+from gcs_mosaic.stitch.mapping.resection import PlausibilitySettings
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+
+
+def said(caplog, level, *grounds, settings=None):
+    caplog.set_level(logging.DEBUG, logger="gcs_mosaic.stitch.mapping.journal")
+    mosaic = Mosaic(settings, observer=Journal())
+    for i, ground in enumerate(grounds):
+        mosaic.add(photograph(ground, Pose(400 + 130 * i, 500), SMALL_CAMERA), f"{i}.jpg")
+    mosaic.adjust(everything=True)
+    return [record.getMessage() for record in caplog.records if record.levelno == level]
+
+
+def test_a_refused_pair_is_information_with_its_numbers(caplog, ground, other_ground):
+    (refused,) = said(caplog, logging.INFO, ground, other_ground)
+    assert refused.startswith("1.jpg and 0.jpg are not connected: evidence ")
+    assert refused.endswith(" inliers")
+    assert ", 8.0 needed; " in refused
+
+
+def test_a_pose_that_is_not_believed_is_information(caplog, ground):
+    nothing_fits = StitchSettings(plausibility=PlausibilitySettings(most_residual_px=1e-6))
+    first, *_ = said(caplog, logging.INFO, ground, ground, settings=nothing_fits)
+    assert first.startswith("1.jpg is not placed beside 0.jpg: misses its matches by")
+
+
+def test_what_was_believed_is_for_finding_faults(caplog, ground):
+    placed, agree, beside, adjusted = said(caplog, logging.DEBUG, ground, ground)
+    assert placed == "0.jpg lies on island 0: 0 inliers with 0 frames, nan px off"
+    assert agree.startswith("1.jpg and 0.jpg agree: ")
+    assert beside.startswith("1.jpg lies on island 0: ")
+    assert adjusted == "island 0 is adjusted"

@@ -1,0 +1,80 @@
+"""Small events, frames and painted frames for tests of the output folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerEvent
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.store.originals import content_hash
+from gcs_mosaic.store.records import Estimate
+
+# A frame's pixels to those of one that was taken a little beside it.
+NEARLY_THE_SAME = ((1.0, 0.01, 2.5), (-0.01, 1.0, -0.1), (1e-7, 0.0, 1.0))
+
+
+def an_event(sequence: int = 7, position: Position | None = None, file_hint: str | None = None) -> TriggerEvent:
+    return TriggerEvent(
+        vehicle=1,
+        component=100,
+        camera=2,
+        source=Source.IMAGE_CAPTURED_BY_CAMERA,
+        sequence=sequence,
+        received=12.25,
+        source_time=0.1,
+        clock="boot",
+        utc=1.7e9 + 0.1,
+        result=CaptureResult.TAKEN,
+        file_hint=file_hint,
+        position=position,
+    )
+
+
+def a_frame(name: str = "a.jpg", folder: Path = Path(), data: bytes = b"picture") -> Frame:
+    return Frame(
+        name=name,
+        path=folder / name,
+        content_hash=content_hash(data),
+        size=len(data),
+        received=3.5,
+        modified=1.7e9,
+    )
+
+
+def written_frame(folder: Path, name: str = "a.jpg", data: bytes = b"picture") -> Frame:
+    """A frame whose file really is there."""
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return a_frame(name, folder, data)
+
+
+def an_estimate(pose: Pose, residual_px: float | None = 1.0, corner_deviation_px: float | None = 0.25) -> Estimate:
+    """Of the frame a.jpg."""
+    return Estimate(
+        name="a.jpg",
+        island=0,
+        pose=pose,
+        camera=Camera(4, 3),
+        inliers=9,
+        residual_px=residual_px,
+        neighbours=2,
+        hops=1,
+        corner_deviation_px=corner_deviation_px,
+    )
+
+
+def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float = 1.4) -> Painted:
+    return Painted(
+        name=name,
+        order=order,
+        island=island,
+        pose=Pose(0.1 + order, -1 / 3, 0.01, 3.1, -0.02, 1e-17),
+        camera=Camera(4000, 3000, focal, -0.031),
+        gain=(1.0, 0.97, 1.03),
+        vignetting=((0.1, -0.2, 0.03), (0.0, -0.1, 0.0), (0.0, -0.3, 0.1)),
+        dead=DeadBorder(0, 12, 1, 13),
+        level=16,
+    )

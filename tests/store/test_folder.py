@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store.folder import LEDGER_NAME, find_flight, open_flight_folder, refuse_watching_ourselves
+
+
+def test_folder_is_made_and_said(tmp_path: Path) -> None:
+    folder = open_flight_folder(tmp_path / "deep" / "mosaic")
+    assert folder.path.is_dir()
+    assert "was created" in folder.said
+    folder.close()
+
+
+def test_second_flight_goes_beside_the_first(tmp_path: Path) -> None:
+    out = tmp_path / "mosaic"
+    for expected in ("mosaic", "mosaic-2", "mosaic-3"):
+        folder = open_flight_folder(out)
+        (folder.path / LEDGER_NAME).write_bytes(b"flight")
+        folder.close()
+        assert folder.path == tmp_path / expected
+    assert "holds an earlier flight" in folder.said
+    assert str(tmp_path / "mosaic-3") in folder.said
+
+
+def test_foreign_files_do_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    folder = open_flight_folder(tmp_path)
+    assert folder.path == tmp_path
+    folder.close()
+
+
+def test_foreign_file_of_our_name_is_left_alone(tmp_path: Path) -> None:
+    out = tmp_path / "trip"
+    (out / "frames").mkdir(parents=True)
+    folder = open_flight_folder(out)
+    assert folder.path == tmp_path / "trip-2"
+    assert list(out.iterdir()) == [out / "frames"]
+    folder.close()
+
+
+def test_the_working_folder_has_neighbours_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = tmp_path / "here"
+    (here / "tiles").mkdir(parents=True)
+    monkeypatch.chdir(here)
+    folder = open_flight_folder(Path())
+    assert folder.path == tmp_path / "here-2"
+    folder.close()
+
+
+def test_two_programs_never_write_one_folder(tmp_path: Path) -> None:
+    out = tmp_path / "mosaic"
+    code = (
+        "import pathlib, sys; from gcs_mosaic.store.folder import open_flight_folder as o; "
+        "print(o(pathlib.Path(sys.argv[1])).path.name, flush=True); sys.stdin.read()"
+    )
+    command = [sys.executable, "-c", code, str(out)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline().strip() == "mosaic"
+        beside = open_flight_folder(out)
+        assert beside.path.name == "mosaic-2"
+        assert "another gcs-mosaic" in beside.said
+        beside.close()
+        other.kill()
+    alone = open_flight_folder(out)
+    assert alone.path.name == "mosaic"
+    alone.close()
+
+
+def test_resume_is_refused_clearly(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--resume was given"):
+        open_flight_folder(tmp_path / "mosaic", resume=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_file_in_the_way_is_a_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "mosaic").write_text("a file")
+    with pytest.raises(UsageError, match=r"mosaic cannot be written \(File exists\): choose another --out"):
+        open_flight_folder(tmp_path / "mosaic")
+
+
+def test_find_flight_wants_a_flight(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="holds no flight"):
+        find_flight(tmp_path)
+    with pytest.raises(UsageError, match="does not exist"):
+        find_flight(tmp_path / "never")
+    (tmp_path / "mosaic.json").write_text("{}")
+    assert find_flight(tmp_path) == tmp_path
+
+
+@pytest.mark.parametrize("watched", [".", "mosaic", "mosaic/frames", "mosaic/tiles/0"])
+def test_map_must_not_appear_in_the_watched_folder(tmp_path: Path, watched: str) -> None:
+    with pytest.raises(UsageError, match="overlap"):
+        refuse_watching_ourselves(tmp_path / watched, tmp_path / "mosaic")
+
+
+@pytest.mark.parametrize("watched", ["frames", "mosaic/incoming", "mosaic-2"])
+def test_other_places_may_be_watched(tmp_path: Path, watched: str) -> None:
+    refuse_watching_ourselves(tmp_path / watched, tmp_path / "mosaic")

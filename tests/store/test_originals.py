@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ledger_parts import a_frame, written_frame
+
+from gcs_mosaic.store.originals import (
+    Kept,
+    NotKept,
+    Originals,
+    OriginalsSettings,
+    content_hash,
+    is_intact,
+    relative_place,
+)
+
+COPY = OriginalsSettings(reserve_gb=0.0)
+LINK = OriginalsSettings(keep="link", reserve_gb=0.0)
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    (tmp_path / "out").mkdir()
+    return tmp_path / "out"
+
+
+def test_subfolders_and_overwritten_names_are_kept(tmp_path: Path, out: Path) -> None:
+    frame = written_frame(tmp_path / "watched", "DCIM/100MEDIA/a.jpg#2")
+    kept = Originals(out, COPY).keep(frame)
+    assert kept == Kept(path="frames/DCIM/100MEDIA/a.jpg#2", linked=False, notice=None)
+    assert (out / "frames/DCIM/100MEDIA/a.jpg#2").read_bytes() == b"picture"
+
+
+def test_copy_survives_a_camera_that_writes_again(tmp_path: Path, out: Path) -> None:
+    frame = written_frame(tmp_path / "watched")
+    kept = Originals(out, COPY).keep(frame)
+    frame.path.write_bytes(b"another")
+    assert isinstance(kept, Kept)
+    assert is_intact(out / kept.path, frame.content_hash)
+
+
+@pytest.mark.parametrize("settings", [COPY, LINK])
+def test_a_frame_of_a_stream_is_written_whatever_the_settings_say(out: Path, settings: OriginalsSettings) -> None:
+    frame = replace(a_frame("stream/1.jpg"), data=b"picture", content_hash=content_hash(b"picture"))
+    kept = Originals(out, settings).keep(frame)
+    assert kept == Kept(path="frames/stream/1.jpg", linked=False, notice=None)
+    assert (out / "frames/stream/1.jpg").read_bytes() == b"picture"
+
+
+def test_link_takes_no_space_and_its_change_is_found_out(tmp_path: Path, out: Path) -> None:
+    frame = written_frame(tmp_path / "watched")
+    kept = Originals(out, LINK).keep(frame)
+    assert isinstance(kept, Kept)
+    assert kept.linked
+    assert (out / kept.path).samefile(frame.path)
+    frame.path.write_bytes(b"another")
+    assert not is_intact(out / kept.path, frame.content_hash)
+
+
+def test_kept_again_is_the_same_original(tmp_path: Path, out: Path) -> None:
+    frame = written_frame(tmp_path / "watched")
+    first, second = (Originals(out, COPY).keep(frame) for _ in range(2))
+    assert first == second
+    assert Originals(out, COPY).used == len(b"picture")
+
+
+def test_another_picture_of_the_same_name_overwrites_nothing(tmp_path: Path, out: Path) -> None:
+    originals = Originals(out, COPY)
+    first = originals.keep(written_frame(tmp_path / "one", data=b"first"))
+    second = originals.keep(written_frame(tmp_path / "two", data=b"second"))
+    assert isinstance(first, Kept)
+    assert isinstance(second, Kept)
+    assert (out / first.path).read_bytes() == b"first"
+    assert (out / second.path).read_bytes() == b"second"
+
+
+def test_file_written_again_before_it_was_kept_is_not_taken_for_the_frame(tmp_path: Path, out: Path) -> None:
+    frame = written_frame(tmp_path / "watched")
+    frame.path.write_bytes(b"another")
+    kept = Originals(out, COPY).keep(frame)
+    assert isinstance(kept, NotKept)
+    assert "written again" in kept.reason
+    assert not (out / "frames" / "a.jpg").exists()
+
+
+def test_file_taken_away_is_a_reason(tmp_path: Path, out: Path) -> None:
+    kept = Originals(out, COPY).keep(a_frame("gone.jpg", tmp_path))
+    assert isinstance(kept, NotKept)
+    assert "No such file" in kept.reason
+
+
+def test_budget_is_said_once_and_frames_are_linked_from_then_on(tmp_path: Path, out: Path) -> None:
+    originals = Originals(out, OriginalsSettings(reserve_gb=0.0, budget_gb=10e-9))
+    kept = [originals.keep(written_frame(tmp_path / "watched", f"{n}.jpg")) for n in range(3)]
+    assert [one.linked for one in kept if isinstance(one, Kept)] == [False, True, True]
+    assert [one.notice is not None for one in kept] == [False, True, False]
+    assert kept[1].notice is not None
+    assert "budget" in kept[1].notice.text
+
+
+def test_disk_without_reserve_and_without_links_is_a_reason(tmp_path: Path, tiny_disk: Path) -> None:
+    frame = written_frame(tmp_path / "watched")
+    kept = Originals(tiny_disk, OriginalsSettings(reserve_gb=1.0)).keep(frame)
+    assert isinstance(kept, NotKept)
+    assert "free on the disk" in kept.reason
+    assert kept.notice is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("../../etc/passwd", "frames/etc/passwd"),
+        ("/etc/passwd", "frames/etc/passwd"),
+        ("a/./b//c.jpg", "frames/a/b/c.jpg"),
+        ("..\\..\\a.jpg", "frames/.._.._a.jpg"),
+        ("a\0.jpg", "frames/a_.jpg"),
+        ("..", "frames/unnamed"),
+    ],
+)
+def test_hostile_name_stays_inside(name: str, place: str) -> None:
+    assert relative_place(name).as_posix() == place
+
+
+@given(st.text(max_size=600))
+def test_any_name_can_be_written_inside_the_folder(name: str) -> None:
+    place = relative_place(name)
+    assert place.parts[0] == "frames"
+    assert not {"..", ".", "/"} & set(place.parts)
+    assert all(len(part.encode("utf-8", "surrogateescape")) < 240 for part in place.parts)
+
+
+def test_very_long_names_stay_different(tmp_path: Path, out: Path) -> None:
+    originals = Originals(out, COPY)
+    for letter in "ab":
+        source = written_frame(tmp_path, letter, data=letter.encode())
+        long = a_frame("é" * 400 + letter + ".jpg", tmp_path, letter.encode())
+        kept = originals.keep(type(long)(**{f: getattr(long, f) for f in long.__slots__} | {"path": source.path}))
+        assert isinstance(kept, Kept)
+        assert kept.path.endswith(".jpg")
+    assert len(list((out / "frames").iterdir())) == 2

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.messages import LinkReport, Refusals, SourceReport
+from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.store.documents import write_json
+from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount, NoticeRecord
+from gcs_mosaic.store.status import Behind, LastFrame, Status, read_status, status_document, status_lines
+
+STATUS = Status(
+    flight="today",
+    state="flying",
+    updated_utc=1714564800.0,
+    started_utc=1714564000.0,
+    mavlink=(LinkReport(address="udp:14550", state="heard", last_heard_utc=1714564799.5),),
+    watch=SourceReport(kind="folder", name="frames", state="watching"),
+    last_frame=LastFrame(name="a.jpg", outcome="placed", island=0, utc=1714564799.0, seconds_to_tile=float("nan")),
+    accounts=Accounts(events=EventAccount(missing=1)),
+    notices=(NoticeRecord(utc=1714564799.0, source="link", level="info", text="heard"),),
+)
+
+
+def test_document_holds_moments_and_no_nan() -> None:
+    document = json.loads(json.dumps(status_document(STATUS), allow_nan=False))
+    assert (document["format"], document["state"]) == (1, "flying")
+    assert document["mavlink"][0]["last_heard"] == "2024-05-01T11:59:59.500Z"
+    assert document["last_frame"]["seconds_to_tile"] is None
+    assert document["events"]["missing"] == 1
+    assert document["notices"][0]["time"] == "2024-05-01T11:59:59.000Z"
+
+
+def test_daemon_that_has_seen_nothing_has_a_document() -> None:
+    document = status_document(Status(flight="f", state="listening", updated_utc=0.0, started_utc=0.0))
+    assert document["last_frame"] is None
+    assert document["watch"] is None
+
+
+def written(folder: Path, status: Status) -> Path:
+    (folder / "mosaic.json").write_text("{}")
+    write_json(folder / "status.json", status_document(status))
+    return folder
+
+
+def test_status_is_read_for_people(tmp_path: Path) -> None:
+    text = read_status(written(tmp_path, STATUS), now_utc=STATUS.updated_utc + 1)
+    assert text.startswith("today: flying, revision 0")
+    assert "triggers: 1 missing" in text
+    assert "MAVLink udp:14550: heard" in text
+    assert "killed" not in text
+
+
+def test_how_far_behind_the_map_is_is_told() -> None:
+    document = status_document(replace(STATUS, behind=Behind(frames=12, seconds=40.25)))
+    assert (document["frames_in_queue"], document["seconds_behind"]) == (12, 40.2)
+    assert any("the map is 12 frames, 40 s behind" in line for line in status_lines(document, STATUS.updated_utc))
+    del document["seconds_behind"]  # as an older program wrote it
+    assert any("the map is 12 frames behind" in line for line in status_lines(document, STATUS.updated_utc))
+
+
+def test_how_good_the_map_is_is_told() -> None:
+    document = status_document(replace(STATUS, held_out={0: HeldOut(1.9, 9.12, 3120), 2: HeldOut(3.0, math.inf, 40)}))
+    assert json.loads(json.dumps(document, allow_nan=False))["held_out_px"]["0"] == {
+        "median": 1.9,
+        "p95": 9.12,
+        "matches": 3120,
+    }
+    lines = status_lines(document, 0)
+    assert "held-out matches: 1.9 px median, 9.1 px 95 % (island 0, 3,120 matches)" in lines
+    assert "held-out matches: 3.0 px median, endless 95 % (island 2, 40 matches)" in lines
+
+
+def test_status_of_an_earlier_program_is_still_read() -> None:
+    document = status_document(STATUS)
+    del document["held_out_px"]
+    assert not any("held-out" in line for line in status_lines(document, 0))
+
+
+def test_the_last_frame_may_be_covered() -> None:
+    last = LastFrame(
+        name="b.jpg", outcome="covered", island=None, utc=1714564799.0, seconds_to_tile=None, covered_by="a.jpg"
+    )
+    document = status_document(replace(STATUS, last_frame=last, accounts=Accounts(frames=FrameAccount(covered=3))))
+    assert document["last_frame"]["covered_by"] == "a.jpg"
+    assert document["frames"]["covered"] == 3
+    lines = status_lines(document, 0)
+    assert any(line.startswith("last frame: b.jpg, covered by a.jpg at ") for line in lines)
+
+
+def test_what_a_link_left_out_is_told(tmp_path: Path) -> None:
+    link = LinkReport(
+        address="udp:1",
+        state="heard",
+        silences=2,
+        followed=3,
+        others=((4, 20), (9, 1)),
+        refused=Refusals(unsigned=5, replayed=1),
+        sent=7,
+    )
+    document = status_document(replace(STATUS, mavlink=(link,)))["mavlink"][0]
+    assert (document["other_triggers"], document["followed"], document["sent"]) == ({"4": 20, "9": 1}, 3, 7)
+    assert document["refused"] == {"unsigned": 5, "forged": 0, "replayed": 1}
+    (line,) = (line for line in status_lines(status_document(replace(STATUS, mavlink=(link,))), 0) if "MAVLink" in line)
+    assert line == (
+        "MAVLink udp:1: heard; 2 silences; triggers left out, as system 3 is followed: 20 of system 4, 1 of system 9; "
+        "packets refused: 5 unsigned, 1 replayed; 7 packets sent"
+    )
+
+
+def test_killed_daemon_is_not_read_as_flying_on(tmp_path: Path) -> None:
+    ended = replace(STATUS, state="stopped")
+    assert "nothing was written for 100 s" in read_status(written(tmp_path, STATUS), now_utc=STATUS.updated_utc + 100)
+    assert "nothing was" not in read_status(written(tmp_path, ended), now_utc=STATUS.updated_utc + 100)
+
+
+def test_file_names_cannot_steer_the_terminal(tmp_path: Path) -> None:
+    hostile = replace(STATUS, flight="a\x1b[2Jb\nfake line")
+    assert "a?[2Jb?fake line" in read_status(written(tmp_path, hostile))
+
+
+def test_status_as_json_is_the_document(tmp_path: Path) -> None:
+    assert json.loads(read_status(written(tmp_path, STATUS), as_json=True)) == status_document(STATUS)
+
+
+def test_status_that_cannot_be_read_is_a_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "mosaic.json").write_text("{}")
+    with pytest.raises(UsageError, match="does not exist"):
+        read_status(tmp_path)
+    for nonsense in ("[", "[]", '{"updated": 5}'):
+        (tmp_path / "status.json").write_text(nonsense)
+        with pytest.raises(UsageError, match="is not a status"):
+            read_status(tmp_path)

@@ -1,0 +1,280 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
+from gcs_mosaic.triggers import Failed, How, Matched, Missing, Orphan, Outcome, Pairing, PairingSettings, Unmatched
+
+
+def shot(at: float, sequence: int | None = None, hint: str | None = None, **fields: Any) -> TriggerEvent:
+    event = TriggerEvent(
+        vehicle=1,
+        component=1,
+        camera=0,
+        source=Source.CAMERA_TRIGGER,
+        sequence=sequence,
+        received=at,
+        source_time=None,
+        clock="none",
+        utc=None,
+        result=CaptureResult.UNKNOWN,
+        file_hint=hint,
+        position=None,
+    )
+    return replace(event, **fields)
+
+
+def file(at: float, name: str) -> Frame:
+    path = Path("/frames") / name.partition("#")[0]
+    return Frame(name=name, path=path, content_hash=name, size=1, received=at, modified=0.0)
+
+
+class Flight:
+    """A pairing that is told events and frames in the order of their times, ids being the shots' numbers."""
+
+    def __init__(self, **limits: float) -> None:
+        self.pairing = Pairing(PairingSettings(**limits))  # type: ignore[arg-type]
+        self.outcomes: list[Outcome] = []
+
+    def fly(self, *items: tuple[int, TriggerEvent] | Frame) -> Flight:
+        for item in sorted(items, key=lambda item: item.received if isinstance(item, Frame) else item[1].received):
+            if isinstance(item, Frame):
+                self.outcomes += self.pairing.frame(item, item.received)
+            else:
+                self.outcomes += self.pairing.event(*item, item[1].received)
+        return self
+
+    def pairs(self) -> dict[int, str]:
+        """Event id -> name of the frame that it ended with."""
+        ended: dict[int, str] = {}
+        for outcome in self.outcomes:
+            if isinstance(outcome, Matched):
+                ended[outcome.event_id] = outcome.frame.name
+            elif isinstance(outcome, Unmatched):
+                del ended[outcome.event_id]
+        return ended
+
+
+def shots(count: int, every: float = 2.0, hint: str = "") -> list[tuple[int, TriggerEvent]]:
+    return [(n, shot(every * n, 100 + n, hint.format(n) or None)) for n in range(count)]
+
+
+def files(count: int, name: str, late: float = 1.0, every: float = 2.0) -> list[Frame]:
+    return [file(every * n + late, name.format(n)) for n in range(count)]
+
+
+def test_a_file_name_decides_whatever_the_times_say() -> None:
+    flight = Flight().fly(*shots(5, hint="IMG_{}.JPG"), *(file(100.0 - n, f"dcim/img_{n}.jpg") for n in range(5)))
+    assert flight.pairs() == {n: f"dcim/img_{n}.jpg" for n in range(5)}
+    assert {outcome.how for outcome in flight.outcomes if isinstance(outcome, Matched)} == {How.NAME}
+
+
+def test_the_exact_name_is_preferred_to_the_nearly_equal_one() -> None:
+    flight = Flight().fly(file(1.0, "A.jpg"), file(2.0, "a.jpg"), (0, shot(3.0, hint="A.jpg")))
+    assert flight.pairs() == {0: "A.jpg"}
+
+
+def test_an_overwritten_name_belongs_to_the_newer_event() -> None:
+    flight = Flight().fly(
+        (0, shot(0.0, hint="a.jpg")), file(1.0, "a.jpg"), (1, shot(9.0, hint="a.jpg")), file(9.5, "a.jpg#2")
+    )
+    assert flight.pairs() == {0: "a.jpg", 1: "a.jpg#2"}
+
+
+def test_a_name_undoes_a_match_by_time() -> None:
+    flight = Flight().fly((0, shot(0.0, hint="b.jpg")), file(1.0, "a.jpg"), file(2.0, "b.jpg"))
+    assert flight.pairs() == {0: "b.jpg"}
+    assert [type(outcome) for outcome in flight.outcomes] == [Matched, Unmatched, Matched]
+
+
+def test_a_better_witness_names_the_file_later() -> None:
+    flight = Flight().fly((0, shot(0.0)), (1, shot(2.0)), file(2.5, "x.jpg"))
+    assert flight.pairs() == {0: "x.jpg"}
+    flight.outcomes += flight.pairing.improve(1, shot(2.6, hint="x.jpg"), 2.6)
+    assert flight.pairs() == {1: "x.jpg"}
+    assert flight.pairing.accounts().duplicate == 1
+
+
+@pytest.mark.parametrize("late", [0.3, 1.9, 5.0, 13.0])
+def test_without_names_frames_come_in_the_order_of_their_shots(late: float) -> None:
+    flight = Flight().fly(*shots(20), *files(20, "{}-a.jpg", late))
+    assert flight.pairs() == {n: f"{n}-a.jpg" for n in range(20)}
+
+
+def test_a_late_event_finds_the_frame_that_came_before_it() -> None:
+    flight = Flight().fly(file(10.0, "a.jpg"), (0, shot(11.0)))
+    assert [type(outcome) for outcome in flight.outcomes] == [Orphan, Matched]
+
+
+def test_a_missing_frame_costs_no_other_its_event() -> None:
+    frames = [frame for frame in files(20, "{}x.jpg") if frame.name != "7x.jpg"]
+    flight = Flight().fly(*shots(20), *frames)
+    assert flight.pairs() == {n: f"{n}x.jpg" for n in range(20) if n != 7}
+
+
+def test_a_missing_event_costs_no_other_its_frame() -> None:
+    flight = Flight().fly(*(event for event in shots(20) if event[0] != 7), *files(20, "{}x.jpg"))
+    assert flight.pairs() == {n: f"{n}x.jpg" for n in range(20) if n != 7}
+
+
+def test_a_lost_first_frame_is_noticed_at_the_end_of_the_first_line() -> None:
+    line = lambda n: 2.0 * n + 10.0 * (n // 8)  # noqa: E731  a turn after every eighth shot
+    events = [(n, shot(line(n))) for n in range(40)]
+    flight = Flight().fly(*events, *(file(line(n) + 1.0, f"{n}x.jpg") for n in range(1, 40)))
+    assert {n: name for n, name in flight.pairs().items() if n >= 24} == {n: f"{n}x.jpg" for n in range(24, 40)}
+
+
+def test_counters_decide_when_files_come_late_and_out_of_order() -> None:
+    late = [file(60.0 + 0.1 * (7 * n % 10), f"IMG_{n:04}.JPG") for n in range(10, 20)]
+    flight = Flight().fly(*shots(20), *files(10, "IMG_{:04}.JPG"), *late)
+    assert flight.pairs() == {n: f"IMG_{n:04}.JPG" for n in range(20)}
+
+
+def test_a_camera_that_counts_on_without_a_trigger_is_followed_again() -> None:
+    frames = [file(2.0 * n + 1.0, f"IMG_{n + (n >= 8):04}.JPG") for n in range(20)] + [file(15.9, "IMG_0008.JPG")]
+    pairs = Flight().fly(*shots(20), *frames).pairs()
+    assert pairs == {n: f"IMG_{n + (n >= 8):04}.JPG" for n in range(20)}
+
+
+def test_a_camera_that_misses_a_shot_is_followed_again() -> None:
+    frames = [file(2.0 * n + 1.0, f"IMG_{n - (n > 8):04}.JPG") for n in range(20) if n != 8]
+    pairs = Flight().fly(*shots(20), *frames).pairs()
+    assert pairs == {n: f"IMG_{n - (n > 8):04}.JPG" for n in range(20) if n != 8}
+
+
+def test_a_file_counter_that_begins_anew_is_followed() -> None:
+    frames = [file(2.0 * n + 1.0, f"{100 + n // 10}/DJI_{n % 10 + 1:04}.JPG") for n in range(20)]
+    assert Flight().fly(*shots(20), *frames).pairs() == {n: frame.name for n, frame in enumerate(frames)}
+
+
+def test_an_event_counter_that_begins_anew_is_followed() -> None:
+    events = [(n, shot(2.0 * n, n % 10)) for n in range(20)]
+    assert Flight().fly(*events, *files(20, "IMG_{:04}.JPG")).pairs() == {n: f"IMG_{n:04}.JPG" for n in range(20)}
+
+
+def test_a_frame_that_was_there_at_the_start_is_not_matched_by_its_time() -> None:
+    pairing = Pairing()
+    pairing.event(0, shot(10.0), 10.0)
+    assert pairing.frame(file(10.5, "old.jpg"), 10.5, fresh=False) == [Orphan(file(10.5, "old.jpg"))]
+    assert [type(outcome) for outcome in pairing.event(1, shot(11.0, hint="old.jpg"), 11.0)] == [Matched]
+
+
+def test_an_event_is_missing_after_a_while_and_may_still_be_matched() -> None:
+    flight = Flight(missing_after_s=60.0).fly((0, shot(0.0, hint="a.jpg")))
+    assert flight.pairing.tick(59.0) == []
+    assert flight.pairing.tick(60.0) == [Missing(0, shot(0.0, hint="a.jpg"))]
+    assert flight.pairing.tick(99.0) == []
+    assert flight.fly(file(500.0, "a.jpg")).pairs() == {0: "a.jpg"}
+    assert flight.pairing.accounts().missing == 0
+
+
+def test_a_failed_shot_waits_for_no_frame() -> None:
+    flight = Flight().fly((0, shot(0.0, result=CaptureResult.FAILED)), file(1.0, "a.jpg"))
+    assert [type(outcome) for outcome in flight.outcomes] == [Failed, Orphan]
+    assert flight.pairing.accounts().failed == 1
+
+
+def test_a_shot_that_turns_out_to_have_failed_gives_its_frame_back() -> None:
+    flight = Flight().fly((0, shot(0.0)), file(1.0, "a.jpg"))
+    outcomes = flight.pairing.improve(0, shot(1.5, result=CaptureResult.FAILED), 1.5)
+    assert [type(outcome) for outcome in outcomes] == [Unmatched, Failed]
+
+
+def test_at_the_end_what_is_pending_is_missing() -> None:
+    flight = Flight().fly(*shots(3), file(1.0, "a.jpg"))
+    assert [getattr(outcome, "event_id", None) for outcome in flight.pairing.close()] == [1, 2]
+    accounts = flight.pairing.accounts()
+    assert (accounts.events, accounts.matched, accounts.missing, accounts.pending) == (3, 1, 2, 0)
+
+
+def test_an_id_or_a_name_that_comes_twice_is_a_mistake_of_the_caller() -> None:
+    flight = Flight().fly((0, shot(0.0)), file(1.0, "a.jpg"))
+    with pytest.raises(ValueError, match="event 0"):
+        flight.fly((0, shot(2.0)))
+    with pytest.raises(ValueError, match=r"frame a\.jpg"):
+        flight.fly(file(2.0, "a.jpg"))
+
+
+def test_what_is_remembered_is_bounded_and_what_is_given_up_is_said() -> None:
+    flight = Flight(remembered=10).fly(*shots(1000, every=0.001))
+    assert sum(isinstance(outcome, Missing) for outcome in flight.outcomes) == 990
+    assert flight.pairing.accounts().pending == 10
+
+
+sequences = st.none() | st.integers(0, 5)
+names = st.sampled_from(["IMG_0.JPG", "img_0.jpg", "IMG_1.JPG", "IMG_2.JPG", "x.jpg"])
+steps = st.lists(
+    st.tuples(
+        st.sampled_from(["event", "event", "frame", "frame", "improve", "duplicate", "tick"]),
+        st.floats(0, 20),
+        sequences,
+        st.none() | names,
+        st.sampled_from(list(CaptureResult)),
+        st.sampled_from(list(Source)),
+        st.integers(0, 30),
+    ),
+    max_size=40,
+)
+
+
+@settings(max_examples=400)
+@given(steps, st.sampled_from([3, 5000]))
+def test_the_accounts_close_whatever_comes(steps: list[Any], remembered: int) -> None:
+    pairing, now, told, came = Pairing(PairingSettings(remembered=remembered)), 0.0, 0, 0
+    state: dict[int, str] = {}
+    owner: dict[str, int] = {}
+    for what, wait, sequence, name, result, source, which in [*steps, ("close", 0, None, None, None, None, 0)]:
+        now += wait
+        event = shot(now, sequence, name, result=result, source=source) if source else None
+        outcomes: list[Outcome] = []
+        if what == "event" and event:
+            state[told] = "pending"
+            outcomes, told = pairing.event(told, event, now), told + 1
+        elif what == "improve" and event:
+            outcomes = pairing.improve(which, event, now)
+            state[1000 + told] = "duplicate"
+            told += 1
+        elif what == "duplicate":
+            pairing.duplicate()
+            state[1000 + told] = "duplicate"
+            told += 1
+        elif what == "frame":
+            outcomes, came = pairing.frame(file(now, f"{name or 'y.jpg'}#{came}"), now, fresh=which > 3), came + 1
+        elif what == "tick":
+            outcomes = pairing.tick(now)
+        else:
+            outcomes = pairing.close()
+        for outcome in outcomes:
+            check_and_note(outcome, state, owner)
+        accounts = pairing.accounts()
+        assert accounts.events == told == len(state)
+        assert accounts.frames == came
+        assert accounts.matched == len(owner) == list(state.values()).count("matched")
+        for kind in ("pending", "missing", "failed", "duplicate"):
+            assert getattr(accounts, kind) == list(state.values()).count(kind)
+    assert pairing.accounts().pending == 0
+
+
+def check_and_note(outcome: Outcome, state: dict[int, str], owner: dict[str, int]) -> None:
+    """Every outcome follows from the ones before it."""
+    match outcome:
+        case Matched(event_id, _, frame, _):
+            assert state[event_id] in ("pending", "missing")
+            assert frame.name not in owner
+            state[event_id], owner[frame.name] = "matched", event_id
+        case Unmatched(event_id, frame):
+            assert owner.pop(frame.name) == event_id
+            state[event_id] = "pending"
+        case Missing(event_id, _):
+            assert state[event_id] == "pending"
+            state[event_id] = "missing"
+        case Failed(event_id, _):
+            state[event_id] = "failed"
+        case Orphan(frame):
+            assert frame.name not in owner
