@@ -16,27 +16,27 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from sitl.camera import Camera
-from sitl.exposures import recorded, simulated
-from sitl.flight import Flight, plan
-from sitl.options import parser
-from sitl.outing import DONE, FAILED, fly_against, fly_alone, say
-from sitl.path import Plan
-from sitl.program import Program, ProgramError
-from sitl.score import score
-from sitl.sensor import Sensor
-from sitl.stream.camera import StreamingCamera
-from sitl.targets import Crowd
-from sitl.truth import Truth, read, write
+from .camera import Camera
+from .exposures import recorded, simulated
+from .flight import Flight, plan
+from .options import parser
+from .path import Plan
+from .program import Program, ProgramError
+from .score import score
+from .sensor import Sensor
+from .session import DONE, FAILED, fly_against, fly_alone, say
+from .stream.camera import StreamingCamera
+from .targets import Crowd
+from .truth import Truth, read, write
 
 MISUSED = 2
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, program: str = "python -m sitl") -> int:
     """Exit code: 0 done, 1 the program under test failed, 2 bad usage."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        return judge(words[1:]) if words[:1] == ["score"] else flown(parser().parse_args(words))
+        return judge(words[1:]) if words[:1] == ["score"] else flown(parser(program).parse_args(words))
     except KeyboardInterrupt:
         say("stopped")
         return DONE

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import (
+from .geometry import (
     Array,
     CameraState,
     Lens,
@@ -18,12 +18,12 @@ from sitl.geometry import (
     rays_of_picture,
     sinking_views,
 )
-from sitl.glint import shimmer
-from sitl.ground.raster import Field
-from sitl.sensor import Sensor
-from sitl.sight import first_met
-from sitl.targets import Target, paint_targets
-from sitl.world import World
+from .glint import shimmer
+from .ground.raster import Field
+from .sensor import Sensor
+from .sight import first_met
+from .targets import Target, paint_targets
+from .world import World
 
 HAZE = np.array([222, 208, 196], np.float32)  # BGR of the air towards the horizon
 ZENITH = np.array([206, 160, 112], np.float32)  # BGR of the sky high above

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from sitl.exif import taken_at
-from sitl.flight import Flight
-from sitl.geometry import CameraState
+from .exif import taken_at
+from .flight import Flight
+from .geometry import CameraState
 
 PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff"}
 USUAL_INTERVAL = 2.0  # seconds, where nothing says how far apart the pictures were taken

@@ -11,12 +11,12 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
-from sitl.camera import Camera, Scene
-from sitl.geometry import CameraState, Lens, ground_from_pixels
-from sitl.path import SCENARIOS, Plan, fly
-from sitl.targets import Crowd, spread
-from sitl.truth import Truth, counting, grid_of, true_frame, write
-from sitl.world import COUNTRY, make_world
+from .camera import Camera, Scene
+from .geometry import CameraState, Lens, ground_from_pixels
+from .path import SCENARIOS, Plan, fly
+from .targets import Crowd, spread
+from .truth import Truth, counting, grid_of, true_frame, write
+from .world import COUNTRY, make_world
 
 WORKERS = 2
 AHEAD = 4  # pictures rendered before they are wanted: about 2 MB

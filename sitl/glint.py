@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import Array, CameraState, sinking_views
-from sitl.ground.noise import fractal
-from sitl.ground.objects import SUN
-from sitl.ground.raster import Field
+from .geometry import Array, CameraState, sinking_views
+from .ground.noise import fractal
+from .ground.objects import SUN
+from .ground.raster import Field
 
 ROUGH = 0.16  # radians: how far waves tilt the mirror
 CROWDED = 0.03  # share of pixels that glitter where most does

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.geometry import CameraState
+from .geometry import CameraState
 
 AUTOPILOT, CAMERA = 1, 100  # MAVLink component ids
 ORIGIN = (47.3977, 8.5456, 488.0)  # degrees and metres: where pilots of simulators have always started

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from sitl.delivery import Delivery
-from sitl.exposures import Exposure, Film
-from sitl.messages import Capture
-from sitl.stream.projector import Projector
-from sitl.vehicle import Vehicle
+from .delivery import Delivery
+from .exposures import Exposure, Film
+from .messages import Capture
+from .stream.projector import Projector
+from .vehicle import Vehicle
 
 BREATH = 0.05  # seconds between looks at the clock
 FIRST_INDEX = 1  # cameras count from one

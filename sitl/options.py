@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from sitl.messages import MANNERS
-from sitl.path import SCENARIOS
-from sitl.world import COUNTRY, GROUNDS
+from .messages import MANNERS
+from .path import SCENARIOS
+from .world import COUNTRY, GROUNDS
 
-EPILOG = "python -m sitl score TRUTH.json PLACEMENTS.json judges a finished flight in one line."
+EPILOG = "PROGRAM score TRUTH.json PLACEMENTS.json judges a finished flight in one line."
 
 
-def parser() -> argparse.ArgumentParser:
+def parser(program: str) -> argparse.ArgumentParser:
     parsed = argparse.ArgumentParser(
-        prog="python -m sitl", description="Fly a simulated flight against the real gcs-mosaic.", epilog=EPILOG
+        prog=program,
+        description="Fly a simulated flight against the real gcs-mosaic.",
+        epilog=EPILOG.replace("PROGRAM", program),
     )
     what(parsed.add_argument_group("what is flown"))
     seen(parsed.add_argument_group("what the camera sees, and how"))

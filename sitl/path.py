@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import CameraState, Lens
+from .geometry import CameraState, Lens
 
 TURN_SECONDS = 2.0  # lost between two flight lines
 CLIMB_RATIO = 3.0

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import Lens, pixels_from_ground
-from sitl.similarity import lengths, robust_similarity, similarity
-from sitl.truth import TrueFrame, Truth
-from sitl.warp import Floats, Placed, placed_frame
+from .geometry import Lens, pixels_from_ground
+from .similarity import lengths, robust_similarity, similarity
+from .truth import TrueFrame, Truth
+from .warp import Floats, Placed, placed_frame
 
 BEYOND = 1e5  # pixels: what a point counts that was sent to the horizon
 

@@ -14,7 +14,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from sitl.ground.raster import Field
+from .ground.raster import Field
 
 # Shares of blue, green and red in blue, green, red, red edge, near infrared (which plants shine in) and all light.
 MIXTURES = np.array(

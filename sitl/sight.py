@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import LOWEST_VIEW, Array, CameraState, HeightAt, sinking_views
+from .geometry import LOWEST_VIEW, Array, CameraState, HeightAt, sinking_views
 
 Mask = NDArray[np.bool_]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.warp import Floats
+from .warp import Floats
 
 ROBUST_STEPS = 40
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import Array, CameraState, Lens, ground_from_pixels
-from sitl.ground.raster import Field
+from .geometry import Array, CameraState, Lens, ground_from_pixels
+from .ground.raster import Field
 
 Colour = tuple[float, float, float]
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sitl.ground.raster import Field, Image
-from sitl.sensor import LUMINANCE
+from .ground.raster import Field, Image
+from .sensor import LUMINANCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

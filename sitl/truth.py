@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.camera import Scene
-from sitl.geometry import CameraState, Lens, resolution
-from sitl.targets import Sighting, Target, sightings
+from .camera import Scene
+from .geometry import CameraState, Lens, resolution
+from .targets import Sighting, Target, sightings
 
 FORMAT = 2
 COLUMNS, ROWS = 9, 7  # grid points of a frame, its corners included

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.geometry import CameraState
-from sitl.messages import (
+from .geometry import CameraState
+from .messages import (
     AUTOPILOT,
     CAMERA,
     MANNERS,

@@ -18,20 +18,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import Array
-from sitl.ground.copies import paint_copies
-from sitl.ground.drills import BERRIES, MAIZE, VINES, paint_drills
-from sitl.ground.heights import CELL, height_map
-from sitl.ground.lake import paint_lake
-from sitl.ground.land import lay_out
-from sitl.ground.orchard import raise_canopy, raise_orchard
-from sitl.ground.paint import paint
-from sitl.ground.pattern import car_park, crop_rows, paint_pattern
-from sitl.ground.quarter import BARRACKS, QUARTER, raise_blocks
-from sitl.ground.raster import Field, Image
-from sitl.ground.shapes import Land
-from sitl.ground.suburb import raise_suburb
-from sitl.ground.water import paint_water
+from .geometry import Array
+from .ground.copies import paint_copies
+from .ground.drills import BERRIES, MAIZE, VINES, paint_drills
+from .ground.heights import CELL, height_map
+from .ground.lake import paint_lake
+from .ground.land import lay_out
+from .ground.orchard import raise_canopy, raise_orchard
+from .ground.paint import paint
+from .ground.pattern import car_park, crop_rows, paint_pattern
+from .ground.quarter import BARRACKS, QUARTER, raise_blocks
+from .ground.raster import Field, Image
+from .ground.shapes import Land
+from .ground.suburb import raise_suburb
+from .ground.water import paint_water
 
 PAINT_VERSION = 1  # raise it when the same seed gives another picture: cached worlds are then made anew
 COARSEST = 32  # pixels: the pyramid ends here

@@ -19,7 +19,7 @@ from gcs_mosaic.app.inbox import Inbox
 from gcs_mosaic.app.links import Item
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Prepared, Unprepared
-from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
@@ -45,7 +45,7 @@ class Flight:
         self.worked: list[int] = []
         self.late: list[int] = []
         self.told: list[tuple[int, float]] = []
-        self.ending = Ending(stop=threading.Event(), hurry=threading.Event())
+        self.ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
 
     def bring(self, count: int) -> None:
         """As many more files, and wait until the program has found them; after the last the flight is over."""

@@ -18,7 +18,7 @@ from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
 from gcs_mosaic.app.retry import Patience
-from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
@@ -42,7 +42,7 @@ CONNECT_SHARE = 4  # one part in so many of the time that is left at the end may
 RETRY_S = 2.0  # between attempts to write on a full disk
 
 
-def fly(config: Config, links: Links, console: Console, ending: Ending, *, resume: bool = False) -> None:
+def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> None:
     """Run until told to stop. Raises UsageError before anything is written if it cannot start.
 
     `links` are those of these settings, opened; the sources of frames are added to them.
@@ -54,16 +54,16 @@ def fly(config: Config, links: Links, console: Console, ending: Ending, *, resum
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
         if config.rtsp:
-            links.sources[:] = with_stream(config.rtsp, links.sources, config, ending.stop)
-        folder = open_flight_folder(out, resume=resume)
+            links.sources[:] = with_stream(config.rtsp, links.sources, config, shutdown.stop)
+        folder = open_flight_folder(out)
         stack.callback(folder.close)
         stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
-            links.sources.append(watching(config, ending.stop))
-        daemon = _Daemon(config, folder, console, ending, feed)
+            links.sources.append(watching(config, shutdown.stop))
+        daemon = _Daemon(config, folder, console, shutdown, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
@@ -84,10 +84,10 @@ def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) 
 
 
 class _Daemon:
-    def __init__(self, config: Config, folder: FlightFolder, console: Console, ending: Ending, feed: Feed) -> None:
-        self._config, self._ending = config, ending
+    def __init__(self, config: Config, folder: FlightFolder, console: Console, shutdown: Shutdown, feed: Feed) -> None:
+        self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
-        self._inbox = Inbox(ending.stop)
+        self._inbox = Inbox(shutdown.stop)
         self._patience = Patience(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
         self._preparation = Preparation(
@@ -113,7 +113,7 @@ class _Daemon:
         self._announcements.speakers = links.speakers
         self._inbox.fill(links.sources)
         self._patience.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
-        while not self._ending.stop.is_set():
+        while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
             self._announcements.missing(self._logbook.tick(time.monotonic()))
@@ -285,14 +285,14 @@ class _Daemon:
 
     def _may_go_on(self) -> bool:
         """Whether there is time: all there is until told to stop, then as much as the settings give."""
-        if self._ending.stop.is_set() and math.isinf(self._until):
+        if self._shutdown.stop.is_set() and math.isinf(self._until):
             self._until = time.monotonic() + self._config.finish_s
-        return not self._ending.hurry.is_set() and time.monotonic() < self._until
+        return not self._shutdown.hurry.is_set() and time.monotonic() < self._until
 
     def _wait_for_disk(self, trouble: CannotWrite) -> None:
         """Between two attempts to write; at the end not for ever."""
         self._report(now=True)
-        self._ending.hurry.wait(RETRY_S)
+        self._shutdown.hurry.wait(RETRY_S)
         if not self._may_go_on():
             raise trouble
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ending:
+class Shutdown:
     """`stop` asks for the end, `hurry` for leaving out what may be left out."""
 
     stop: threading.Event

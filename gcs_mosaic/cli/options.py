@@ -1,58 +1,79 @@
-"""The options that several commands share, and what a live flight listens to; nothing here needs the stitching."""
+"""The words of all commands, and where each goes in the settings; nothing here needs the stitching."""
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
-from typing import get_args
+from typing import Any, NoReturn, TypeVar, get_args
 
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import FeatureKind
+from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 
 ANNOUNCE_AS = 191  # MAVLink system id if none is given: no aircraft's, which count from 1, and no ground station's
 
+# Where in the settings an option's value goes; what was not given changes nothing.
+SETTINGS: Mapping[str, tuple[str, ...]] = {
+    "mavlink": ("mavlink",),
+    "vehicle": ("link", "vehicle"),
+    "announce": ("link", "announce"),
+    "recover": ("link", "recover"),
+    "watch": ("watch",),
+    "rtsp": ("rtsp",),
+    "every": ("stream", "every"),
+    "from": ("frames", "from_age_s"),
+    "out": ("out",),
+    "verbose": ("log", "verbose"),
+    "method": ("method",),
+    "scale": ("scale",),
+    "blend": ("paint", "canvas", "blend"),
+    "record": ("record",),
+    "http": ("http",),
+}
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> None:  # type: ignore[override]
-        raise UsageError(f"{message} ({self.prog} --help shows what there is)")
+WHEN_FRAMES_CAME = """\
+When a frame came follows from the files' times if they lie within the recording; else from the file names in the camera
+messages, else from the numbers in the file names and the messages' counters, else from the order of names and shots. The
+result is the same every time, at any speed."""
 
-
-def make_parser(program: str, usage: str | None = None, epilog: str | None = None) -> argparse.ArgumentParser:
-    """A parser of a command's words. It raises UsageError where they make no sense."""
-    return _Parser(prog=program, usage=usage, epilog=epilog, allow_abbrev=False)
-
-
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """--out, --config and --verbose."""
-    parser.add_argument("--out", metavar="DIR", help="folder for the map (an earlier flight in it is left as it is)")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, see config/default.yaml")
-    parser.add_argument("--verbose", action="store_true", help="tell on the terminal what is written into flight.log")
-
-
-def add_announce(parser: argparse.ArgumentParser) -> None:
-    """What is sent on the link, which is nothing without these."""
-    announce = parser.add_argument(
-        "--announce", type=int, nargs="?", metavar="ID", help="send a heartbeat and warnings, as this MAVLink system"
-    )
-    announce.const = ANNOUNCE_AS
-    parser.add_argument("--recover", action="store_true", help="ask the camera again for messages that were lost")
-
-
-def add_blend(parser: argparse.ArgumentParser) -> None:
-    """--blend; see `choices`."""
-    parser.add_argument("--blend", metavar="seam|edge|newest|first", help="which frame shows where several do")
+T = TypeVar("T")
 
 
-def add_method(parser: argparse.ArgumentParser) -> None:
-    """--method and --features; see `choices`."""
-    parser.add_argument(
-        "--method", choices=get_args(Method), help="paper: the paper's recipe literally, to compare with"
-    )
-    parser.add_argument("--features", choices=get_args(FeatureKind), help="what frames are matched by; default: sift")
+class Parser(argparse.ArgumentParser):
+    """Raises UsageError where the words make no sense."""
+
+    def __init__(self, **more: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, **more})
+        self.asked = self.prog  # whose help is of use: what a command does not know is told by the parser above it
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message} ({self.asked} --help shows what there is)")
+
+
+def overruled(settings: T, given: argparse.Namespace, names: Sequence[str] = tuple(SETTINGS)) -> T:
+    """Settings with what these options say, as far as they were given. UsageError if they say what cannot be."""
+    for name in names:
+        value = getattr(given, name, None)
+        if value is not None and value is not False:
+            try:
+                settings = _with(settings, SETTINGS[name], tuple(value) if isinstance(value, list) else value)
+            except ValueError as error:
+                told = str(error)
+                raise UsageError(f"--{told}" if told.startswith(f"{name}:") else f"--{name}: {told}") from None
+    return settings
+
+
+def _with(settings: Any, path: tuple[str, ...], value: object) -> Any:
+    first, *rest = path
+    assert is_dataclass(settings), "the table names what there is"
+    inner = _with(getattr(settings, first), tuple(rest), value) if rest else value
+    return replace(settings, **{first: inner})  # type: ignore[type-var]
 
 
 def listening_of(given: argparse.Namespace) -> Listening:
@@ -62,12 +83,173 @@ def listening_of(given: argparse.Namespace) -> Listening:
     listening: Listening = from_mapping(
         Listening, {name: said[name] for name in names if name in said}, str(given.config)
     )
-    if given.mavlink:
-        listening = replace(listening, mavlink=tuple(given.mavlink))
-    if given.vehicle is not None:
-        listening = replace(listening, link=replace(listening.link, vehicle=given.vehicle))
-    if given.announce is not None:
-        listening = replace(listening, link=replace(listening.link, announce=given.announce))
-    if given.recover:
-        listening = replace(listening, link=replace(listening.link, recover=True))
-    return listening
+    return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in names])
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """What was asked for; `command` is None for a live flight. UsageError where that cannot be told."""
+    if words and not words[0].startswith("-") and words[0] not in COMMANDS:
+        near = get_close_matches(words[0], COMMANDS, n=1)
+        meant = f"did you mean {near[0]!r}?" if near else f"those are {', '.join(COMMANDS)}"
+        raise UsageError(f"{words[0]!r} is no command ({meant}); without one gcs-mosaic flies")
+    if words[:1] == ["demo"]:  # the simulator knows its own words
+        return argparse.Namespace(command="demo", words=list(words[1:]))
+    parser = _parser()
+    if words and words[0] in COMMANDS:
+        parser.asked = f"{parser.prog} {words[0]}"
+    return parser.parse_args(words)
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="gcs-mosaic",
+        description="Without a command: a live flight. Listen on the link, take the frames, stitch them, show the map.",
+        epilog="gcs-mosaic COMMAND --help tells more of each.",
+    )
+    parser.add_argument("--version", action=_TellVersion, nargs=0, help="tell which version this is")
+    add_live(parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+    for name, (told, add, more) in COMMANDS.items():
+        add(commands.add_parser(name, help=told, description=told, **more))
+    return parser
+
+
+class _TellVersion(argparse.Action):
+    """Looked up only when it is asked for: a clone that is not installed flies all the same."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            told = version("gcs-mosaic")
+        except PackageNotFoundError:
+            told = "of a clone that is not installed"
+        print(f"gcs-mosaic {told}")
+        parser.exit()
+
+
+def add_live(parser: argparse.ArgumentParser) -> None:
+    """What a live flight may be given."""
+    parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
+    source.add_argument("--rtsp", metavar="URL|auto", help="live stream instead, a frame of it for each trigger")
+    parser.add_argument("--every", metavar="1s|overlap", help="frames of the stream without triggers too")
+    parser.add_argument("--from", metavar="now|start|30m", help="how old a file may be at the start")
+    _add_vehicle(parser)
+    announce = parser.add_argument(
+        "--announce", type=int, nargs="?", metavar="ID", help="send a heartbeat and warnings, as this MAVLink system"
+    )
+    announce.const = ANNOUNCE_AS
+    parser.add_argument("--recover", action="store_true", help="ask the camera again for messages that were lost")
+    _add_blend(parser)
+    _add_method(parser)
+    _add_output(parser)
+    parser.add_argument(
+        "--record",
+        nargs="?",
+        const=True,
+        metavar="FILE",
+        help="keep what is heard as FILE (.tlog), or as flight.tlog in the output folder",
+    )
+    page = parser.add_mutually_exclusive_group()
+    page.add_argument("--http", metavar="HOST:PORT", help="where the page is served")
+    page.add_argument("--no-http", action="store_true", help="serve no page")
+
+
+def _add_stitch(parser: argparse.ArgumentParser) -> None:
+    _add_frames(parser)
+    _add_method(parser)
+    _add_scale(parser)
+    parser.add_argument(
+        "--debug", type=Path, metavar="DIR", help="new folder for pictures of matches, footprints, residuals"
+    )
+    _add_blend(parser)
+    _add_output(parser)
+
+
+def _add_replay(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
+    parser.add_argument("--frames", type=Path, required=True, metavar="DIR", help="folder of the flight's pictures")
+    parser.add_argument(
+        "--speed", type=float, default=0.0, metavar="N", help="times as fast as it was flown; 0 as fast as it goes (0)"
+    )
+    _add_scale(parser)
+    _add_vehicle(parser)
+    _add_method(parser)
+    _add_output(parser)
+
+
+def _add_serve(parser: argparse.ArgumentParser) -> None:
+    _add_flight(parser)
+    parser.add_argument("--http", metavar="HOST:PORT", default=DEFAULT_PAGE, help="where the page is served")
+
+
+def _add_status(parser: argparse.ArgumentParser) -> None:
+    _add_flight(parser)
+    parser.add_argument("--json", action="store_true", help="as JSON")
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    _add_flight(parser)
+    parser.add_argument("--format", choices=["png", "tiff", "placements"], required=True)
+    parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or the like, in DIR")
+    parser.add_argument("--island", type=int, metavar="N", help="which island; default: the largest")
+    parser.add_argument("--zoom", type=int, metavar="Z", help="level of the picture; default: the finest that fits")
+    parser.add_argument("--no-gains", action="store_true", help="tiff: counts as the camera wrote them, seams and all")
+
+
+def _add_benchmark(parser: argparse.ArgumentParser) -> None:
+    _add_frames(parser)
+    parser.add_argument("--most", type=int, metavar="N", help="use the first N frames only")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML (gcs-mosaic config shows all)")
+
+
+def _add_nothing(parser: argparse.ArgumentParser) -> None:
+    pass
+
+
+def _add_frames(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
+
+
+def _add_flight(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
+
+
+def _add_vehicle(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
+
+
+def _add_scale(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scale", type=float, choices=[1, 0.5, 0.25], help="size at which frames are painted")
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", metavar="DIR", help="folder for the map (an earlier flight in it is left as it is)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML (gcs-mosaic config shows all)")
+    parser.add_argument("--verbose", action="store_true", help="tell on the terminal what is written into flight.log")
+
+
+def _add_blend(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--blend", metavar="seam|edge|newest|first", help="which frame shows where several do")
+
+
+def _add_method(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--method", choices=get_args(Method), help="paper: the paper's recipe literally, to compare with"
+    )
+    parser.add_argument("--features", choices=get_args(FeatureKind), help="what frames are matched by; default: sift")
+
+
+Add = Callable[[argparse.ArgumentParser], None]
+COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
+    "stitch": ("a folder of frames, without MAVLink", _add_stitch, {}),
+    "replay": ("a recorded flight again", _add_replay, {"epilog": WHEN_FRAMES_CAME}),
+    "serve": ("the page of a flight that was written before", _add_serve, {}),
+    "status": ("what a running or ended flight says of itself", _add_status, {}),
+    "export": ("a flight for other programs: a picture, all bands, where each pixel lies", _add_export, {}),
+    "benchmark": ("what a frame costs on this machine", _add_benchmark, {}),
+    "config": ("all settings with their defaults and reasons, as YAML", _add_nothing, {}),
+    "demo": ("a simulated flight into the program and its page", _add_nothing, {}),
+}

@@ -7,12 +7,20 @@ import difflib
 import math
 import types
 import typing
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from gcs_mosaic.errors import UsageError
+
+
+def documented_defaults() -> str:
+    """Every setting with its default, unit and reason, as YAML. A clone has the file in config/, an installed package its own."""
+    ours = files("gcs_mosaic").joinpath("default.yaml")
+    text = ours if ours.is_file() else Path(__file__).parents[2] / "config" / "default.yaml"
+    return text.read_text(encoding="utf-8")
 
 
 def read_settings(path: Path) -> dict[str, Any]:
@@ -40,7 +48,9 @@ def from_mapping(kind: type, values: object, where: str) -> Any:
     hints, values = typing.get_type_hints(kind), as_mapping(values, where)
     for key in values:
         if key not in hints:
-            raise UsageError(f"{where}: {key!r} is not a setting{_nearest(str(key), hints)}; see config/default.yaml.")
+            raise UsageError(
+                f"{where}: {key!r} is not a setting{_nearest(str(key), hints)}; gcs-mosaic config shows all."
+            )
     given = {key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()}
     try:
         return kind(**given)
@@ -49,8 +59,15 @@ def from_mapping(kind: type, values: object, where: str) -> Any:
 
 
 def _nearest(key: str, known: dict[str, Any]) -> str:
+    deeper = [name for name, kind in known.items() if key in _fields_of(kind)]
+    if deeper:
+        return " (did you mean " + " or ".join(f"'{name}: {{{key}: ...}}'" for name in deeper) + "?)"
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     return f" (did you mean {close[0]!r}?)" if close else f" (there are {', '.join(known)})"
+
+
+def _fields_of(kind: Any) -> list[str]:
+    return [field.name for field in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else []
 
 
 def _value(kind: Any, value: object, where: str) -> Any:

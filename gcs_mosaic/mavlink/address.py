@@ -27,6 +27,7 @@ _SCHEMES: dict[str, Kind] = {
 }
 _CALLING: tuple[Kind, ...] = ("udpout", "tcp")
 _HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
+_PLAIN = re.compile(r"([0-9.]+|\[[^\]]*\]):[0-9]+", re.ASCII)
 _DEVICE = re.compile(r"(/dev/(?!.*\.\.)[\w./+-]+|COM\d{1,3})", re.ASCII)
 
 
@@ -46,13 +47,16 @@ def parse_address(text: str) -> LinkAddress:
     """The address that `text` names.
 
     Accepts `udp:PORT`, `udp:HOST:PORT`, `udpin:…`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, `tcpin:[HOST:]PORT`, the same with `://`,
-    `serial:/dev/ttyACM0:57600`, a plain `/dev/tty…` or `COM3`, and `FILE.tlog`. Raises UsageError for all else.
+    a plain `IP:PORT` (UDP), IPv6 in brackets (`[::1]:14550`), `serial:/dev/ttyACM0:57600`, a plain `/dev/tty…` or `COM3`, also
+    with the speed behind a comma as in MAVProxy, and `FILE.tlog`. Raises UsageError for all else.
     """
     text = text.strip()
     if text.lower().endswith(".tlog"):
         return LinkAddress(kind="file", path=Path(text))
     if text.startswith("/dev/") or re.match(r"COM\d", text):
         return _serial(text, text)
+    if _PLAIN.fullmatch(text):
+        return _socket(text, "udp", text)
     scheme, colon, rest = text.partition(":")
     kind = _SCHEMES.get(scheme.lower())
     if kind is None or not colon:
@@ -65,13 +69,18 @@ def connection_string(address: LinkAddress) -> str:
     """The address in pymavlink's own spelling, which is also how it is shown to people."""
     match address.kind:
         case "udp":
-            return f"udpin:{address.host}:{address.port}"
+            return f"udpin:{host_and_port(address.host, address.port)}"
         case "udpout" | "tcp" | "tcpin":
-            return f"{address.kind}:{address.host}:{address.port}"
+            return f"{address.kind}:{host_and_port(address.host, address.port)}"
         case "serial":
             return address.device
         case "file":
             return str(address.path)
+
+
+def host_and_port(host: str, port: int) -> str:
+    """As people write it: an IPv6 address stands in brackets."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _socket(text: str, kind: Kind, rest: str) -> LinkAddress:
@@ -82,12 +91,13 @@ def _socket(text: str, kind: Kind, rest: str) -> LinkAddress:
         raise _malformed(text, f"the host to call, such as {kind}:127.0.0.1:{port}")
     host = host or EVERY_INTERFACE
     if not _is_host(host):
-        raise _malformed(text, f"a host name or an IPv4 address before the port, such as {kind}:127.0.0.1:{port}")
+        raise _malformed(text, f"a host name or an IP address before the port, such as {kind}:127.0.0.1:{port}")
+    host = host.strip("[]")
     return LinkAddress(kind=kind, host=host, port=int(port))
 
 
 def _serial(text: str, rest: str) -> LinkAddress:
-    device, colon, baud = rest.partition(":")
+    device, colon, baud = rest.replace(",", ":", 1).partition(":")
     if not _DEVICE.fullmatch(device):
         raise _malformed(text, "a serial device such as serial:/dev/ttyACM0:57600 or COM3")
     if colon and (not re.fullmatch(r"[0-9]{3,7}", baud) or not 300 <= int(baud) <= 4_000_000):
@@ -99,6 +109,10 @@ def _is_host(host: str) -> bool:
     if re.fullmatch(r"[0-9.]+", host):
         with suppress(ValueError):
             return bool(ip_address(host))
+        return False
+    if host.startswith("[") and host.endswith("]"):
+        with suppress(ValueError):
+            return ip_address(host[1:-1]).version == 6
         return False
     return _HOST.fullmatch(host) is not None
 

@@ -15,13 +15,13 @@ from typing import Protocol
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink import streams, tlog
-from gcs_mosaic.mavlink.address import LinkAddress, connection_string
+from gcs_mosaic.mavlink.address import LinkAddress, connection_string, host_and_port
 from gcs_mosaic.mavlink.datagrams import DatagramReader
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing
-from gcs_mosaic.mavlink.sockets import bind_udp
+from gcs_mosaic.mavlink.sockets import bind_udp, family_of
 from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
@@ -102,7 +102,7 @@ class UdpChannel:
             messages = peer.reader.feed(data)
             if messages:
                 peer.heard = received
-            arrivals += [Arrival(message, received, f"{sender[0]}:{sender[1]}") for message in messages]
+            arrivals += [Arrival(message, received, host_and_port(*sender)) for message in messages]
         return arrivals
 
     def send(self, packet: bytes) -> bool:
@@ -135,7 +135,7 @@ class CallingChannel:
             )
         self.ended, self.working = False, True
         self._reader = PacketReader(datagrams=True, admits=admits)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket = socket.socket(family_of(address.host), socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, settings.receive_buffer_bytes)
         try:
             self._socket.connect((address.host, address.port))

@@ -39,12 +39,13 @@ class _Address(ctypes.Structure):
 
 
 class DatagramReader:
-    """Reads a bound IPv4 socket."""
+    """Reads a bound socket. IPv6 goes the slower way: no radio floods us over it."""
 
     def __init__(self, bound: socket.socket) -> None:
         self._socket = bound
         bound.setblocking(False)
-        self._library = ctypes.PyDLL(None, use_errno=True) if os.name == "posix" else None
+        quick = os.name == "posix" and bound.family == socket.AF_INET
+        self._library = ctypes.PyDLL(None, use_errno=True) if quick else None
         self._buffer = bytearray(_LARGEST)
         self._place = (ctypes.c_char * _LARGEST).from_buffer(self._buffer)
         self._address = _Address()

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.mavlink.address import host_and_port
 
 _SHARING = (
     "close it, or let it forward to another port and listen there (QGroundControl: Application Settings > MAVLink > "
@@ -31,6 +32,11 @@ def listen_tcp(host: str, port: int, receive_buffer: int) -> socket.socket:
     return listener
 
 
+def family_of(host: str) -> socket.AddressFamily:
+    """Names are looked up as IPv4: that is what radios and ground stations speak unless they say otherwise."""
+    return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
 def holder_of_udp_port(port: int) -> str | None:
     """Name and process id of the program that has the UDP port open, where the system lets us see it (Linux)."""
     inodes = set(_inodes_on(port))
@@ -45,7 +51,7 @@ def holder_of_udp_port(port: int) -> str | None:
 
 
 def _bind(kind: socket.SocketKind, host: str, port: int, receive_buffer: int) -> socket.socket:
-    bound = socket.socket(socket.AF_INET, kind)
+    bound = socket.socket(family_of(host), kind)
     try:
         if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows shares a port by default
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
@@ -68,7 +74,7 @@ def _refusal(host: str, port: int, kind: socket.SocketKind, error: OSError) -> U
     if error.errno == errno.EACCES:
         return UsageError(f"{name} is reserved for the system: use one from 1024 up, such as udp:14550.")
     return UsageError(
-        f"{host}:{port} cannot be listened on ({error.strerror or error}): give an address of this machine, "
+        f"{host_and_port(host, port)} cannot be listened on ({error.strerror or error}): give an address of this machine, "
         f"or leave it out, as in udp:{port}."
     )
 

@@ -25,7 +25,6 @@ class FlightFolder:
     """A folder that is ours alone to write until `close`; `said` is the sentence for the operator."""
 
     path: Path
-    resumed: bool
     said: str
     lock: FolderLock
     existed: bool = True
@@ -40,23 +39,18 @@ class FlightFolder:
         self.lock.release()
 
 
-def open_flight_folder(out: Path, *, resume: bool = False) -> FlightFolder:
+def open_flight_folder(out: Path) -> FlightFolder:
     """The folder `out`, or if that is taken the first free one of `out-2`, `out-3`, …, made and locked.
 
-    Raises UsageError if no such folder can be made or written, and for `resume`.
+    Raises UsageError if no such folder can be made or written.
     """
-    if resume:
-        raise UsageError(
-            "--resume was given, but an earlier flight cannot be gone on with yet: leave it out, "
-            "and the new flight is written beside the old one"
-        )
     taken: str | None = None
     for path in candidates(out):
         existed = path.exists()
         lock, obstacle = take(path)
         if lock is not None:
             said = f"{taken}; this flight is written to {path}" if taken else spoken(path, existed)
-            return FlightFolder(path=path, resumed=False, said=said, lock=lock, existed=existed)
+            return FlightFolder(path=path, said=said, lock=lock, existed=existed)
         taken = taken or obstacle
     raise UsageError(f"{out} and {MOST_FLIGHTS} folders beside it hold flights already: choose another --out")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sitl.ground.land import lay_out
-from sitl.ground.noise import fractal
-from sitl.ground.paint import paint
-from sitl.ground.raster import Image
+from .land import lay_out
+from .noise import fractal
+from .paint import paint
+from .raster import Image
 
 HALL = (24.0, 16.0)  # metres along and across
 APART = 62.0  # metres between the middles of halls: about one in every picture taken from 60 m, never two alike

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.geometry import Array
-from sitl.ground.noise import fractal
-from sitl.ground.raster import Field, Image, strips
+from ..geometry import Array
+from .noise import fractal
+from .raster import Field, Image, strips
 
 TABLE = 1024  # plants along a row, and rows, after which they would repeat: more than a small world holds
 

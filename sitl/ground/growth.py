@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sitl.ground.shapes import Building, Colour, Land, Points, Tree, area
+from .shapes import Building, Colour, Land, Points, Tree, area
 
 FARM_EVERY = 60_000.0  # square metres of land per farmstead
 HEDGE_SPACING = 7.0  # metres between the trees of a hedge

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sitl.ground.raster import SHIFT, Field, fixed, fixed_length
-from sitl.ground.shapes import Land
+from .raster import SHIFT, Field, fixed, fixed_length
+from .shapes import Land
 
 CELL = 4  # raster pixels per cell of the height map
 HIGHEST_HILL = 5.0  # metres: a twentieth of the usual flying height

@@ -8,11 +8,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sitl.ground.land import lay_out
-from sitl.ground.noise import fractal
-from sitl.ground.paint import paint
-from sitl.ground.raster import Field, Image
-from sitl.ground.water import CALM
+from .land import lay_out
+from .noise import fractal
+from .paint import paint
+from .raster import Field, Image
+from .water import CALM
 
 SHORE = 0.12  # share of the side that the shore wanders
 ISLETS = 3

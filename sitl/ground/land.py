@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.ground.growth import bank_trees, hedges, lone_trees, settle, woods
-from sitl.ground.parcels import divide, wander, whole_square
-from sitl.ground.shapes import Land, Way
+from .growth import bank_trees, hedges, lone_trees, settle, woods
+from .parcels import divide, wander, whole_square
+from .shapes import Land, Way
 
 
 def lay_out(seed: int, side: float) -> Land:

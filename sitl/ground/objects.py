@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from sitl.ground.raster import SHIFT, Image, fixed, fixed_length, strips
-from sitl.ground.shapes import Building, Land, Tree, Way
+from .raster import SHIFT, Image, fixed, fixed_length, strips
+from .shapes import Building, Land, Tree, Way
 
 SUN = np.array([-0.62, -0.45])  # metres of shadow per metre of height, east and south: the sun is in the south-east
 SHADE = np.array([0.65, 0.58, 0.55], np.float32)  # light left in a shadow, BGR: the blue sky still lights it

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sitl.ground.growth import tree
-from sitl.ground.heights import standing
-from sitl.ground.noise import fractal
-from sitl.ground.objects import dim, draw_crowns, draw_shadows
-from sitl.ground.paint import strewn_grain, weather
-from sitl.ground.raster import Field, Image
-from sitl.ground.shapes import Colour, Land, Tree
+from .growth import tree
+from .heights import standing
+from .noise import fractal
+from .objects import dim, draw_crowns, draw_shadows
+from .paint import strewn_grain, weather
+from .raster import Field, Image
+from .shapes import Colour, Land, Tree
 
 GRID = 8.0, 6.5  # metres from row to row, and from tree to tree
 TURN = 0.3  # radians of the grid: the same in every orchard

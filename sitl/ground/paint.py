@@ -8,11 +8,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from sitl.ground.noise import fractal
-from sitl.ground.objects import dim, draw_asphalt, draw_crowns, draw_roof, draw_shadows
-from sitl.ground.raster import Grain, Image, strips
-from sitl.ground.shapes import Land
-from sitl.ground.soil import paint_soil
+from .noise import fractal
+from .objects import dim, draw_asphalt, draw_crowns, draw_roof, draw_shadows
+from .raster import Grain, Image, strips
+from .shapes import Land
+from .soil import paint_soil
 
 GRAIN_UNIT = 20  # one deviation of the grain as stored
 GRAIN_STRENGTH = 0.13  # share of the light that one deviation takes or gives

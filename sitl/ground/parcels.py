@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.ground.shapes import CROPS, Land, Parcel, Points, Way, area
+from .shapes import CROPS, Land, Parcel, Points, Way, area
 
 LARGEST_PARCEL = 8000.0  # square metres; small farms, so that every picture sees several fields
 SMALLEST_PARCEL = 2500.0

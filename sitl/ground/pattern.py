@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sitl.geometry import Array
-from sitl.ground.noise import fractal
-from sitl.ground.raster import Field, Image, strips
+from ..geometry import Array
+from .noise import fractal
+from .raster import Field, Image, strips
 
 CELL_PX = 96  # pixels of a cell's picture along its longer side
 TABLE = 512  # cells in either direction after which emptiness and tones would repeat: more than a world holds

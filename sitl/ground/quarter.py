@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sitl.ground.growth import tree
-from sitl.ground.heights import standing
-from sitl.ground.noise import fractal
-from sitl.ground.objects import dim, draw_crowns, draw_roof, draw_shadows
-from sitl.ground.raster import Field, Image, fixed
-from sitl.ground.shapes import Building, Colour, Land, Points, Tree
+from .growth import tree
+from .heights import standing
+from .noise import fractal
+from .objects import dim, draw_crowns, draw_roof, draw_shadows
+from .raster import Field, Image, fixed
+from .shapes import Building, Colour, Land, Points, Tree
 
 PITCH = 48.0, 40.0  # metres from block to block along a street and across it
 BLOCK = 36.0, 26.0  # metres of a block along and across, walls included

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.ground.shapes import Points
+from .shapes import Points
 
 Image = NDArray[np.uint8]
 Field = NDArray[np.float32]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from sitl.ground.raster import SHIFT, Field, Grain, Image, fixed, fixed_length, strips
-from sitl.ground.shapes import DIRT, GRASS, STREAM, YARD, Crop, Land
+from .raster import SHIFT, Field, Grain, Image, fixed, fixed_length, strips
+from .shapes import DIRT, GRASS, STREAM, YARD, Crop, Land
 
 MOST_PARCELS = 250  # labels are bytes; a larger world lets far parcels share their looks
 SPECIAL: dict[str, tuple[int, Crop]] = {

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sitl.ground.growth import ROOFS, tree
-from sitl.ground.heights import standing
-from sitl.ground.land import lay_out
-from sitl.ground.paint import paint
-from sitl.ground.raster import Field, Image
-from sitl.ground.shapes import Building, Land, Points, Tree
+from .growth import ROOFS, tree
+from .heights import standing
+from .land import lay_out
+from .paint import paint
+from .raster import Field, Image
+from .shapes import Building, Land, Points, Tree
 
 LOT = 19.0  # metres between houses
 TREES_PER_LOT = 1.6

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.ground.noise import fractal
-from sitl.ground.raster import Image, strips
+from .noise import fractal
+from .raster import Image, strips
 
 LENGTHS = (0.9, 1.3, 1.9, 3.1, 5.3, 9.1)  # metres of the waves
 SPREAD = 0.5  # radians: how far directions lie around that of the wind

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.stream.camera import StreamingCamera
+from .camera import StreamingCamera
 
 BEFORE_S = 0.4  # a picture is shown so long before its trigger: the view does not leap at the very moment
 AFTER_S = 1.0  # the last one stays so long: the program takes it a little later

@@ -18,7 +18,7 @@ from running import Running, events_of, flying, frames_of, run, six_pictures, un
 from gcs_mosaic.app import inbox as sources
 from gcs_mosaic.app import links as listening
 from gcs_mosaic.app import live as daemon
-from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.store.records import FrameRecord
@@ -253,7 +253,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, 
     threading.Timer(1.5, stop.set).start()
     with ExitStack() as stack:
         links = listening.listen(config, stop, stack)
-        daemon.fly(config, links, Console(quiet=True), Ending(stop=stop, hurry=threading.Event()))
+        daemon.fly(config, links, Console(quiet=True), Shutdown(stop=stop, hurry=threading.Event()))
     status = json.loads((tmp_path / "mosaic" / "status.json").read_bytes())
     assert [notice for notice in status["notices"] if notice["text"].startswith(told) and notice["level"] == "error"]
     assert (status["watch"]["state"] == "ended") == (part == "watch")

@@ -91,13 +91,14 @@ def empty(tmp_path) -> Path:
         (["--config", "none.yaml"], "none.yaml cannot be read (No such file or directory)"),
         (["--watch", "mosaic/tiles"], "overlap"),
         (["--watch", ".", "--out", "mosaic"], "choose an --out outside the watched folder"),
-        (["--resume"], "leave it out"),
+        (["--resume"], "unrecognized arguments: --resume"),
+        (["config", "--fly"], "unrecognized arguments: --fly (gcs-mosaic"),
         (["--blend", "seems"], "--blend: 'seems' is not one of seam, edge, newest, first"),
         (["stitch", ".", "--blend", "egde"], "--blend: 'egde' is not one of seam, edge, newest, first"),
         (["status", "nowhere"], "nowhere does not exist: name a folder that gcs-mosaic has written a flight into"),
         (["serve", "."], ". holds no flight"),
         (["stich", "."], "'stich' is no command (did you mean 'stitch'?)"),
-        (["fly"], "'fly' is no command (those are stitch, replay, serve, status, export, benchmark)"),
+        (["fly"], "'fly' is no command (those are stitch, replay, serve, status, export, benchmark, config, demo)"),
         (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
         (["stitch", ".", "--out", "./"], "is the folder of the frames: choose another one"),
         (["stitch", ".", "--out", "mosaic"], "holds no images"),
@@ -135,18 +136,36 @@ def test_the_version_is_told(capfd):
 def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):
     file = tmp_path / "settings.yaml"
     file.write_text("paint: {canvas: {blend: first, threads: 1}}")
-    parser = options.make_parser("gcs-mosaic")
-    options.add_blend(parser)
-    options.add_method(parser)
-    options.add_output(parser)
-    given = parser.parse_args(["--config", str(file), "--blend", "newest"])
-    canvas = choices.blended(choices.config_of(given), given.blend).paint.canvas
+    canvas = choices.config_of(options.parse(["--config", str(file), "--blend", "newest"])).paint.canvas
     assert (canvas.blend, canvas.threads) == ("newest", 1)
+
+
+def test_each_option_of_the_table_reaches_its_setting(tmp_path):
+    words = (
+        "--watch w --every overlap --from 30m --vehicle 3 --announce --recover --record --no-http --verbose --scale 0.5"
+    )
+    given = options.parse([*words.replace("--scale 0.5", "").split(), "--mavlink", "udp:1", "--mavlink", "udp:2"])
+    config = choices.flight_config(given, options.listening_of(given))
+    assert (config.watch, config.stream.every, config.frames.from_age_s) == ("w", "overlap", 1800.0)
+    assert (config.mavlink, config.link.vehicle, config.link.announce) == (("udp:1", "udp:2"), 3, options.ANNOUNCE_AS)
+    assert (config.link.recover, config.record, config.http, config.log.verbose) == (True, True, None, True)
+    given = options.parse(["stitch", "DIR", "--scale", "0.5", "--features", "orb", "--method", "paper"])
+    config = choices.config_of(given)
+    assert (config.scale, config.features, config.method) == (0.5, "orb", "paper")
+
+
+def test_the_defaults_are_told_as_a_file_that_can_be_given_back(tmp_path, capsys):
+    assert cli.main(["config"]) == 0
+    (tmp_path / "c.yaml").write_text(told := capsys.readouterr().out)
+    assert "# " in told
+    assert choices.config_of(options.parse(["--config", str(tmp_path / "c.yaml")])) == Config()
 
 
 def test_an_unknown_setting_is_told_with_the_nearest_known_one(refused, tmp_path):
     (tmp_path / "c.yaml").write_text("frames: {poll: 1}")
     assert "c.yaml: frames: 'poll' is not a setting (did you mean 'poll_s'?)" in refused("--config", "c.yaml")
+    (tmp_path / "c.yaml").write_text("vehicle: 3")
+    assert "'vehicle' is not a setting (did you mean 'link: {vehicle: ...}'?)" in refused("--config", "c.yaml")
     (tmp_path / "c.yaml").write_text("[1, 2")
     assert "c.yaml is not YAML" in refused("--config", "c.yaml")
 
@@ -215,7 +234,7 @@ def test_a_flight_is_exported(flight, tmp_path, capsys):
 
 
 def test_help_and_misuse_of_the_installed_program(tmp_path):
-    for words in (["--help"], ["stitch", "--help"]):
+    for words in (["--help"], ["stitch", "--help"], ["demo", "--help"]):
         helped = run(*words, cwd=tmp_path)
         assert (helped.returncode, helped.stderr) == (0, "")
         assert "--out" in helped.stdout

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 import pytest
 from mavlink_peer import free_udp_port, heartbeat, packet, trigger
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink import channels
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.channels import UdpChannel
@@ -79,3 +80,21 @@ def test_what_is_read_from_one_peer_is_not_mixed_with_what_another_sends(many: M
         sender.sendto(data, many.to)
         came += [item.message.seq for item in many.channel.read(1.0) if isinstance(item, Arrival)]
     assert came == [8, 7]
+
+
+@pytest.mark.skipif(not socket.has_ipv6, reason="this machine has no IPv6")
+def test_a_peer_is_heard_over_ipv6_and_answered() -> None:
+    try:
+        channel = UdpChannel(parse_address(f"[::1]:{free_udp_port()}"), LinkSettings())
+    except UsageError:
+        pytest.skip("IPv6 is switched off here")
+    with ExitStack() as stack:
+        stack.callback(channel.close)
+        peer = stack.enter_context(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM))
+        peer.bind(("::1", 0))
+        peer.sendto(packet(trigger(1)), channel._socket.getsockname()[:2])
+        (heard,) = channel.read(2.0)
+        assert isinstance(heard, Arrival)
+        assert heard.sender == f"[::1]:{peer.getsockname()[1]}"
+        assert channel.send(PACKET)
+        assert reached([peer]) == 1

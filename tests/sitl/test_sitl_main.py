@@ -17,8 +17,8 @@ from test_sitl_vehicle import Ground
 import sitl
 from sitl.__main__ import MISUSED, main
 from sitl.flight import Flight
-from sitl.outing import DONE, FAILED
 from sitl.program import Program
+from sitl.session import DONE, FAILED
 from sitl.truth import read, write
 
 STAND_IN = """

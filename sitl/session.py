@@ -1,4 +1,4 @@
-"""One outing, told aloud: start the program, fly, let it finish, stop it, judge it."""
+"""One session, told aloud: start the program, fly, let it finish, stop it, judge it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-from sitl.delivery import Delivery
-from sitl.exposures import Exposure, Film
-from sitl.mission import BREATH, fly
-from sitl.program import Program, worked_off
-from sitl.score import score
-from sitl.stream.camera import StreamingCamera
-from sitl.stream.projector import Projector
-from sitl.truth import Truth
-from sitl.vehicle import Faults, Vehicle
+from .delivery import Delivery
+from .exposures import Exposure, Film
+from .mission import BREATH, fly
+from .program import Program, worked_off
+from .score import score
+from .stream.camera import StreamingCamera
+from .stream.projector import Projector
+from .truth import Truth
+from .vehicle import Faults, Vehicle
 
 DONE, FAILED = 0, 1  # exit codes
 SAY_EVERY = 5  # pictures

@@ -1,0 +1,56 @@
+"""What is installed from a wheel: the package and nothing else at the top, all data in it, and a flight to try it with."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fresh
+import pytest
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    fresh.need_packages(folder)
+    clone = fresh.clone(folder / "clone")
+    fresh.run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder), str(clone))
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory) -> Path:
+    """The folder of its programs, in an environment of its own."""
+    folder = tmp_path_factory.mktemp("installed") / "venv"
+    fresh.run(sys.executable, "-m", "venv", str(folder))
+    fresh.run(str(folder / "bin" / "pip"), "install", "--quiet", str(wheel))
+    return folder / "bin"
+
+
+def test_nothing_but_the_package_is_at_the_top(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"gcs_mosaic"}
+    for needed in ("py.typed", "default.yaml", "web/viewer/index.html", "sitl/stream/server.py"):
+        assert f"gcs_mosaic/{needed}" in names
+
+
+def test_the_defaults_are_told(installed, tmp_path):
+    told = fresh.run(str(installed / "gcs-mosaic"), "config", cwd=tmp_path)
+    assert told == (fresh.ROOT / "config" / "default.yaml").read_text()
+
+
+def test_a_simulated_flight_is_flown(installed, tmp_path):
+    words = ["demo", "--count", "5", "--size", "640x480", "--speed", "8", "--no-http"]
+    done = subprocess.run(
+        [installed / "gcs-mosaic", *words],
+        cwd=tmp_path,
+        env=fresh.environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "placed 5/5" in done.stdout + done.stderr
