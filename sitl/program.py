@@ -70,7 +70,7 @@ class Program:
     def wait_for(self, count: int, said: Callable[[dict[str, int]], None], meanwhile: Callable[[], None]) -> None:
         """Wait until `count` frames are accounted for and none is pending; `meanwhile` is called over and over."""
         last, changed = self.account("frames"), time.monotonic()
-        while worked_off(last) < count:
+        while processed(last) < count:
             self.must_run()
             meanwhile()
             time.sleep(POLL)
@@ -79,7 +79,7 @@ class Program:
                 last, changed = account, time.monotonic()
                 said(account)
             if time.monotonic() - changed > STALL_TIMEOUT:
-                done = f"gcs-mosaic worked off {worked_off(last)} of {count} pictures"
+                done = f"gcs-mosaic processed {processed(last)} of {count} pictures"
                 raise ProgramError(f"{done}, then nothing moved for {STALL_TIMEOUT:.0f} s: {last}")
 
     def stop(self) -> int:
@@ -115,7 +115,7 @@ class Program:
         return json_of(file)
 
 
-def worked_off(account: dict[str, int]) -> int:
+def processed(account: dict[str, int]) -> int:
     return sum(account.values()) - account.get("pending", 0)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from .delivery import Delivery
 from .exposures import Exposure, Film
 from .mission import BREATH, fly
-from .program import Program, worked_off
+from .program import Program, processed
 from .score import score
 from .stream.camera import StreamingCamera
 from .stream.projector import Projector
@@ -79,7 +79,7 @@ def wait_for_all(program: Program, count: int, vehicle: Vehicle) -> None:
     """Until every picture is accounted for. The vehicle has landed, but its radio is still on."""
 
     def progress(account: dict[str, int]) -> None:
-        say(f"worked off {worked_off(account)}/{count}: {told(account)}")
+        say(f"processed {processed(account)}/{count}: {told(account)}")
 
     program.wait_for(count, progress, meanwhile=lambda: vehicle.tick(None))
 

@@ -1,4 +1,4 @@
-"""The documents of an output folder, read as README tells other programs to read them."""
+"""The documents of an output folder, read as config/README.md tells other programs to read them."""
 
 from __future__ import annotations
 

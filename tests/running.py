@@ -23,7 +23,7 @@ from sitl.messages import Capture
 from sitl.path import Plan
 from sitl.vehicle import Vehicle
 
-PATIENCE_S = 40.0  # for anything at all on a busy machine
+LONGEST_WAIT_S = 40.0  # for anything at all on a busy machine
 POLL_S = 0.05
 PROGRAM = (sys.executable, "-m", "gcs_mosaic")
 QUICK = "frames: {damaged_after_s: 0.7, recheck_longest_s: 0.3}\nfinish_s: 30\n"
@@ -34,11 +34,11 @@ def run(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [*PROGRAM, *map(str, words)]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     return subprocess.run(
-        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=LONGEST_WAIT_S, check=False
     )
 
 
-def until(true: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+def until(true: Callable[[], Any], what: str, patience_s: float = LONGEST_WAIT_S) -> Any:
     """Wait until something is so and return it; the test fails if it does not become so."""
     deadline = time.monotonic() + patience_s
     while not (found := true()):
@@ -107,7 +107,7 @@ class Running:
     def end(self, sign: signal.Signals = signal.SIGTERM) -> int:
         """Ask for the end; returns the exit code."""
         self.process.send_signal(sign)
-        return self.process.wait(PATIENCE_S)
+        return self.process.wait(LONGEST_WAIT_S)
 
 
 def six_pictures(cache: Path, *, seed: int = 3, size: tuple[int, int] = (640, 480)) -> list[bytes]:

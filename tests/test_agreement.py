@@ -21,6 +21,9 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
 
+pytestmark = pytest.mark.long
+
+
 OTHER_CAMERA = Camera(420, 320, 1.3, 0.0)
 # Two lines of either camera, apart from each other until the last frames close the gap.
 FLIGHT = [
@@ -89,7 +92,7 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_p
             pipeline.accept(frame)
             prepared = prepare(frame, pipeline.features_of)
             images[frame.name] = prepared.image
-            pipeline.work_off(prepared)
+            pipeline.process(prepared)
             pipeline.save()
             assert_one_story(pipeline)
             while pipeline.repaint_some():

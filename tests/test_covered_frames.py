@@ -18,6 +18,9 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
 
+pytestmark = pytest.mark.long
+
+
 QUIET = Console(quiet=True)
 HOVER = [(10, 10), (12, 9), (7, 11), (11, 14)]  # px: where the camera's frame is cut from a larger one
 STILL = 3  # the frame of the flight over which the aircraft hovers

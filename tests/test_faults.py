@@ -1,4 +1,4 @@
-"""Whatever raises while a frame is worked off costs that frame at most; what is no fault of it does not even cost that."""
+"""Whatever raises while a frame is processed costs that frame at most; what is no fault of it does not even cost that."""
 
 import random
 from collections import Counter
@@ -13,7 +13,7 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
 from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
@@ -23,13 +23,16 @@ from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.records import FrameState
 
+pytestmark = pytest.mark.long
+
+
 KINDS = (Fault, MemoryError, cv2.error, KeyboardInterrupt)
 FAULTS_PER_FRAME = 7
 CONFIG = Config(paint=PaintSettings(canvas=CanvasSettings(memory_mb=1)))  # nearly all tiles wait in the scratch file
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory) -> list[Prepared]:
+def flight(tmp_path_factory) -> list[DecodedFrame]:
     """Two frames, three of an island that has to be founded first, and two between that join them."""
     folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
     found = []
@@ -46,8 +49,8 @@ class Flown:
         self.said = []
         self.pipeline = Pipeline(out, CONFIG, self.said.append, punctual=True, utc=lambda: 0.0)
 
-    def work_off(self, prepared):
-        return self.pipeline.work_off(prepared)
+    def process(self, prepared):
+        return self.pipeline.process(prepared)
 
     def finish(self):
         for _ in self.pipeline.finish():
@@ -81,7 +84,7 @@ def undisturbed(flight, tmp_path_factory):
         for prepared in flight:
             flown.pipeline.accept(prepared.frame)
             with counted() as counts:
-                flown.work_off(prepared)
+                flown.process(prepared)
             calls.append(counts)
             flown.pipeline.save()
         flown.finish()
@@ -102,9 +105,9 @@ def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight,
     (expected, calls), rng, met = undisturbed, random.Random(3), Counter()
     for prepared, counts in zip(flight, calls, strict=True):
         flown.pipeline.accept(prepared.frame)
-        for event, at in chosen(counts, FAULTS_PER_FRAME, rng, but="Pipeline.work_off"):
+        for event, at in chosen(counts, FAULTS_PER_FRAME, rng, but="Pipeline.process"):
             met[meet(flown, prepared, event, at, rng.choice(KINDS))] += 1
-        assert flown.work_off(prepared).state in (FrameState.PLACED, FrameState.WAITING)
+        assert flown.process(prepared).state in (FrameState.PLACED, FrameState.WAITING)
         flown.pipeline.save()
     flown.finish()
     assert flown.map() == expected
@@ -119,8 +122,8 @@ def meet(flown, prepared, event, at, kind):
     before, snapshot, said = digest(pipeline), pipeline.snapshot(), len(flown.said)
     try:
         with raising(event, at, kind):
-            done = flown.work_off(prepared)
-        if "could not be worked off" in (done.reason or ""):
+            done = flown.process(prepared)
+        if "could not be processed" in (done.reason or ""):
             result = "rejected"
             assert len(flown.said) > said
             assert pipeline.recorder.changes.states.pop(name)[0] is FrameState.REJECTED
@@ -159,11 +162,11 @@ class Unpaintable:
         monkeypatch.setattr(Painter, "paint_new", failing)
 
 
-def worked_off(flown, flight):
+def processed(flown, flight):
     done = []
     for prepared in flight:
         flown.pipeline.accept(prepared.frame)
-        done.append(flown.work_off(prepared))
+        done.append(flown.process(prepared))
         flown.pipeline.save()
     flown.finish()
     return {one.name: one.state for one in done}
@@ -171,7 +174,7 @@ def worked_off(flown, flight):
 
 def test_a_frame_that_cannot_be_painted_is_not_placed_either(flight, flown, monkeypatch):
     Unpaintable(monkeypatch, "1.png", 1)
-    assert worked_off(flown, flight)["1.png"] is FrameState.REJECTED
+    assert processed(flown, flight)["1.png"] is FrameState.REJECTED
     assert "1.png" not in {placement.name for placement in flown.pipeline.mosaic.placements()}
     assert "no memory" in flown.said[0].text
 
@@ -179,7 +182,7 @@ def test_a_frame_that_cannot_be_painted_is_not_placed_either(flight, flown, monk
 def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, undisturbed, flown, monkeypatch):
     """A frame that had waited is painted with the next ones, and the map is what it would have been."""
     Unpaintable(monkeypatch, "2.png", 2)
-    assert worked_off(flown, flight)["3.png"] is FrameState.PLACED
+    assert processed(flown, flight)["3.png"] is FrameState.PLACED
     assert [notice.text[-17:] for notice in flown.said] == ["it is tried again"] * 2
     (states, painted, _, _), _ = undisturbed
     assert flown.map()[0] == states
@@ -188,7 +191,7 @@ def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, 
 
 def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypatch):
     unpaintable = Unpaintable(monkeypatch, "2.png", 99)
-    worked_off(flown, flight)
+    processed(flown, flight)
     assert unpaintable.left == 96
     assert flown.said[-1].text.endswith("it is not on the map")
     assert {one.name for one in flown.map()[1]} == {prepared.frame.name for prepared in flight} - {"2.png"}
@@ -197,7 +200,7 @@ def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypat
 def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown, monkeypatch):
     for prepared in flight[:2]:
         flown.pipeline.accept(prepared.frame)
-        flown.work_off(prepared)
+        flown.process(prepared)
     painter = flown.pipeline._painter
     everything = {key for name in ("0.png", "1.png") for key in painter.canvas._frames.tiles_of(name)}
     painter.canvas._fall_behind(everything)
@@ -231,7 +234,7 @@ def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeyp
 
     monkeypatch.setattr(Painter, "_take_final_looks", lambda painter: 1 / 0)
     monkeypatch.setattr(Canvas, "repaint_step", failing)
-    worked_off(flown, flight)
+    processed(flown, flight)
     assert flown.pipeline._painter.canvas.behind == 0
     assert failed
     assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
@@ -247,7 +250,7 @@ def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, fl
         return answer
 
     monkeypatch.setattr(Mosaic, "connect_some", connect_some)
-    worked_off(flown, flight[:2])
+    processed(flown, flight[:2])
     assert answers == []
     (notice,) = flown.said
     assert notice.text == "some frames could not be compared with those that look like them (MemoryError())"
@@ -255,7 +258,7 @@ def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, fl
 
 def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):
     flown.pipeline.accept(flight[0].frame)
-    flown.work_off(flight[0])
+    flown.process(flight[0])
     recorder = flown.pipeline.recorder
     broken = (recorder._tiles, "write"), (recorder.ledger, "record_painted"), (recorder._manifest, "write")
     for owner, name in (*broken, (recorder, "_published")):
@@ -277,7 +280,7 @@ def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(fligh
     for prepared, broken in zip(flight[:2] + flight[5:], (False, True, True, False, True), strict=True):
         monkeypatch.setattr(upkeep, "adjust_island", (lambda *_: 1 / 0) if broken else plain)
         flown.pipeline.accept(prepared.frame)
-        assert flown.work_off(prepared).state is FrameState.PLACED
+        assert flown.process(prepared).state is FrameState.PLACED
     assert [notice.text for notice in flown.said] == [
         "the map could not be adjusted (ZeroDivisionError('division by zero'))"
     ] * 2

@@ -6,6 +6,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
+
 from sitl.score import Score, score
 from sitl.truth import read
 
@@ -51,6 +53,7 @@ def test_a_level_survey(tmp_path):
     assert flown.status["state"] == "stopped"
 
 
+@pytest.mark.long
 def test_a_climb_to_three_times_the_height(tmp_path):
     flown = fly(tmp_path, "--scenario", "climb", "--manner", "ardupilot", "--count", "20")
     assert flown.score.placed == 20
@@ -63,6 +66,7 @@ def test_a_climb_to_three_times_the_height(tmp_path):
     assert levels == set(range(island["minzoom"], island["maxzoom"] + 1))
 
 
+@pytest.mark.long
 def test_lost_overlap_that_comes_back(tmp_path):
     """A part of the flight is an island until the gap is flown; two frames of elsewhere never belong."""
     flown = fly(tmp_path, "--scenario", "lost", "--manner", "camera", "--count", "30", "--strangers", "2")
@@ -75,6 +79,7 @@ def test_lost_overlap_that_comes_back(tmp_path):
     assert flown.closes(frames=flown.score.frames)
 
 
+@pytest.mark.long
 def test_frames_that_see_the_horizon(tmp_path):
     """Oblique frames may be left out, but they spoil nothing."""
     flown = fly(tmp_path, "--scenario", "oblique", "--manner", "px4", "--count", "30")
@@ -86,6 +91,7 @@ def test_frames_that_see_the_horizon(tmp_path):
     assert max(right - left, bottom - top) < 20 * 800
 
 
+@pytest.mark.long
 def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path):
     faults = ("--drop", "0.1", "--duplicate", "0.1", "--reorder", "0.1")
     flown = fly(tmp_path, "--scenario", "survey", "--relief", "1", "--manner", "px4,camera", "--count", "20", *faults)

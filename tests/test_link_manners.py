@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from running import PATIENCE_S, QUICK, Running, events_of, flying, run
+from running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, run
 
 from sitl.vehicle import SYSTEM
 
@@ -29,7 +29,7 @@ class Ground:
         self.protocol.signing.secret_key = key
 
     def messages(self) -> Iterator[Any]:
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + LONGEST_WAIT_S
         while time.monotonic() < until:
             with suppress(TimeoutError, ConnectionRefusedError):
                 yield self.protocol.decode(bytearray(self.socket.recv(300)))

@@ -23,7 +23,10 @@ TESTS = (
     *("render/test_canvas.py", "render/test_warp.py", "export/test_multiband_tiff.py"),
     *("store/test_ledger.py", "web/test_app.py", "web/test_feed.py"),
 )
-pytestmark = pytest.mark.skipif(sys.version_info >= (3, 12), reason="the oldest libraries are for the oldest Python")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(sys.version_info >= (3, 12), reason="the oldest libraries are for the oldest Python"),
+]
 
 
 def oldest() -> list[str]:

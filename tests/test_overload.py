@@ -18,7 +18,7 @@ from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.inbox import Inbox
 from gcs_mosaic.app.links import Item
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import Prepared, Unprepared
+from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
@@ -27,13 +27,16 @@ from sitl.__main__ import free_port
 from sitl.flight import plan
 from sitl.path import Plan
 
-FRAMES, RATE = 31, 3  # and how many of them come while one is worked off
+pytestmark = pytest.mark.long
+
+
+FRAMES, RATE = 31, 3  # and how many of them come while one is processed
 
 
 class Flight:
-    """A camera that brings RATE frames for each that is worked off, and what is seen of the daemon.
+    """A camera that brings RATE frames for each that is processed, and what is seen of the daemon.
 
-    `came`, `worked`: the numbers of the frames. `late`: whenever one has been worked off, how many had come that are newer than
+    `came`, `worked`: the numbers of the frames. `late`: whenever one has been processed, how many had come that are newer than
     all on the map. `told`: how far behind the status says that the map is then, in frames and seconds.
     """
 
@@ -58,7 +61,7 @@ class Flight:
             self.ending.stop.set()
 
     def note(self, name: str) -> None:
-        """A frame has been worked off."""
+        """A frame has been processed."""
         self.worked.append(number_of(name))
         self.late.append(self.came[-1] - max(self.worked))
         status = json.loads((self.out / "status.json").read_bytes())
@@ -74,11 +77,11 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
     route = Plan(frames=FRAMES, height=60)
     survey = plan("survey", (640, 480), cache=world_cache, seed=3, world_size=2048, route=route)
     flown = Flight(tmp_path_factory.mktemp("overload"), list(survey.pictures()))
-    work_off, put = Pipeline.work_off, Inbox._put
+    process, put = Pipeline.process, Inbox._put
 
-    def worked_off(pipeline: Pipeline, prepared: Prepared | Unprepared) -> Done:
+    def processed(pipeline: Pipeline, prepared: DecodedFrame | UndecodableFrame) -> Done:
         flown.bring(RATE)
-        done = work_off(pipeline, prepared)
+        done = process(pipeline, prepared)
         flown.note(done.name)
         return done
 
@@ -88,7 +91,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
             flown.came.append(number_of(item.name))
 
     with pytest.MonkeyPatch.context() as patched, ExitStack() as stack:
-        patched.setattr(Pipeline, "work_off", worked_off)
+        patched.setattr(Pipeline, "process", processed)
         patched.setattr(Inbox, "_put", found)
         paths = {"watch": str(flown.watch), "out": str(flown.out)}
         config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, finish_s=600.0, **paths)
@@ -108,7 +111,7 @@ def test_none_is_lost(flight: Flight) -> None:
 
 
 def test_the_newest_is_soon_on_the_map(flight: Flight) -> None:
-    """While one is worked off others come; the newest of those that had come before is the next one."""
+    """While one is processed others come; the newest of those that had come before is the next one."""
     in_flight = flight.late[1 : FRAMES // RATE]
     assert sorted(in_flight)[len(in_flight) // 2] <= RATE
     assert max(in_flight) <= 2 * RATE

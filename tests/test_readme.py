@@ -1,4 +1,4 @@
-"""What README.md shows is true: its commands run, its example runs, its options exist."""
+"""What README.md and its further pages show is true: commands run, examples run, options, files and settings exist."""
 
 import argparse
 import os
@@ -21,42 +21,98 @@ import pytest
 import gcs_mosaic.cli.main
 import sitl.__main__
 import sitl.flight
+from gcs_mosaic.config.tree import load_config
 from sitl.path import Plan
 
-README = (fresh.ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+README, ARCHITECTURE, FIGURES = "README.md", "gcs_mosaic/README.md", "tests/benchmarks/README.md"
+PAGES = {
+    name: (fresh.ROOT / name).read_text(encoding="utf-8")
+    for name in (README, ARCHITECTURE, "config/README.md", "sitl/README.md", FIGURES)
+}
+MOST_LINES, LONGEST_LINE = 150, 130  # of README.md: an operator reads it standing
+ALL = "\n".join(PAGES.values())
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
+BLOCKS = BLOCK.findall(ALL)
 LINES = [
     line for kind, text in BLOCKS if kind == "sh" for line in text.splitlines() if shlex.split(line, comments=True)
 ]
 SET_UP = [line for line in LINES if line.startswith("python3 -m venv .venv && ")]
-INLINE = re.findall(r"`((?:gcs-mosaic|python -m sitl) [^`]+)`", README)
-USAGE = [line for line in LINES if line not in SET_UP] + INLINE
-LINKS = re.findall(r"\]\(([^)#:]+)\)", README)
+ACTIVATE = ". .venv/bin/activate"
+INLINE = re.findall(r"`((?:gcs-mosaic|python -m sitl) [^`]+)`", ALL)
+USAGE = [line for line in LINES if line not in (*SET_UP, ACTIVATE)] + INLINE
 EXAMPLES = [text for kind, text in BLOCKS if kind == "python"]
+SETTINGS = [text for kind, text in BLOCKS if kind == "yaml"] + re.findall(r"`(\w+: \{[^`]+\})`", ALL)
 PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main.main, ("python", "-m", "sitl"): sitl.__main__.main}
 FLIGHT_S, ENDING_S, OTHERS_S = 480, 200, 120
 
 
+def test_the_operators_page_is_short():
+    lines = PAGES[README].splitlines()
+    assert len(lines) <= MOST_LINES
+    assert [line for line in lines if len(line) > LONGEST_LINE] == []
+
+
 def test_every_block_is_of_a_kind_that_is_tested_here():
-    """Commands and examples are; text shows what programs print."""
-    assert {kind for kind, _ in BLOCKS} <= {"sh", "python", "text"}
+    """Commands, examples and settings are; text shows what programs print."""
+    assert {kind for kind, _ in BLOCKS} <= {"sh", "python", "yaml", "text"}
 
 
-def test_what_it_links_to_exists():
-    assert [link for link in LINKS if not (fresh.ROOT / link).exists()] == []
+@pytest.mark.parametrize("page", PAGES)
+def test_what_it_links_to_exists(page):
+    assert [link for link in links(page) if not leads_somewhere(page, link)] == []
+
+
+def test_links_that_lead_nowhere_are_found():
+    assert leads_somewhere(ARCHITECTURE, "../README.md#start")
+    assert not leads_somewhere(ARCHITECTURE, "../README.md#no-such-heading")
+    assert not leads_somewhere(ARCHITECTURE, "no_such_file.py")
+
+
+def test_the_first_page_leads_to_all_others():
+    assert PAGES.keys() - {README} <= {link.partition("#")[0] for link in links(README)}
+
+
+def test_every_picture_is_shown_somewhere():
+    shown = {(fresh.ROOT / page).parent.joinpath(link).resolve() for page in PAGES for link in links(page)}
+    assert set((fresh.ROOT / ".readme").iterdir()) <= shown
+
+
+def test_rooms_and_files_are_called_as_they_are():
+    """Bold names without a capital or a space, in the page of the architecture."""
+    named = re.findall(r"\*\*([a-z_/]+)\*\*", PAGES[ARCHITECTURE])
+    files = [path.with_suffix("") for path in (fresh.ROOT / "gcs_mosaic").rglob("*") if path.suffix in ("", ".py")]
+    assert named
+    assert [name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in files)] == []
+
+
+def test_the_benchmarks_exist():
+    listed = re.findall(r"^\* `(\w+)", PAGES[FIGURES], flags=re.MULTILINE)
+    named = re.findall(r"python -m tests\.benchmarks\.([a-z]\w*)", ALL)
+    assert listed
+    assert named
+    assert [name for name in listed + named if not (fresh.ROOT / f"tests/benchmarks/{name}.py").exists()] == []
+
+
+@pytest.mark.parametrize("settings", SETTINGS)
+def test_settings_are_settings(settings, tmp_path):
+    file = tmp_path / "settings.yaml"
+    file.write_text(settings, encoding="utf-8")
+    load_config(file)
 
 
 def test_two_commands_set_up_one_flies_and_one_tests():
     fly, test = SET_UP
-    assert fly.endswith("/python -m sitl --stay")
+    assert fly.endswith("/gcs-mosaic demo --stay")
     assert test.endswith("/pytest")
+    assert all(line in PAGES[README].splitlines() for line in SET_UP)
 
 
 def test_the_second_command_is_what_judges_changes():
     """This very test is part of what that command runs."""
-    assert fresh.run(".ci/run", "--show").strip() == SET_UP[1]
+    assert SET_UP[1] in fresh.run(".ci/run", "--show").splitlines()
 
 
+@pytest.mark.long
 def test_the_first_command_flies_and_shows_the_map(tmp_path):
     fresh.need_packages(tmp_path)
     need_port(8470)
@@ -76,7 +132,7 @@ def test_an_example_runs(example, tmp_path, monkeypatch, world_cache):
     (tmp_path / flight.names[0]).parent.rename(tmp_path / "frames")
     monkeypatch.chdir(tmp_path)
     with redirect_stdout(StringIO()) as said:
-        exec(compile(example, "README.md", "exec"), {})
+        exec(compile(example, "an example", "exec"), {})
     assert all(said.getvalue().count(Path(name).name) >= 2 for name in flight.names)  # once added, once placed
 
 
@@ -85,6 +141,24 @@ def test_the_options_of_all_commands_exist(monkeypatch):
     assert [line for line in USAGE if not understood(line)] == []
     assert understood(".venv/bin/gcs-mosaic --mavlink udp:14550 --out somewhere  # with a comment")
     assert not understood("gcs-mosaic --no-such-option")
+
+
+def links(page: str) -> list[str]:
+    """To files of this project."""
+    found = re.findall(r"\]\(([^)]+)\)", BLOCK.sub("", PAGES[page]))
+    return [link for link in found if "://" not in link]
+
+
+def leads_somewhere(page: str, link: str) -> bool:
+    path, _, heading = link.partition("#")
+    target = (fresh.ROOT / page).parent / path if path else fresh.ROOT / page
+    return target.exists() and (not heading or heading in headings(target))
+
+
+def headings(page: Path) -> set[str]:
+    """As links name them: GitHub's rule."""
+    titles = re.findall(r"^#+ (.+)$", BLOCK.sub("", page.read_text(encoding="utf-8")), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 TAKE_APART = argparse.ArgumentParser.parse_args

@@ -19,9 +19,10 @@ from gcs_mosaic.export.export import export_placements
 
 SHARED = Path(__file__).parents[2] / "shared"
 
-pytestmark = pytest.mark.skipif(
-    not (SHARED / "data").is_dir(), reason="the recorded flights are not beside the project"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the recorded flights are not beside the project"),
+]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.app.shutdown import Ending
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
@@ -22,12 +22,15 @@ from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.web.feed import Feed
 
+pytestmark = pytest.mark.long
+
+
 SELDOM = UpkeepSettings(per_doubling=1)  # so that something is left to adjust at the end
 CONFIG = Config(scale=1, stitch=replace(Config().stitch, upkeep=SELDOM))
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory) -> list[Prepared]:
+def flight(tmp_path_factory) -> list[DecodedFrame]:
     """Three frames that overlap, and five of five other places, which are compared with them at the end."""
     folder, found = tmp_path_factory.mktemp("frames"), []
     for k, (seed, x) in enumerate([(1, 300), (1, 420), (1, 540), (2, 400), (3, 400), (4, 400), (5, 400), (6, 400)]):
@@ -37,10 +40,10 @@ def flight(tmp_path_factory) -> list[Prepared]:
     return found
 
 
-def work_off(pipeline: Pipeline, flight: list[Prepared]) -> None:
+def process(pipeline: Pipeline, flight: list[DecodedFrame]) -> None:
     for prepared in flight:
         pipeline.accept(prepared.frame)
-        pipeline.work_off(prepared)
+        pipeline.process(prepared)
         pipeline.save()
     assert pipeline.accounts().frames.waiting == 5
     assert pipeline.mosaic._upkeep._grown
@@ -56,7 +59,7 @@ def assert_settled(pipeline: Pipeline) -> None:
 def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, tmp_path):
     said = []
     with closing(Pipeline(tmp_path, CONFIG, said.append, punctual=True)) as pipeline:
-        work_off(pipeline, flight)
+        process(pipeline, flight)
         next(pipeline.settle(lambda: False))
         pipeline.save()
         assert_settled(pipeline)
@@ -70,7 +73,7 @@ def test_a_flight_that_is_ended_without_time_is_settled(flight, tmp_path, monkey
     with closing(open_flight_folder(tmp_path / "out")) as folder:
         config = replace(CONFIG, finish_s=30.0 if hurry else 0.0)
         with closing(daemon._Daemon(config, folder, Console(quiet=True), ending, Feed())) as flown:
-            work_off(flown._pipeline, flight)
+            process(flown._pipeline, flight)
             monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
             ending.stop.set()
             if hurry:

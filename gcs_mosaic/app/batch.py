@@ -19,7 +19,7 @@ from rich.table import Table
 
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import Preparation, Prepared, Unprepared
+from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
@@ -104,7 +104,7 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
     preparation = Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
     with progress_on(console) as progress:
         task = progress.add_task("stitching", total=given.count)
-        done = _work_off(pipeline, preparation, given.frames, task, progress)
+        done = _process(pipeline, preparation, given.frames, task, progress)
         final = progress.add_task("final painting", total=None)
         for _ in pipeline.finish():
             progress.advance(final)
@@ -114,7 +114,7 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
     summarise(pipeline, done, time.monotonic() - start, console)
 
 
-def _work_off(
+def _process(
     pipeline: Pipeline,
     preparation: Preparation,
     found: Iterator[Frame | DamagedFile],
@@ -123,18 +123,16 @@ def _work_off(
 ) -> list[Done]:
     done: list[Done] = []
     while (prepared := _next(pipeline, preparation, found)) is not None:
-        worked_off = pipeline.work_off(prepared)
-        worked_off.seconds["write"] = pipeline.save()
-        done.append(worked_off)
-        progress.update(
-            task, completed=pipeline.taken_in - len(preparation), description=f"stitching {worked_off.name}"
-        )
+        processed = pipeline.process(prepared)
+        processed.seconds["write"] = pipeline.save()
+        done.append(processed)
+        progress.update(task, completed=pipeline.taken_in - len(preparation), description=f"stitching {processed.name}")
     return done
 
 
 def _next(
     pipeline: Pipeline, preparation: Preparation, found: Iterator[Frame | DamagedFile]
-) -> Prepared | Unprepared | None:
+) -> DecodedFrame | UndecodableFrame | None:
     """The next frame, while enough of those behind it are being prepared."""
     while len(preparation) <= AHEAD and (item := next(found, None)) is not None:
         if isinstance(item, DamagedFile):

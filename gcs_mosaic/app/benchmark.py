@@ -1,7 +1,7 @@
 """`gcs-mosaic benchmark`: what a frame costs on this machine, stage by stage, at full, half and quarter size.
 
 Decoding and finding features run ahead on other cores during a flight; here they are added up too, so the sum is what a
-frame costs in all. Frames are worked off one after another, nothing else running.
+frame costs in all. Frames are processed one after another, nothing else running.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _stitch(frames: list[Frame], out: Path, config: Config) -> list[Done]:
         frame = pipeline.accept(found)
         if frame is not None:
             done.append(
-                pipeline.work_off(prepare(frame, pipeline.features_of, config.reduction, pipeline.feature_pixels))
+                pipeline.process(prepare(frame, pipeline.features_of, config.reduction, pipeline.feature_pixels))
             )
             done[-1].seconds["write"] = pipeline.save()
     pipeline.close()

@@ -14,7 +14,7 @@ from gcs_mosaic.triggers.shots import Better, Duplicate, New, ShotMerger, ShotSe
 logger = logging.getLogger(__name__)
 
 
-class Logbook:
+class EventLog:
     """Matches events with frames, and writes what becomes of them into the ledger with `save`."""
 
     def __init__(self, ledger: Ledger, shots: ShotSettings, pairing: PairingSettings) -> None:

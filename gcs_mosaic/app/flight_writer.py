@@ -78,7 +78,7 @@ class Recorder(Kept):
     """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk.
 
     `utc` tells the time that is written into documents, in seconds since 1970. What is in the folder cannot be put back as
-    it was, so nothing is written while a frame is worked off.
+    it was, so nothing is written while a frame is processed.
     """
 
     FIXED = frozenset({"out", "ledger", "flight", "_originals", "_tiles", "_manifest", "_published", "_utc"})

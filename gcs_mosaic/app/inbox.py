@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs_mosaic.app.links import Item, Report, Source
-from gcs_mosaic.app.stream_requests import Asking
+from gcs_mosaic.app.stream_requests import StreamRequests
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import watch
 from gcs_mosaic.frames.rtsp.requests import Requests
@@ -39,21 +39,21 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
 
 def watching(config: Config, stop: threading.Event) -> Source:
     """The watched folder, made if it is not there. Raises UsageError."""
-    failed = replace(at_first(config), state="ended")
+    failed = replace(initial_report(config), state="ended")
     return Source(watch(Path(config.watch), stop, config.frames), failed)
 
 
-def with_stream(address: str, links: Iterable[Source], config: Config, stop: threading.Event) -> list[Source]:
+def attach_stream(address: str, links: Iterable[Source], config: Config, stop: threading.Event) -> list[Source]:
     """The links, now also asking for frames, and the live stream that gives them. Raises UsageError."""
     requests = Requests()
     frames = stream(address, stop, requests, config.stream)
-    asking = Asking(requests, config.shots)
+    asking = StreamRequests(requests, config.shots)
     asking_links = [replace(link, items=asking.follow(link.items)) for link in links]
-    failed = replace(at_first(config), state="ended")
+    failed = replace(initial_report(config), state="ended")
     return [*asking_links, Source(frames, failed)]
 
 
-def at_first(config: Config) -> SourceReport:
+def initial_report(config: Config) -> SourceReport:
     """The source of frames before anything has come of it."""
     if config.rtsp:
         return SourceReport(kind="stream", name=stream_name(config.rtsp), state="connecting")

@@ -17,7 +17,7 @@ from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.mavlink.signing import Signing, load_key
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
-from gcs_mosaic.mavlink.transmitter import Voice, check_identity
+from gcs_mosaic.mavlink.transmitter import Transmitter, check_identity
 from gcs_mosaic.messages import (
     DamagedFile,
     DroppedFrame,
@@ -62,8 +62,8 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
         signing = Signing(key) if key else None
         speaker = None
         if config.link.announce is not None:
-            voice = Voice(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
-            speaker = Speaker(name, voice, recovery if config.link.recover else None, taken)
+            transmitter = Transmitter(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
+            speaker = Speaker(name, transmitter, recovery if config.link.recover else None, taken)
             links.speakers.append(speaker)
         items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
         stack.callback(_close, items)

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from gcs_mosaic.app.event_log import Logbook
+from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
-from gcs_mosaic.app.inbox import Inbox, at_first, record, watching, with_stream
+from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, record, watching
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
-from gcs_mosaic.app.retry import Patience
+from gcs_mosaic.app.retry import UntilWritable
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
@@ -37,7 +37,7 @@ logger = logging.getLogger(__name__)
 
 WAIT_S = 0.2  # longest wait for anything before looking whether to stop
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
-TAKE_IN_S = 0.5  # then frames that have come are worked off before more are taken in
+TAKE_IN_S = 0.5  # then frames that have come are processed before more are taken in
 CONNECT_SHARE = 4  # one part in so many of the time that is left at the end may go into connecting the parts of the map
 RETRY_S = 2.0  # between attempts to write on a full disk
 
@@ -54,7 +54,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
         if config.rtsp:
-            links.sources[:] = with_stream(config.rtsp, links.sources, config, shutdown.stop)
+            links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop)
         folder = open_flight_folder(out)
         stack.callback(folder.close)
         stack.enter_context(flight_log(folder, config))
@@ -88,7 +88,7 @@ class _Daemon:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
         self._inbox = Inbox(shutdown.stop)
-        self._patience = Patience(folder.path, self.say, self._wait_for_disk)
+        self._until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
         self._preparation = Preparation(
             self._pipeline.features_of,
@@ -99,8 +99,8 @@ class _Daemon:
             self._inbox.wake,
         )
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
-        self._reporter.watch = at_first(config)
-        self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
+        self._reporter.watch = initial_report(config)
+        self._event_log = EventLog(self._pipeline.recorder.ledger, config.shots, config.pairing)
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
@@ -112,12 +112,12 @@ class _Daemon:
         """Work until told to stop, then finish."""
         self._announcements.speakers = links.speakers
         self._inbox.fill(links.sources)
-        self._patience.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
+        self._until_writable.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
-            self._announcements.missing(self._logbook.tick(time.monotonic()))
-            self._patience.write(self._logbook.save)
+            self._announcements.missing(self._event_log.tick(time.monotonic()))
+            self._until_writable.write(self._event_log.save)
             self._report()
         self._inbox.join()
         self._finish()
@@ -143,14 +143,14 @@ class _Daemon:
     def _take(self, item: Item) -> None:
         match item:
             case TriggerEvent():
-                self._patience.write(lambda: self._logbook.event(item, item.received))
+                self._until_writable.write(lambda: self._event_log.event(item, item.received))
             case Frame():
                 self._take_frame(item)
             case DamagedFile():
-                self._patience.write(lambda: self._pipeline.accept_damaged(item))
+                self._until_writable.write(lambda: self._pipeline.accept_damaged(item))
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
             case DroppedFrame():
-                self._patience.write(lambda: self._pipeline.accept_dropped(item))
+                self._until_writable.write(lambda: self._pipeline.accept_dropped(item))
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
             case Notice():
                 self._looked |= item.source == FIRST_LOOK
@@ -161,9 +161,9 @@ class _Daemon:
                 self._reporter.watch = item
 
     def _take_frame(self, found: Frame) -> None:
-        frame = self._patience.write(lambda: self._pipeline.accept(found))
+        frame = self._until_writable.write(lambda: self._pipeline.accept(found))
         # A copy of an earlier picture may be what an event names, but its time says nothing about when it was taken.
-        self._logbook.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
+        self._event_log.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
@@ -182,18 +182,18 @@ class _Daemon:
         if self._preparation.is_ready:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
-            done = self._pipeline.work_off(prepared)
-            self._preparation.worked_off(done.name, done.on_map, waits=done.state is FrameState.WAITING)
+            done = self._pipeline.process(prepared)
+            self._preparation.processed(done.name, done.on_map, waits=done.state is FrameState.WAITING)
             self._take_in(0.0)
             self._preparation.begin()  # with the newest, while this one is written
-            done.seconds["write"] = self._patience.write(self._pipeline.save)
+            done.seconds["write"] = self._until_writable.write(self._pipeline.save)
             self._note_done(done)
         elif self._repainting() and self._pipeline.repaint_some():
-            self._patience.write(self._pipeline.save)
+            self._until_writable.write(self._pipeline.save)
         elif self._is_idle() and (self._state == "flying" or self._adjusting):
             self._state = "idle"
             self._adjust_in_a_pause()
-            self._patience.write(self._pipeline.save)
+            self._until_writable.write(self._pipeline.save)
 
     def _adjust_in_a_pause(self) -> None:
         self._adjusting = False
@@ -238,9 +238,9 @@ class _Daemon:
             self._report()
         self._say_what_is_left()
         self._paint_final()
-        self._logbook.close()
-        self._patience.write(self._logbook.save)
-        self._patience.write(self._pipeline.save)
+        self._event_log.close()
+        self._until_writable.write(self._event_log.save)
+        self._until_writable.write(self._pipeline.save)
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())

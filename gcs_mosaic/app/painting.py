@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from gcs_mosaic.app.flight_writer import Recorder
-from gcs_mosaic.app.prefetch import Prepared, thumbnail
+from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.app.unpainted import Unpainted
 from gcs_mosaic.baseline.painter import PaperPainter
 from gcs_mosaic.messages import Notice
@@ -45,7 +45,7 @@ class Painting(Kept):
         self._unpainted = Unpainted()
         self._said = ""  # of what could not be repainted
 
-    def follow(self, moved: Sequence[Placement], prepared: Prepared | None) -> None:
+    def follow(self, moved: Sequence[Placement], prepared: DecodedFrame | None) -> None:
         """Paint what has found its place; note what must be painted elsewhere.
 
         If the frame in hand (`prepared`) cannot be painted, that is raised. It is not to pay for another one: that stays

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from gcs_mosaic.app.flight_writer import Recorder
 from gcs_mosaic.app.painting import Painting
-from gcs_mosaic.app.prefetch import Prepared, Unprepared
+from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.baseline.mosaic import PaperMosaic
 from gcs_mosaic.baseline.painter import PaperPainter
 from gcs_mosaic.config.tree import Config
@@ -156,24 +156,24 @@ class Pipeline(Kept):
         logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
         self.taken_in += 1
 
-    # Frames are worked off
+    # Frames are processed
 
-    def work_off(self, prepared: Prepared | Unprepared) -> Done:
+    def process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
         """Place a frame, paint it and whatever finds its place because of it. `save` is to follow."""
         name = prepared.frame.name
         try:
             with transaction(self):
-                return self._work_off(prepared)
+                return self._process(prepared)
         except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
-            logger.exception("%s could not be worked off", name)
-            reason = f"it could not be worked off ({error!r})"
+            logger.exception("%s could not be processed", name)
+            reason = f"it could not be processed ({error!r})"
             self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
             self._settle(name, FrameState.REJECTED, reason)
             return Done(name, FrameState.REJECTED, reason, None, {})
 
-    def _work_off(self, prepared: Prepared | Unprepared) -> Done:
+    def _process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
         name = prepared.frame.name
-        if isinstance(prepared, Unprepared):
+        if isinstance(prepared, UndecodableFrame):
             self._names.pop(prepared.frame.content_hash, None)  # it may come again, and be readable then
             self._settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
@@ -260,7 +260,7 @@ class Pipeline(Kept):
         """Bring everything to its final place and brightness, step by step; to be left off whenever time is over."""
         yield from self._painting.repaint_all(self.mosaic.placements())
 
-    def _paint_moved(self, prepared: Prepared | None) -> tuple[str, ...]:
+    def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint what has found its place, and return the names; note what must be painted elsewhere."""
         moved = self.mosaic.moved()
         self.recorder.changes.placements |= {placement.name: placement for placement in moved}

@@ -31,7 +31,7 @@ THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class DecodedFrame:
     """A frame with its pixels (h, w, bands), reduced or not, features and thumbnail; `seconds` it took to make them."""
 
     frame: Frame
@@ -42,7 +42,7 @@ class Prepared:
 
 
 @dataclass(frozen=True, slots=True)
-class Unprepared:
+class UndecodableFrame:
     """A frame whose picture cannot be read, and why."""
 
     frame: Frame
@@ -55,7 +55,7 @@ def prepare(
     reduction: int = 1,
     least_pixels: float = 0.0,
     known: Features | None = None,
-) -> Prepared | Unprepared:
+) -> DecodedFrame | UndecodableFrame:
     """Decode a frame, at full size or reduced by a whole factor, and find its features unless they are known; never raises.
 
     least_pixels: in how many pixels features are sought. A frame that has fewer once it is reduced is looked at less reduced, so
@@ -65,28 +65,28 @@ def prepare(
         return _prepared(frame, find, reduction, least_pixels, known)
     except Exception as error:  # one picture that OpenCV or the memory cannot cope with must not end a flight
         logger.exception("%s could not be prepared", frame.name)
-        return Unprepared(frame, f"could not be decoded ({error!r})")
+        return UndecodableFrame(frame, f"could not be decoded ({error!r})")
 
 
 def _prepared(
     frame: Frame, find: FindFeatures, reduction: int, least_pixels: float, known: Features | None
-) -> Prepared | Unprepared:
+) -> DecodedFrame | UndecodableFrame:
     start = time.perf_counter()
     with stage("decode", frame.name):
         image = load_frame(frame, reduction=reduction)
     if isinstance(image, Unreadable):
-        return Unprepared(frame, image.reason)
+        return UndecodableFrame(frame, image.reason)
     if known is not None:
-        return Prepared(frame, image, known, thumbnail(image), {"decode": time.perf_counter() - start})
+        return DecodedFrame(frame, image, known, thumbnail(image), {"decode": time.perf_counter() - start})
     finer = finer_reduction(image.shape[0] * image.shape[1], reduction, least_pixels)
     looked_at = image if finer == reduction else load_frame(frame, reduction=finer)
     if isinstance(looked_at, Unreadable):
-        return Unprepared(frame, looked_at.reason)
+        return UndecodableFrame(frame, looked_at.reason)
     decoded = time.perf_counter()
     with stage("features", frame.name):
         features = find(looked_at, reduction=finer)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
-    return Prepared(frame, image, features, thumbnail(image), seconds)
+    return DecodedFrame(frame, image, features, thumbnail(image), seconds)
 
 
 def finer_reduction(pixels: int, reduction: int, least_pixels: float) -> int:
@@ -132,7 +132,7 @@ class Preparation:
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._numbers = count()
         self._waiting: dict[int, Frame] = {}  # in the order in which they came
-        self._ahead: dict[int, Future[Prepared | Unprepared]] = {}
+        self._ahead: dict[int, Future[DecodedFrame | UndecodableFrame]] = {}
         self._features: dict[int, Features] = {}  # of frames that were ready when another one's turn came
         self._orders: dict[str, int] = {}  # of frames whose turn it was, by name
 
@@ -156,7 +156,7 @@ class Preparation:
         self._waiting[number] = frame
         self._turns.add(number)
 
-    def next(self) -> Prepared | Unprepared | None:
+    def next(self) -> DecodedFrame | UndecodableFrame | None:
         """The frame whose turn it is, as soon as it is ready; None if none waits."""
         if not self._waiting:
             return None
@@ -171,10 +171,10 @@ class Preparation:
         self.begin()
         return prepared
 
-    def worked_off(self, name: str, on_map: Collection[str], *, waits: bool) -> None:
+    def processed(self, name: str, on_map: Collection[str], *, waits: bool) -> None:
         """What became of the frame that was taken last: which ones found their place with it, or that it matches nothing."""
         found = [self._orders[other] for other in on_map if other in self._orders]
-        self._turns.worked_off(self._orders[name], found, waits=waits)
+        self._turns.processed(self._orders[name], found, waits=waits)
 
     def begin(self) -> None:
         """Prepare those whose turn is next, of all that have come; at most AHEAD pictures are in memory or on the way there."""
@@ -204,7 +204,7 @@ class Preparation:
         for number in self._ready():
             if len(self._ahead) >= AHEAD and number not in soon:
                 prepared = self._ahead.pop(number).result()
-                if isinstance(prepared, Prepared):
+                if isinstance(prepared, DecodedFrame):
                     self._features[number] = prepared.features
         return len(self._ahead) < AHEAD
 

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.progress import Progress
 
 from gcs_mosaic.app.batch import progress_on, say, summarise, tell
-from gcs_mosaic.app.event_log import Logbook
+from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import FindFeatures, Preparation, Prepared, Unprepared
+from gcs_mosaic.app.prefetch import DecodedFrame, FindFeatures, Preparation, UndecodableFrame
 from gcs_mosaic.app.replay_timing import Arrivals, arrivals
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
@@ -89,7 +89,7 @@ class _Replay:
         self._config, self._console, self._now = config, console, 0.0
         began_utc = link.began_utc or 0.0
         self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
-        self._logbook = Logbook(self._pipeline.recorder.ledger, config.shots, config.pairing)
+        self._event_log = EventLog(self._pipeline.recorder.ledger, config.shots, config.pairing)
         self._done: list[Done] = []
 
     def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
@@ -117,25 +117,25 @@ class _Replay:
 
     def _take(self, now: float, what: TriggerEvent | Notice | tuple[Look, bool], files: _ReadAhead) -> None:
         self._now = now
-        self._logbook.tick(now)
+        self._event_log.tick(now)
         match what:
             case TriggerEvent():
-                self._logbook.event(what, now)
+                self._event_log.event(what, now)
             case Notice():
                 self._say(what)
             case (_, fresh):
                 self._take_file(files.next(), now, fresh)
-        self._logbook.save()
+        self._event_log.save()
 
-    def _take_file(self, file: Prepared | Unprepared | DamagedFile, now: float, fresh: bool) -> None:
+    def _take_file(self, file: DecodedFrame | UndecodableFrame | DamagedFile, now: float, fresh: bool) -> None:
         if isinstance(file, DamagedFile):
             self._pipeline.accept_damaged(file)
             return
         found = replace(file.frame, received=now)
         frame = self._pipeline.accept(found)
-        self._logbook.frame(found, now, fresh=fresh and frame is not None)
+        self._event_log.frame(found, now, fresh=fresh and frame is not None)
         if frame is not None:
-            done = self._pipeline.work_off(replace(file, frame=frame))
+            done = self._pipeline.process(replace(file, frame=frame))
             done.seconds["write"] = self._pipeline.save()
             self._done.append(done)
 
@@ -144,8 +144,8 @@ class _Replay:
         for _ in self._pipeline.finish():
             progress.advance(task)
             self._pipeline.save()
-        self._logbook.close()
-        self._logbook.save()
+        self._event_log.close()
+        self._event_log.save()
         self._pipeline.save()
 
     def _say(self, notice: Notice) -> None:
@@ -161,7 +161,7 @@ class _ReadAhead:
         self._read: deque[Frame | DamagedFile] = deque()
         self._preparation = Preparation(find, config.reduction, least_pixels)
 
-    def next(self) -> Prepared | Unprepared | DamagedFile:
+    def next(self) -> DecodedFrame | UndecodableFrame | DamagedFile:
         """The next file; there must be one."""
         self._read_on()
         self.taken += 1

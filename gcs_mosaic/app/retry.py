@@ -20,7 +20,7 @@ T = TypeVar("T")
 SAID_AGAIN_S = 60.0  # a disk that still is full is said again after so long
 
 
-class Patience:
+class UntilWritable:
     """Tries until it succeeds.
 
     `wait(trouble)` lets some time pass between two attempts; it raises the trouble when there is no more time.

@@ -22,7 +22,7 @@ class Announcements:
         self._missing = 0
 
     def frame(self, state: FrameState) -> None:
-        """A frame was worked off: does the flight still overlap with the map?"""
+        """A frame was processed: does the flight still overlap with the map?"""
         if state is FrameState.WAITING and self._overlapping:
             self._overlapping = False
             self._tell("overlap", "Mosaic: overlap lost, frames match nothing")

@@ -15,7 +15,7 @@ from gcs_mosaic.triggers.shots import New, ShotMerger, ShotSettings
 T = TypeVar("T")
 
 
-class Asking:
+class StreamRequests:
     """Asks for one frame for each shot, however many messages tell of it. Links on several threads may share it."""
 
     def __init__(self, requests: Requests, shots: ShotSettings) -> None:

@@ -1,4 +1,4 @@
-"""Whose turn it is, among frames that wait to be worked off. A frame is its number in the order of capture: 0, 1, 2, ..."""
+"""Whose turn it is, among frames that wait to be processed. A frame is its number in the order of capture: 0, 1, 2, ..."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Turns(Protocol):
     def soon(self) -> list[int]:
         """Those, at most AHEAD, whose turn comes soonest if nothing new comes; the next one first."""
 
-    def worked_off(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
+    def processed(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
         """What became of a frame: which ones found their place with it, or whether it matches nothing so far."""
 
 
@@ -47,7 +47,7 @@ class AsTheyCame:
     def soon(self) -> list[int]:
         return self._waiting[:AHEAD]
 
-    def worked_off(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
+    def processed(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
         return
 
 
@@ -83,7 +83,7 @@ class NewestFirst:
         behind = self._waiting[: len(self._waiting) - len(self._ahead())]
         return list(dict.fromkeys([*among[-1:], *behind[: -AHEAD - 1 : -1]]))[:AHEAD]
 
-    def worked_off(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
+    def processed(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
         if waits and frame > self._front:
             self._come_nearer(frame)
         if max(on_map, default=-1) > self._front:

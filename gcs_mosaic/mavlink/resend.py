@@ -1,4 +1,4 @@
-"""Asking a camera again for CAMERA_IMAGE_CAPTURED messages that got lost. Pure; time comes as an argument.
+"""StreamRequests a camera again for CAMERA_IMAGE_CAPTURED messages that got lost. Pure; time comes as an argument.
 
 A gap in a camera's image_index means that a message was lost on the way; MAV_CMD_REQUEST_MESSAGE (512) asks for the one
 with a certain index. Shared by all links of a flight, because a message that one of them lost may come over another.
@@ -18,7 +18,7 @@ from gcs_mosaic.messages import Source, TriggerEvent
 ASK_EVERY_S = 1.0
 ASK_AGAIN_S = 3.0  # for the same index: slow radios answer after a second or two
 TRIES = 3
-PATIENCE_S = 1.0  # a message may be late, or come over the other link
+LONGEST_WAIT_S = 1.0  # a message may be late, or come over the other link
 LARGEST_GAP = 64  # indices; a counter that leaps further has begun anew
 _REMEMBERED = 256  # indices of a camera by which a repetition is told from a counter that begins anew
 _MOST_CAMERAS = 8
@@ -106,7 +106,7 @@ def _count(camera: _Camera, index: int, source_time: float | None, now: float) -
     if not recovered and not repeated:
         if 0 <= camera.highest < index <= camera.highest + LARGEST_GAP + 1:
             for missing in range(camera.highest + 1, min(index, _LARGEST_INDEX)):
-                camera.lost[missing] = _Lost(now + PATIENCE_S)
+                camera.lost[missing] = _Lost(now + LONGEST_WAIT_S)
         else:  # the first picture, or a counter that has begun anew
             camera.heard.clear()
             camera.lost.clear()

@@ -10,7 +10,7 @@ from queue import Empty, Full, Queue
 from gcs_mosaic.mavlink.announcements import Announcement, Announcer
 from gcs_mosaic.mavlink.messages import MavMessage
 from gcs_mosaic.mavlink.resend import Recovery
-from gcs_mosaic.mavlink.transmitter import OWN_COMPONENT, Voice
+from gcs_mosaic.mavlink.transmitter import OWN_COMPONENT, Transmitter
 from gcs_mosaic.messages import Notice, TriggerEvent
 
 _ROOM = 16  # announcements; there are three topics, and the newest of each is what counts
@@ -20,11 +20,15 @@ class Speaker:
     """Used by the link's thread; only `tell` may be called from another."""
 
     def __init__(
-        self, name: str, voice: Voice, recovery: Recovery | None = None, taken: threading.Event | None = None
+        self,
+        name: str,
+        transmitter: Transmitter,
+        recovery: Recovery | None = None,
+        taken: threading.Event | None = None,
     ) -> None:
         """`name` is the link's; `taken` is set when another is heard under our number, on whichever link."""
-        self.identity = f"system {voice.system}, component {OWN_COMPONENT}"
-        self._name, self._voice, self._recovery = name, voice, recovery
+        self.identity = f"system {transmitter.system}, component {OWN_COMPONENT}"
+        self._name, self._transmitter, self._recovery = name, transmitter, recovery
         self._announcer = Announcer()
         self._told: Queue[Announcement] = Queue(_ROOM)
         self.reachable = False  # whether the last packet went out: nobody may be heard yet, or a line be lost
@@ -38,12 +42,12 @@ class Speaker:
     def hear(self, message: MavMessage, now: float) -> Iterator[Notice]:
         """What a message that came means for what may be said."""
         # Component 191 of our system is ourselves, sent back to us by a router.
-        other = message.get_srcSystem() == self._voice.system and message.get_srcComponent() != OWN_COMPONENT
+        other = message.get_srcSystem() == self._transmitter.system and message.get_srcComponent() != OWN_COMPONENT
         if other and not self._taken.is_set():
             self._taken.set()
-            text = f"another has our number, {self._voice.system}: nothing is sent any more, choose another --announce"
+            text = f"another has our number, {self._transmitter.system}: nothing is sent any more, choose another --announce"
             yield Notice(source=self._name, level="error", text=f"{self._name}: {text}")
-        if self._recovery and self._recovery.acknowledged(message, self._voice.system, now):
+        if self._recovery and self._recovery.acknowledged(message, self._transmitter.system, now):
             text = f"{self._name}: the camera does not send its messages again, and is asked no more"
             yield Notice(source=self._name, level="info", text=text)
 
@@ -60,6 +64,6 @@ class Speaker:
         if self._taken.is_set():  # two who answer to one name are a danger
             return
         for message in self._announcer.due(now, reachable=self.reachable):
-            yield self._voice.packet(message, now)
+            yield self._transmitter.packet(message, now)
         if self._recovery and (question := self._recovery.due(self._name, now)):
-            yield self._voice.packet(question, now)
+            yield self._transmitter.packet(question, now)

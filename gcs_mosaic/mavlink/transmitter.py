@@ -34,7 +34,7 @@ def check_identity(settings: LinkSettings) -> None:
         )
 
 
-class Voice:
+class Transmitter:
     """Turns messages into packets of system `system`, component 191."""
 
     def __init__(self, system: int, utc_of_zero: float, signing: Signing | None = None, link_id: int = 0) -> None:

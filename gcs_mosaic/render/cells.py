@@ -1,6 +1,6 @@
 """Which frame shows where: decided on cells of 8 tile px, by a fold over the frames in capture order, before any pixel is made.
 
-Of each cell the fold keeps the frame that sees it best and the next one, so that a seam may still be moved (`course`). It is
+Of each cell the fold keeps the frame that sees it best and the next one, so that a seam may still be moved (`seam_path`). It is
 a function of the cell's frames alone, whatever else is decided at the same time, and all of it is done for many tiles at once.
 """
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 Map = NDArray[np.float32]
 
-# All lengths are pixels of the picture that a frame is looked at in (see `view.LOOK_PIXELS`).
+# All lengths are pixels of the picture that a frame is looked at in (see `looks.LOOK_PIXELS`).
 CENTRE = 3  # smaller is noise
 SURROUND = 41  # some times a person
 USUAL = 121  # square over which the usual contrast is told

@@ -9,7 +9,7 @@ stacked pipes are not put together of pieces of several frames, and nobody is lo
 
 What is left of different light is taken up in two bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
 Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for the picture and wide for its
-tone (`tones`).
+tone (`tone`).
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
 from gcs_mosaic.stitch.graph.tearing import HeldOut, Tearing
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mapping.covering import Covering, CoverSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
@@ -68,24 +68,24 @@ class Mosaic(Kept):
     ) -> None:
         self.settings = settings or StitchSettings()
         adjustment = self.settings.adjustment
-        self._network = Network(adjustment.focal_prior, adjustment.matches_per_pair)
-        self._search = Search(self._network, self.settings.search, self.settings.registration, observer)
+        self._graph = ViewGraph(adjustment.focal_prior, adjustment.matches_per_pair)
+        self._search = Search(self._graph, self.settings.search, self.settings.registration, observer)
         self._upkeep = Upkeep(
-            self._network, self.settings.upkeep, adjustment, worker, punctual=punctual, adjusted=self._tell_adjusted
+            self._graph, self.settings.upkeep, adjustment, worker, punctual=punctual, adjusted=self._tell_adjusted
         )
         self._observer = observer
-        placing = Placing(self._network, self._search, self.settings.plausibility, adjustment)
-        bridges = Bridges(self._network, self._search, self.settings.islands)
-        self._assembly = Assembly(self._network, self._search, placing, bridges, self._upkeep, observer)
-        self._covering = Covering(self._network, self._search, self.settings.cover)
+        placing = Placing(self._graph, self._search, self.settings.plausibility, adjustment)
+        bridges = Bridges(self._graph, self._search, self.settings.islands)
+        self._assembly = Assembly(self._graph, self._search, placing, bridges, self._upkeep, observer)
+        self._covering = Covering(self._graph, self._search, self.settings.cover)
         self._covered: list[Covered] = []
         self._still = StillPattern()
-        self._tearing = Tearing(self._network, adjustment.relief)
+        self._tearing = Tearing(self._graph, adjustment.relief)
 
     @property
     def islands(self) -> list[Island]:
         """All islands there have ever been, by number."""
-        return [Island(number, into) for number, into in enumerate(self._network.merged_into)]
+        return [Island(number, into) for number, into in enumerate(self._graph.merged_into)]
 
     def add(self, image: Bands, name: str) -> Outcome:
         """Find the features of an image (h, w[, bands]) uint8 or uint16 and place it."""
@@ -94,7 +94,7 @@ class Mosaic(Kept):
     def place(self, features: Features, name: str, order: int | None = None) -> Outcome:
         """Place a frame by its features. `order`: its number in the order of capture; none: frames are placed in that order."""
         with transaction(self):
-            self._network.turn_to(self._network.order + 1 if order is None else order)
+            self._graph.turn_to(self._graph.order + 1 if order is None else order)
             features = self._still.without(features, self.settings.features)
             if len(features) < self.settings.plausibility.least_features:
                 return Rejection(name, f"too little to see: {len(features)} features")
@@ -102,8 +102,8 @@ class Mosaic(Kept):
             if isinstance(compared, Covered):
                 self._covered.append(compared)
                 return compared
-            frame = self._network.append(name, features)
-            return placement_of(self._network, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
+            frame = self._graph.append(name, features)
+            return placement_of(self._graph, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
 
     def retry_waiting(self) -> None:
         """Try all that wait with whatever has become known since: for the end of a flight.
@@ -146,17 +146,17 @@ class Mosaic(Kept):
         Besides the frame just placed these are frames that had waited for it, islands that it joined, and what the
         adjustment moved.
         """
-        moved = [placement_of(self._network, frame) for frame in sorted(self._network.moved)]
-        self._network.moved.clear()
+        moved = [placement_of(self._graph, frame) for frame in sorted(self._graph.moved)]
+        self._graph.moved.clear()
         return moved
 
     def hold(self, name: str, pose: Pose, camera: Camera) -> None:
         """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
-        self._network.note(self._network.numbers[name], held=(pose, camera))
+        self._graph.note(self._graph.numbers[name], held=(pose, camera))
 
     def placements(self) -> list[Placement]:
         """All placed frames, in the order in which they came."""
-        return [placement_of(self._network, frame) for frame in self._network.placed().tolist()]
+        return [placement_of(self._graph, frame) for frame in self._graph.placed().tolist()]
 
     def covered(self) -> list[Covered]:
         """All frames that placed ones cover, in the order in which they came."""
@@ -164,7 +164,7 @@ class Mosaic(Kept):
 
     def frame_counts(self) -> dict[int, int]:
         """Placed frames by island."""
-        return self._network.frame_counts()
+        return self._graph.frame_counts()
 
     def held_out(self) -> dict[int, HeldOut]:
         """How far each island, as its frames lie now, tears matches apart that it was not fitted to; none of small ones."""
@@ -172,7 +172,7 @@ class Mosaic(Kept):
 
     def waiting(self) -> list[Waiting]:
         """Frames that match nothing so far."""
-        return [Waiting(self._network.frames[frame].name) for frame in self._network.waiting]
+        return [Waiting(self._graph.frames[frame].name) for frame in self._graph.waiting]
 
     def finish(self) -> list[Rejection]:
         """Nothing more will come: what still waits is rejected."""
@@ -181,4 +181,4 @@ class Mosaic(Kept):
     def _tell_adjusted(self, island: int) -> None:
         self._tearing.forget(island)
         if self._observer:
-            self._observer.adjusted(island, lambda: island_residuals(self._network, island))
+            self._observer.adjusted(island, lambda: island_residuals(self._graph, island))

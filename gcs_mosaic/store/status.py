@@ -26,7 +26,7 @@ DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastFrame:
-    """The frame that was worked off last; `outcome` is a frame state."""
+    """The frame that was processed last; `outcome` is a frame state."""
 
     name: str
     outcome: str
@@ -39,7 +39,7 @@ class LastFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Behind:
-    """How far the map is behind: frames that wait to be worked off, and how long ago the first of them came."""
+    """How far the map is behind: frames that wait to be processed, and how long ago the first of them came."""
 
     frames: int = 0
     seconds: float = 0.0
@@ -175,7 +175,7 @@ def behind_words(document: dict[str, Any]) -> str:
 
 
 def last_frame_words(last: dict[str, Any]) -> str:
-    """What became of the frame that was worked off last."""
+    """What became of the frame that was processed last."""
     return f"last frame: {last['name']}, {last['outcome']}{covered_words(last)} at {last['time']}{latency_words(last)}"
 
 

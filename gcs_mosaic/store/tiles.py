@@ -26,7 +26,7 @@ Image = NDArray[np.uint8]
 Shown = Callable[[], TilePicture | None]
 MCU = 8  # px; the blocks of a JPEG without chroma subsampling
 QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
-PATIENCE_S = 60.0  # for the disk to take one tile
+LONGEST_WAIT_S = 60.0  # for the disk to take one tile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,6 +174,6 @@ def _read(path: Path, flags: int) -> Image | None:
 def _finished(pending: deque[Future[bool]]) -> bool:
     """Take out the future that has waited longest, when it is done; whether its tile is there now."""
     try:
-        return pending.popleft().result(PATIENCE_S)
+        return pending.popleft().result(LONGEST_WAIT_S)
     except TimeoutError:
-        raise OSError(f"the disk took no tile for {PATIENCE_S:.0f} s") from None
+        raise OSError(f"the disk took no tile for {LONGEST_WAIT_S:.0f} s") from None

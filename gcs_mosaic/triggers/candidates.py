@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import takewhile
 
 from gcs_mosaic.triggers.delay import UsualDelay
-from gcs_mosaic.triggers.index import HeldEvent, HeldFrame, Shelf, State
+from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State
 from gcs_mosaic.triggers.outcomes import How
 from gcs_mosaic.triggers.sequence_offsets import Learnt
 from gcs_mosaic.triggers.settings import PairingSettings
@@ -13,7 +13,7 @@ from gcs_mosaic.triggers.settings import PairingSettings
 _CLEARLY = 0.6  # of half the time between two shots
 
 
-def lag(event: HeldEvent, frame: HeldFrame) -> float:
+def lag(event: PendingEvent, frame: PendingFrame) -> float:
     """Seconds from the shot to the finding of the file."""
     return frame.frame.received - event.moment
 
@@ -21,12 +21,12 @@ def lag(event: HeldEvent, frame: HeldFrame) -> float:
 class Search:
     """Looks through the shelves with what was learnt; changes nothing."""
 
-    def __init__(self, events: Shelf[HeldEvent], frames: Shelf[HeldFrame], settings: PairingSettings) -> None:
+    def __init__(self, events: Index[PendingEvent], frames: Index[PendingFrame], settings: PairingSettings) -> None:
         self._events, self._frames, self._settings = events, frames, settings
         self.learnt = Learnt()
         self.delay = UsualDelay(settings.early_s, settings.window_s, settings.spread_s)
 
-    def named(self, event: HeldEvent) -> HeldFrame | None:
+    def named(self, event: PendingEvent) -> PendingFrame | None:
         """The frame that the event names, unless it belongs to another by name already."""
         if event.how is How.NAME:
             return None
@@ -34,12 +34,12 @@ class Search:
         frames = (frame for key in keys for frame in self._frames.under(key))
         return next((frame for frame in frames if not frame.event or frame.event.how is not How.NAME), None)
 
-    def naming(self, frame: HeldFrame) -> HeldEvent | None:
+    def naming(self, frame: PendingFrame) -> PendingEvent | None:
         name = frame.frame.path.name
         events = (event for key in (name, ("folded", name.casefold())) for event in self._events.under(key))
         return next((event for event in events if event.state is not State.FAILED and event.how is not How.NAME), None)
 
-    def numbered(self, event: HeldEvent) -> HeldFrame | None:
+    def numbered(self, event: PendingEvent) -> PendingFrame | None:
         """The orphan whose number goes with one of the event's counters."""
         for stream, count in event.counts:
             offset = self.learnt.offset(stream)
@@ -48,7 +48,7 @@ class Search:
                     return frame
         return None
 
-    def counting(self, frame: HeldFrame) -> HeldEvent | None:
+    def counting(self, frame: PendingFrame) -> PendingEvent | None:
         if frame.number is None:
             return None
         for stream, offset in self.learnt.offsets():
@@ -57,14 +57,14 @@ class Search:
                     return event
         return None
 
-    def frame_by_time(self, event: HeldEvent) -> HeldFrame | None:
+    def frame_by_time(self, event: PendingEvent) -> PendingFrame | None:
         """The orphan whose delay is the most usual one, or the nearest while no delay is known."""
         recent = takewhile(lambda frame: lag(event, frame) >= -self._settings.early_s, self._frames.newest_first())
         frames = [frame for frame in recent if self._is_near(event, frame)]
         usual = self.delay.value or 0.0
         return min(frames, key=lambda frame: abs(lag(event, frame) - usual), default=None)
 
-    def event_by_time(self, frame: HeldFrame) -> HeldEvent | None:
+    def event_by_time(self, frame: PendingFrame) -> PendingEvent | None:
         """The waiting event whose delay is the most usual one, or the oldest while no delay is known."""
         events = [event for event in self._events.oldest_first() if self._is_near(event, frame)]
         usual = self.delay.value
@@ -72,7 +72,7 @@ class Search:
             return events[0] if events else None
         return min(events, key=lambda event: abs(lag(event, frame) - usual), default=None)
 
-    def clearly_nearest(self, frame: HeldFrame) -> HeldEvent | None:
+    def clearly_nearest(self, frame: PendingFrame) -> PendingEvent | None:
         """The event whose delay is the usual one, matched or not, if it is much nearer than any other can be."""
         if self.delay.value is None or not frame.fresh:
             return None
@@ -81,14 +81,14 @@ class Search:
         clear = nearest and abs(lag(nearest, frame) - usual) < _CLEARLY * self.delay.tolerance_s
         return nearest if clear else None
 
-    def _is_near(self, event: HeldEvent, frame: HeldFrame) -> bool:
+    def _is_near(self, event: PendingEvent, frame: PendingFrame) -> bool:
         after, usual = lag(event, frame), self.delay.value
         in_time = -self._settings.early_s <= after <= self._settings.window_s
         as_usual = usual is None or abs(after - usual) <= self.delay.tolerance_s
         free = in_time and as_usual and self._may_belong(event, frame)
         return free and not self.learnt.contradicts(event, frame)
 
-    def _may_belong(self, event: HeldEvent, frame: HeldFrame) -> bool:
+    def _may_belong(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Both are free, and the event does not name another file in a flight where names are right."""
         named_otherwise = self.learnt.names_work and event.hints
         return event.open and frame.fresh and not frame.event and not named_otherwise

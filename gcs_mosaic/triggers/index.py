@@ -24,7 +24,7 @@ class State(Enum):
 
 
 @dataclass(slots=True, eq=False)
-class HeldEvent:
+class PendingEvent:
     """An event; `counts` are those of all its witnesses, `moment` is when it happened (host's monotonic clock)."""
 
     id: int
@@ -32,7 +32,7 @@ class HeldEvent:
     moment: float
     since: float
     state: State = State.PENDING
-    frame: HeldFrame | None = None
+    frame: PendingFrame | None = None
     how: How | None = None
     counts: list[Count] = field(default_factory=list)
     hints: list[str] = field(default_factory=list)
@@ -43,13 +43,13 @@ class HeldEvent:
 
 
 @dataclass(slots=True, eq=False)
-class HeldFrame:
+class PendingFrame:
     """A frame and the number in its name, if there is one."""
 
     frame: Frame
     number: int | None
     fresh: bool
-    event: HeldEvent | None = None
+    event: PendingEvent | None = None
 
 
 def number_in(name: str) -> int | None:
@@ -58,10 +58,10 @@ def number_in(name: str) -> int | None:
     return int(numbers[-1]) if numbers and len(numbers[-1]) <= 12 else None
 
 
-Held = TypeVar("Held", HeldEvent, HeldFrame)
+Held = TypeVar("Held", PendingEvent, PendingFrame)
 
 
-class Shelf(Generic[Held]):
+class Index(Generic[Held]):
     """Things in the order in which they came, each under any number of keys. The oldest leave when it is full."""
 
     def __init__(self, room: int) -> None:

@@ -9,9 +9,9 @@ from gcs_mosaic.messages import CaptureResult, Frame, TriggerEvent
 from gcs_mosaic.triggers.candidates import Search
 from gcs_mosaic.triggers.clocks import SourceClocks
 from gcs_mosaic.triggers.counters import StreamKey
-from gcs_mosaic.triggers.index import HeldEvent, HeldFrame, Shelf, State, number_in
+from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State, number_in
 from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
-from gcs_mosaic.triggers.post_flight import counted_off
+from gcs_mosaic.triggers.post_flight import match_by_sequence
 from gcs_mosaic.triggers.settings import PairingSettings
 
 _MISLED = 5  # frames at most that come before a counter is known to have moved
@@ -27,10 +27,10 @@ class Pairing:
     def __init__(self, settings: PairingSettings | None = None) -> None:
         self._settings = settings or PairingSettings()
         self._clocks = SourceClocks()
-        self._events: Shelf[HeldEvent] = Shelf(self._settings.remembered)
-        self._frames: Shelf[HeldFrame] = Shelf(self._settings.remembered)
+        self._events: Index[PendingEvent] = Index(self._settings.remembered)
+        self._frames: Index[PendingFrame] = Index(self._settings.remembered)
         self._search = Search(self._events, self._frames, self._settings)
-        self._votes: deque[tuple[HeldEvent, HeldFrame]] = deque(maxlen=_MISLED)
+        self._votes: deque[tuple[PendingEvent, PendingFrame]] = deque(maxlen=_MISLED)
         self._states: Counter[State] = Counter()
         self._duplicates = self._frames_seen = 0
 
@@ -38,7 +38,7 @@ class Pairing:
         """A new shot (`ShotMerger` says which events are)."""
         if next(self._events.under(("id", event_id)), None):
             raise ValueError(f"event {event_id} was told before")
-        held = HeldEvent(event_id, event, self._clocks.moment(event), now)
+        held = PendingEvent(event_id, event, self._clocks.moment(event), now)
         if event.result is not CaptureResult.FAILED:
             self._search.delay.shot(held.moment)
         self._states[State.PENDING] += 1
@@ -61,7 +61,7 @@ class Pairing:
         if next(self._frames.under(("frame", frame.name)), None):
             raise ValueError(f"frame {frame.name} came before")
         self._frames_seen += 1
-        held = HeldFrame(frame, number_in(frame.path.name), fresh)
+        held = PendingFrame(frame, number_in(frame.path.name), fresh)
         name = frame.path.name
         self._frames.put(held, [("frame", frame.name), name, ("folded", name.casefold()), ("number", held.number)])
         self._frames.overflow()
@@ -92,7 +92,7 @@ class Pairing:
         orphans = self._frames_seen - self._states[State.MATCHED]
         return Accounts(**states, duplicate=self._duplicates, orphans=orphans)
 
-    def _look_at(self, held: HeldEvent, event: TriggerEvent) -> Iterator[Outcome]:
+    def _look_at(self, held: PendingEvent, event: TriggerEvent) -> Iterator[Outcome]:
         """What one witness says of a shot."""
         self._note(held, event)
         if held.state is State.FAILED:  # no picture is no picture, whatever another witness saw
@@ -104,7 +104,7 @@ class Pairing:
             return
         yield from self._find_frame(held)
 
-    def _note(self, held: HeldEvent, event: TriggerEvent) -> None:
+    def _note(self, held: PendingEvent, event: TriggerEvent) -> None:
         held.event = event
         if event.sequence is not None:
             stream = StreamKey(event.vehicle, event.component, event.camera, event.source)
@@ -114,7 +114,7 @@ class Pairing:
             held.hints.append(event.file_hint)
             self._events.put(held, [event.file_hint, ("folded", event.file_hint.casefold())])
 
-    def _find_frame(self, held: HeldEvent) -> Iterator[Outcome]:
+    def _find_frame(self, held: PendingEvent) -> Iterator[Outcome]:
         if frame := self._search.named(held):
             yield from self._match(held, frame, How.NAME)
         elif held.open:
@@ -123,7 +123,7 @@ class Pairing:
             elif frame := self._search.frame_by_time(held):
                 yield from self._match(held, frame, How.TIME)
 
-    def _find_event(self, held: HeldFrame) -> Iterator[Outcome]:
+    def _find_event(self, held: PendingFrame) -> Iterator[Outcome]:
         if event := self._search.naming(held):
             yield from self._match(event, held, How.NAME)
         elif event := self._search.counting(held):
@@ -131,12 +131,12 @@ class Pairing:
         elif event := self._search.event_by_time(held):
             yield from self._match(event, held, How.TIME)
 
-    def _answer(self, held: HeldFrame, asked_by: int | None) -> Iterator[Outcome]:
+    def _answer(self, held: PendingFrame, asked_by: int | None) -> Iterator[Outcome]:
         event = next(self._events.under(("id", asked_by)), None)
         if event is not None and event.state is not State.FAILED:
             yield from self._match(event, held, How.ASKED)
 
-    def _check_counters(self, held: HeldFrame) -> Iterator[Outcome]:
+    def _check_counters(self, held: PendingFrame) -> Iterator[Outcome]:
         """Let the times say whether the counters still go together; if they have moved, put right what they misled."""
         nearest, before = self._search.clearly_nearest(held), dict(self._search.learnt.offsets())
         if nearest is None:
@@ -156,12 +156,12 @@ class Pairing:
         for event in [event for event in self._events.oldest_first() if event.open]:
             yield from self._find_frame(event)
 
-    def _are_misled(self, event: HeldEvent, frame: HeldFrame) -> bool:
+    def _are_misled(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Whether times and counters now agree that the two belong together, and they do not yet."""
         apart = frame.event is not event and How.NAME not in (event.how, frame.event and frame.event.how)
         return apart and event.state is not State.FAILED and not self._search.learnt.contradicts(event, frame)
 
-    def _match(self, event: HeldEvent, frame: HeldFrame, how: How) -> Iterator[Outcome]:
+    def _match(self, event: PendingEvent, frame: PendingFrame, how: How) -> Iterator[Outcome]:
         robbed, freed = frame.event, event.frame
         if robbed:
             yield from self._release(robbed)
@@ -177,7 +177,7 @@ class Pairing:
             yield from self._find_event(freed)
 
     def _count_off(self) -> Iterator[Outcome]:
-        pairs = counted_off(self._events.oldest_first(), self._frames.oldest_first(), self._search.learnt)
+        pairs = match_by_sequence(self._events.oldest_first(), self._frames.oldest_first(), self._search.learnt)
         wrong = [(event, frame) for event, frame in pairs if frame.event is not event]
         for event, frame in wrong:
             yield from self._release(event)
@@ -186,18 +186,18 @@ class Pairing:
         for event, frame in wrong:
             yield from self._match(event, frame, How.SEQUENCE)
 
-    def _release(self, held: HeldEvent) -> Iterator[Outcome]:
+    def _release(self, held: PendingEvent) -> Iterator[Outcome]:
         if held.frame:
             frame, held.frame, held.how = held.frame, None, None
             frame.event = None
             self._move(held, State.PENDING)
             yield Unmatched(held.id, frame.frame)
 
-    def _missing(self, held: HeldEvent) -> Missing:
+    def _missing(self, held: PendingEvent) -> Missing:
         self._move(held, State.MISSING)
         return Missing(held.id, held.event)
 
-    def _move(self, held: HeldEvent, state: State) -> None:
+    def _move(self, held: PendingEvent, state: State) -> None:
         self._states[held.state] -= 1
         self._states[state] += 1
         held.state = state

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gcs_mosaic.triggers.index import HeldEvent, HeldFrame, State
+from gcs_mosaic.triggers.index import PendingEvent, PendingFrame, State
 from gcs_mosaic.triggers.outcomes import How
 from gcs_mosaic.triggers.sequence_offsets import Learnt
 
 LEAST = 4  # three might be chance, as with the counters' votes
 
 
-def counted_off(
-    events: Iterable[HeldEvent], frames: Iterable[HeldFrame], learnt: Learnt
-) -> list[tuple[HeldEvent, HeldFrame]]:
+def match_by_sequence(
+    events: Iterable[PendingEvent], frames: Iterable[PendingFrame], learnt: Learnt
+) -> list[tuple[PendingEvent, PendingFrame]]:
     """Which event belongs to which frame, of all that neither a name nor a known counter has connected."""
     shots = [held for held in events if held.state is not State.FAILED and held.how in (None, How.TIME)]
     files = [held for held in frames if held.fresh and (held.event is None or held.event.how is How.TIME)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gcs_mosaic.triggers.counters import OffsetVotes, StreamKey
-from gcs_mosaic.triggers.index import HeldEvent, HeldFrame
+from gcs_mosaic.triggers.index import PendingEvent, PendingFrame
 
 
 class Learnt:
@@ -24,20 +24,20 @@ class Learnt:
         """All that are known."""
         return ((stream, votes.offset) for stream, votes in self._offsets.items() if votes.offset is not None)
 
-    def named(self, event: HeldEvent, frame: HeldFrame) -> None:
+    def named(self, event: PendingEvent, frame: PendingFrame) -> None:
         """The event names the frame: that is certain."""
         self.names_work = True
         if frame.number is not None:
             for stream, count in event.counts:
                 self._offsets.setdefault(stream, OffsetVotes()).settle(frame.number - count)
 
-    def vote(self, event: HeldEvent, frame: HeldFrame) -> None:
+    def vote(self, event: PendingEvent, frame: PendingFrame) -> None:
         """The two seem to belong together, whatever they were matched with."""
         if frame.number is not None:
             for stream, count in event.counts:
                 self._offsets.setdefault(stream, OffsetVotes()).vote(frame.number - count)
 
-    def contradicts(self, event: HeldEvent, frame: HeldFrame) -> bool:
+    def contradicts(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Whether the file's number goes with another count than the event's."""
         known = [(self.offset(stream), count) for stream, count in event.counts]
         expected = [offset + count for offset, count in known if offset is not None]

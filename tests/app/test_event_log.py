@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs_mosaic.app.event_log import Logbook
+from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FrameState
@@ -89,27 +89,27 @@ def frame(now: float, name: str, number: int) -> Frame:
 
 def fly(flight: list[Any], ledger: Any, record_frame: Any, settle_frame: Any) -> tuple[int, int]:
     """Let all of it happen; returns how many events and how many frames there were."""
-    logbook, now = Logbook(ledger, ShotSettings(remembered=8), PairingSettings(remembered=6)), 0.0
+    event_log, now = EventLog(ledger, ShotSettings(remembered=8), PairingSettings(remembered=6)), 0.0
     told, came = 0, list[Frame]()
     for move in flight:
         what, wait, *_, which = move
         now += wait
         if what == "event":
-            logbook.event(event(now, move), now)
+            event_log.event(event(now, move), now)
             told += 1
         elif what in ("frame", "copy"):
             came.append(frame(now, move[4] or "y.png", len(came)))
             record_frame(came[-1], FrameState.DUPLICATE if what == "copy" else FrameState.PENDING)
-            logbook.frame(came[-1], now, fresh=what == "frame")
+            event_log.frame(came[-1], now, fresh=what == "frame")
         elif what == "tick":
-            logbook.tick(now)
+            event_log.tick(now)
         elif what == "save":
-            logbook.save()
+            event_log.save()
         elif came:
             settle_frame(came[which % len(came)].name, ENDS[which])
-    logbook.close()
-    logbook.save()
-    logbook.save()
+    event_log.close()
+    event_log.save()
+    event_log.save()
     return told, len(came)
 
 

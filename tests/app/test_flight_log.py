@@ -69,9 +69,9 @@ def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_tra
     )
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.5"]) == 0
     said, log = capfd.readouterr(), log_of(tmp_path / "out")
-    assert "error: 3.jpg: it could not be worked off (RuntimeError('surprise'))" in said.out.replace("\n", " ")
+    assert "error: 3.jpg: it could not be processed (RuntimeError('surprise'))" in said.out.replace("\n", " ")
     assert "Traceback" not in said.out + said.err
-    assert "ERROR MainThread gcs_mosaic.app.pipeline: 3.jpg could not be worked off\n  | Traceback (most recent" in log
+    assert "ERROR MainThread gcs_mosaic.app.pipeline: 3.jpg could not be processed\n  | Traceback (most recent" in log
     assert re.search(r"  \|   File \".*test_flight_log\.py\", line \d+, in surprise\n", log)
     assert "  | RuntimeError: surprise\n" in log
 
@@ -108,7 +108,7 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monk
         said[out] = capfd.readouterr()
     assert said["a"].err == ""
     assert "gcs_mosaic.app.pipeline: 5.jpg: placed\n" in said["b"].err
-    assert "gcs_mosaic.app.pipeline: 3.jpg could not be worked off\n" in said["b"].err
+    assert "gcs_mosaic.app.pipeline: 3.jpg could not be processed\n" in said["b"].err
     assert "Traceback" not in said["b"].out + said["b"].err
     assert "Traceback" in log_of(tmp_path / "b")
     assert f"{tmp_path / 'b'} was created" in log_of(tmp_path / "b")
@@ -150,7 +150,7 @@ def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatc
     words = ["stitch", str(odd), "--out", str(tmp_path / "[/o]"), "--scale", "0.25", "--debug", str(tmp_path / "[/d]")]
     assert cli.main(words) == 0
     said = capfd.readouterr().out.replace("\n", "")
-    assert "1 x it could not be worked off (RuntimeError('[/bold] is no tag'))" in said
+    assert "1 x it could not be processed (RuntimeError('[/bold] is no tag'))" in said
     assert "[/o]" in said
     assert "[/d]" in said
     with progress_on(Console(file=io.StringIO(), force_terminal=True)) as progress:

@@ -227,6 +227,7 @@ def test_a_watched_folder_that_goes_and_comes_back(tmp_path, pictures):
         assert flight.said.count("is gone") == flight.said.count("is back") == 1
 
 
+@pytest.mark.long
 def test_an_output_folder_that_goes_and_comes_back(tmp_path, pictures):
     with flying(tmp_path) as flight:
         flight.take("IMG_0.JPG", pictures[0])

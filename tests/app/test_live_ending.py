@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import pytest
 from documents import placements
-from running import PATIENCE_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
+from running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
 
 from gcs_mosaic.app.live import RETRY_S
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -91,8 +91,9 @@ def test_it_ends_before_the_first_frame(tmp_path):
         assert_accounts_close(flight, frames=0)
 
 
+@pytest.mark.long
 def test_asked_twice_it_ends_quickly(tmp_path, pictures):
-    """What is not worked off stays pending; its original is kept."""
+    """What is not processed stays pending; its original is kept."""
     with flying(tmp_path) as flight:
         for k in range(60):
             flight.bring(f"IMG_{k}.JPG", numbered(pictures[k % 6], k))
@@ -116,7 +117,7 @@ def test_killed_in_flight_everything_written_is_whole(tmp_path, pictures):
             flight.take(f"IMG_{k}.JPG", pictures[k])
         flight.wait_for(lambda status: status["frames"]["placed"] >= 2, "two frames are placed")
         flight.process.kill()
-        flight.process.wait(PATIENCE_S)
+        flight.process.wait(LONGEST_WAIT_S)
     assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
     tiles = [path for kind in ("tiles", "masks") for path in (flight.out / kind).rglob("*.[jp]*g")]
     assert len(tiles) > 4
@@ -159,6 +160,7 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path, pictures, small_
         assert all((flight.out / frame.original).is_file() for frame in frames_of(flight.out).values())
 
 
+@pytest.mark.long
 def test_it_can_be_ended_on_a_full_disk(tmp_path, pictures, small_disk):
     config = QUICK.replace("finish_s: 30", "finish_s: 3") + COPY_ALL
     with flying(tmp_path, out=small_disk / "mosaic", config=config) as flight:
@@ -175,6 +177,7 @@ def test_it_can_be_ended_on_a_full_disk(tmp_path, pictures, small_disk):
         assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
 
 
+@pytest.mark.long
 def test_a_terminal_that_goes_ends_no_flight(tmp_path, pictures):
     """The program that reads what is said dies, then the window is closed."""
     reading, writing = os.pipe()

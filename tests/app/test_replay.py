@@ -79,6 +79,7 @@ def test_the_flight_comes_out_as_it_was(flown, again):
     assert sorted(frame.state for frame in frames_of(again).values()) == ["damaged", "duplicate", *["placed"] * 6]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", [(), ("--speed", "8")], ids=["as fast as it goes", "eight times as fast"])
 def test_the_result_is_the_same_every_time(flown, again, tmp_path, words):
     third = flown_again(flown, tmp_path / "mosaic", *words)
@@ -87,6 +88,7 @@ def test_the_result_is_the_same_every_time(flown, again, tmp_path, words):
     assert accounts(third) == accounts(again)
 
 
+@pytest.mark.long
 def test_copies_that_lost_their_times_come_out_the_same(flown, tmp_path):
     for path in shutil.copytree(flown.watch, tmp_path / "copies").rglob("*.*"):
         os.utime(path, (LONG_AGO, LONG_AGO))

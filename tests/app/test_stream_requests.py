@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gcs_mosaic.app.stream_requests import Asking
+from gcs_mosaic.app.stream_requests import StreamRequests
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer, TriggerEvent
@@ -29,7 +29,7 @@ LATER = replace(EVENT, sequence=8, received=104.9, source_time=54.0)
 
 def asked(*items: object) -> list[Ask | Offer]:
     requests = Requests()
-    assert list(Asking(requests, ShotSettings()).follow(iter(items))) == list(items)
+    assert list(StreamRequests(requests, ShotSettings()).follow(iter(items))) == list(items)
     return list(requests.drain())
 
 

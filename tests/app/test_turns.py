@@ -1,4 +1,4 @@
-"""Whose turn it is when frames come faster than they can be worked off: flights in counts, without pictures."""
+"""Whose turn it is when frames come faster than they can be processed: flights in counts, without pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gcs_mosaic.app.turns import AsTheyCame, NewestFirst, Turns
 class Flown:
     """A flight whose frames match those at most `overlap` frames away, none across the places where it is `torn`.
 
-    `rate` frames come in the time that one is worked off. `late`: after each piece of work, how many frames newer than the
+    `rate` frames come in the time that one is processed. `late`: after each piece of work, how many frames newer than the
     newest on the map have come.
     """
 
@@ -37,7 +37,7 @@ class Flown:
         self.worked.append(frame)
         self.waiting.remove(frame)
         found = self.found(frame)
-        self.turns.worked_off(frame, found, waits=frame not in found)
+        self.turns.processed(frame, found, waits=frame not in found)
 
     def found(self, frame: int) -> list[int]:
         """The frame and those that waited for it, as far as they match anything; two that match found an island."""
@@ -115,11 +115,11 @@ def test_who_is_next_is_known_ahead():
     assert turns.next([]) is None
     assert turns.next([3, 4]) == 4  # rather an older one than none
     turns.remove(4)
-    turns.worked_off(4, [4], waits=False)
+    turns.processed(4, [4], waits=False)
     assert turns.soon() == [5, 3]
     assert turns.next([3]) is None
     assert turns.next([5, 3]) == 5
     turns.remove(5)
-    turns.worked_off(5, [5], waits=False)
+    turns.processed(5, [5], waits=False)
     assert turns.soon() == [3, 2]
     assert AsTheyCame().soon() == []

@@ -90,6 +90,7 @@ def test_it_is_not_painted_again_with_all_bands(out, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["paper", "adjusted"])
 @pytest.mark.parametrize("kind", ["orb", "surf"])
 def test_other_features_stitch_too(frames, tmp_path, method, kind):

@@ -39,7 +39,7 @@ STAGES = ("features", "matching", "stitching")
 class Result:
     """What came of it so far. `seconds` by stage, and in all; `last`: the same of the last frame alone, where there is such."""
 
-    frames: int = 0  # worked off so far
+    frames: int = 0  # processed so far
     features: int | None = None  # found in the last frame
     seconds: dict[str, float] = field(default_factory=dict)
     last: dict[str, float] = field(default_factory=dict)
@@ -119,7 +119,7 @@ def adjusted(task: Task, notes: Notes) -> None:
                 continue
             prepared = prepare(frame, pipeline.features_of, task.config.reduction, pipeline.feature_pixels)
             notes.result.last = {}
-            done = pipeline.work_off(prepared)
+            done = pipeline.process(prepared)
             notes.add("features", done.seconds.get("features", 0.0))
             notes.add("matching", done.seconds.get("place", 0.0))
             notes.add("stitching", done.seconds.get("paint", 0.0) + pipeline.save())

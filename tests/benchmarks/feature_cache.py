@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 
@@ -44,7 +44,7 @@ class FeatureFinder:
             return features
         self.found += 1
         prepared = prepare(frame, self._find, self._reduction, self._least_pixels)
-        if not isinstance(prepared, Prepared):
+        if not isinstance(prepared, DecodedFrame):
             return prepared.reason
         if kept:
             _write(kept, pickle.dumps(prepared.features))

@@ -44,7 +44,7 @@ class Flown:
             with self.stages.timed("place"):
                 outcome = self.mosaic.place(features, name)
         except Exception as error:  # as in the product, one frame must not end the flight
-            self.unplaced[name] = f"it could not be worked off ({error!r})"
+            self.unplaced[name] = f"it could not be processed ({error!r})"
             return
         if isinstance(outcome, Rejection):
             self.unplaced[name] = outcome.reason

@@ -43,7 +43,7 @@ class FlownLive:
 
     @property
     def latencies(self) -> list[float]:
-        """Seconds from a file being whole to its last tile, of each frame that was worked off."""
+        """Seconds from a file being whole to its last tile, of each frame that was processed."""
         return [self.done[name] - whole for name, whole in self.whole.items() if name in self.done]
 
     @property
@@ -66,7 +66,7 @@ def pictures_in(folder: Path, most: int | None = None) -> list[Path]:
 
 
 def fly(pictures: list[Path], interval_s: float, home: Path, settings: str = "", *, page: bool = True) -> FlownLive:
-    """Bring a picture each so many seconds, wait until all are worked off, then Ctrl-C."""
+    """Bring a picture each so many seconds, wait until all are processed, then Ctrl-C."""
     port = free_port()
     (home / "settings.yaml").write_text(settings)
     words = ["--mavlink", f"udp:127.0.0.1:{port}", "--http", "127.0.0.1:0", "--config", "settings.yaml"]
@@ -104,14 +104,14 @@ def bring(pictures: list[Path], interval_s: float, vehicle: Vehicle, watch: Path
 
 
 def all_done(flown: FlownLive, vehicle: Vehicle) -> bool:
-    """Whether all that was brought has been worked off; meanwhile the vehicle goes on speaking."""
+    """Whether all that was brought has been processed; meanwhile the vehicle goes on speaking."""
     vehicle.tick(None)
     time.sleep(BREATH_S)
     return len(finished(flown)) == len(flown.whole)
 
 
 def finished(flown: FlownLive) -> dict[str, float]:
-    """When each frame was worked off, by name."""
+    """When each frame was processed, by name."""
     found = (DONE.match(line) for line in (flown.out / "flight.log").read_text().splitlines())
     return {line[2]: datetime.fromisoformat(line[1]).timestamp() for line in found if line}
 

@@ -58,12 +58,12 @@ def main() -> None:
 
 
 def report(mosaic: Mosaic, count: int, places: np.ndarray) -> None:
-    network, settings = mosaic._network, AdjustmentSettings()
-    task, handing = timed(lambda: island_task(network, 0, settings))
+    graph, settings = mosaic._graph, AdjustmentSettings()
+    task, handing = timed(lambda: island_task(graph, 0, settings))
     assert task is not None, "a flight has links"
     warm, warm_s = timed(lambda: adjusted(task))
     _, cold_s = timed(lambda: adjusted(disturbed(task)))
-    _, taking = timed(lambda: take_in(network, task, warm))
+    _, taking = timed(lambda: take_in(graph, task, warm))
     columns = [*np.quantile(places, [0.5, 0.95]), warm_s, cold_s, handing, taking, query(mosaic)]
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     print(f"{count:11}" + "".join(f"{seconds:11.3f}" for seconds in columns) + f"{memory:11}", flush=True)
@@ -80,7 +80,7 @@ def disturbed(task: IslandTask) -> IslandTask:
 
 def query(mosaic: Mosaic) -> float:
     """Median seconds of asking all frames for those most like one."""
-    placed = mosaic._network.placed()
+    placed = mosaic._graph.placed()
     asked = placed[np.linspace(0, len(placed) - 1, QUERIES).astype(int)].tolist()
     return float(np.median([timed(lambda f=f: mosaic._search.likeliest(f, placed))[1] for f in asked]))  # type: ignore[misc]
 

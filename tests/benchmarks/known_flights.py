@@ -23,7 +23,7 @@ import numpy as np
 import sitl.score
 import sitl.truth
 from gcs_mosaic.app.flight_writer import estimate_of_placement
-from gcs_mosaic.app.prefetch import Prepared, prepare
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.export.export import warp
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
@@ -132,7 +132,7 @@ def features_in(folder: Path, settings: FeatureSettings) -> list[Named]:
     cv2.setNumThreads(1)
     find = partial(extract, settings=settings)
     prepared = (prepare(f, find) for f in frames_in([folder], FolderSettings()).frames if isinstance(f, Frame))
-    return [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
+    return [(one.frame.name, one.features) for one in prepared if isinstance(one, DecodedFrame)]
 
 
 def stitched(frames: Sequence[Named], settings: StitchSettings) -> list[Placement]:

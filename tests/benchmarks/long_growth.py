@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import Prepared, thumbnail
+from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.store.originals import content_hash
@@ -45,7 +45,7 @@ def costs_of_flight(frames: int, home: Path) -> Iterator[Cost]:
             frame = pipeline.accept(brought(number, picture, home))
             assert frame is not None, "no two files are the same"
             start = time.process_time()
-            pipeline.work_off(Prepared(frame, image, features, thumbnail(image), {}))
+            pipeline.process(DecodedFrame(frame, image, features, thumbnail(image), {}))
             pipeline.save()
             done = time.process_time()
             for _ in range(REPAINTS):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.app.prefetch import Prepared, prepare, thumbnail
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare, thumbnail
 from gcs_mosaic.frames.decode import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
@@ -88,7 +88,7 @@ def recorded(folder: Path, reduction: int = 1, most: int | None = None) -> Place
     settings = StitchSettings()
     frames = [one for one in frames_in([folder], FolderSettings()).frames if isinstance(one, Frame)][:most]
     prepared = (prepare(one, partial(extract, settings=settings.features)) for one in frames)
-    features = [(one.frame.name, one.features) for one in prepared if isinstance(one, Prepared)]
+    features = [(one.frame.name, one.features) for one in prepared if isinstance(one, DecodedFrame)]
     placements, paths = stitched(features, settings), {one.name: one.path for one in frames}
 
     def load(name: str) -> Bands:

@@ -1,4 +1,4 @@
-"""The README's crops of the picture, before and after, from simulated flights that anybody can fly.
+"""The crops of the page of figures of the picture, before and after, from simulated flights that anybody can fly.
 
 python -m tests.benchmarks.picture_crops .readme
 """

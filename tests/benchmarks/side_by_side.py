@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 Given = TypeVar("Given")
 Result = TypeVar("Result")
 
-PATIENCE_S = 10.0  # how long a process may take to clean up when it is stopped
+LONGEST_WAIT_S = 10.0  # how long a process may take to clean up when it is stopped
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,5 +86,5 @@ def _stop(processes: Sequence[BaseProcess]) -> None:
     for process in processes:
         process.terminate()
     for process in processes:
-        process.join(PATIENCE_S)
+        process.join(LONGEST_WAIT_S)
         process.kill()

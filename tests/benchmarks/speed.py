@@ -8,7 +8,7 @@ thread (`floors`).
 
 stitch: the command, at 100, 50 and 25 % of the size, its start and its final painting included. live: a frame each --interval
 seconds over real UDP, with the page open in a browser; the time from a file being whole to its last tile, and from Ctrl-C to
-the end. overload: frames at three times the rate at which they can be worked off; how long it takes until a
+the end. overload: frames at three times the rate at which they can be processed; how long it takes until a
 frame, or a newer one, is on the map. growth: a long simulated flight, its last frames
 against early ones (`long_growth`). start: see `start`. *cores*: seconds of all cores over seconds on the wall. *resident*:
 of all processes together.
@@ -36,7 +36,7 @@ from tests.benchmarks.processes import Watched
 
 PARTS = ("stitch", "live", "overload", "growth", "start")
 SCALES = (1.0, 0.5, 0.25)
-OVERLOAD = 3  # frames come in the time in which one can be worked off
+OVERLOAD = 3  # frames come in the time in which one can be processed
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@
 
 Seconds on the wall clock, medians of fresh processes, and the CPU seconds of one until it listens; the packages that it
 is built on, imported alone, are the floor. *listens*: the UDP port is bound, so whatever comes is kept. *page*: it says where
-the map is. *ready*: an empty map is written, so frames are worked off. *tile*: from a first picture of 12 MP being whole in the
+the map is. *ready*: an empty map is written, so frames are processed. *tile*: from a first picture of 12 MP being whole in the
 watched folder, once it is ready, to the first tile being on the disk. Linux only, as it reads /proc.
 """
 

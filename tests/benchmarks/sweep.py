@@ -28,17 +28,17 @@ PACKAGE = "gcs_mosaic.stitch"
 # Constants of modules that decide what is believed, tried or weighed. What only sets a pace (steps of a convergent
 # iteration, batches, where the dense solver takes over) is none of these.
 CONSTANTS = {
-    "matching.registration": ("HYPOTHESES", "ENOUGH_CELLS", "EXPECTED_SHARE"),
-    "matching.evidence": ("PER_CELL", "LEAST_IN_CELL", "FALSE_SHARE", "CORRELATED_CELLS"),
-    "matching.witnesses": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER", "ENOUGH_CELLS"),
-    "matching.parallax": ("LARGEST", "EPIPOLAR_PX", "HYPOTHESES", "LEAST_CHANCE"),
-    "matching.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
-    "neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
-    "search": ("PER_NEIGHBOUR",),
-    "network": ("FIRST_SHARE", "FIRST_CELLS", "LEAST_SHARE", "MOST_SHARE", "LENS_KNOWN"),
-    "placing": ("UNKNOWN_LENS",),
-    "waiting": ("TURN_AFTER",),
-    "islands": (
+    "registration.registration": ("HYPOTHESES", "ENOUGH_CELLS", "EXPECTED_SHARE"),
+    "registration.a_contrario": ("PER_CELL", "LEAST_IN_CELL", "FALSE_SHARE", "CORRELATED_CELLS"),
+    "graph.overlap_check": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER", "ENOUGH_CELLS"),
+    "registration.parallax": ("LARGEST", "EPIPOLAR_PX", "HYPOTHESES", "LEAST_CHANCE"),
+    "features.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
+    "graph.neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
+    "graph.candidates": ("PER_NEIGHBOUR",),
+    "graph.view_graph": ("FIRST_SHARE", "FIRST_CELLS", "LEAST_SHARE", "MOST_SHARE", "LENS_KNOWN"),
+    "mapping.resection": ("UNKNOWN_LENS",),
+    "graph.waiting": ("TURN_AFTER",),
+    "mapping.islands": (
         "AGREEMENT",
         "LOG_AGREEMENT",
         "LOG_BRIDGE",
@@ -48,17 +48,17 @@ CONSTANTS = {
         "PAIRS_PER_WITNESS",
         "TELLING_CELLS",
     ),
-    "adjusting.assembly": ("WAITING_TRIES", "BRIDGE_TRIES"),
-    "adjusting.adjustment": ("TILT_PRIOR_REACH", "EXPECTED_SIZE2", "MOST_EXCESS"),
-    "adjusting.lens": ("SHORTEST_FOCAL", "LONGEST_FOCAL", "MOST_BARREL", "MOST_PINCUSHION", "REACH", "DOUBT"),
-    "relief.points": ("ROUNDS",),
-    "relief.displacement": ("STEEPEST",),
-    "relief.estimation": ("FEWEST", "ROUNDS"),
-    "geometry": ("HORIZON_COSINE", "LEAST_LIKENESS"),
+    "mapping.incremental_mapper": ("WAITING_TRIES", "BRIDGE_TRIES"),
+    "bundle.levenberg_marquardt": ("TILT_PRIOR_REACH", "EXPECTED_SIZE2", "MOST_EXCESS"),
+    "bundle.lens": ("SHORTEST_FOCAL", "LONGEST_FOCAL", "MOST_BARREL", "MOST_PINCUSHION", "REACH", "DOUBT"),
+    "bundle.relief_points": ("ROUNDS",),
+    "camera.relief": ("STEEPEST",),
+    "bundle.relief": ("FEWEST", "ROUNDS"),
+    "camera.geometry": ("HORIZON_COSINE", "LEAST_LIKENESS"),
 }
 
 IMPORTED_BY = {
-    ("network", "LENS_KNOWN"): ("placing",)
+    ("graph.view_graph", "LENS_KNOWN"): ("mapping.resection",)
 }  # modules with a name of their own for a constant of another one
 
 

@@ -8,6 +8,8 @@ from gcs_mosaic.stitch.registration.registration import RegistrationSettings
 from tests.benchmarks.chained import chained
 from tests.benchmarks.known_flights import Named
 
+pytestmark = pytest.mark.long
+
 
 def frames(shifts: list[float], seed: int) -> list[Named]:
     """Frames of 400 x 300 px that see the same marks, each so far to the right of the first."""

@@ -5,6 +5,9 @@ import pytest
 
 from tests.benchmarks.error_chart import BOTTOM, COLOURS, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Curve, Panel, draw_errors
 
+pytestmark = pytest.mark.long
+
+
 PIXELS_PER_DECADE = (HEIGHT - TOP - BOTTOM) / 2
 
 

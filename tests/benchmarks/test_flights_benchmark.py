@@ -22,6 +22,9 @@ from tests.benchmarks.pair_report import pairs, reported
 from tests.benchmarks.refusals import grouped
 from tests.benchmarks.side_by_side import Failed, each
 
+pytestmark = pytest.mark.long
+
+
 GOOD = Run(
     name="meadow",
     frames=20,
@@ -45,7 +48,7 @@ GOOD = Run(
         ("evidence -2.5, 8.0 needed", "evidence N, N needed"),
         ("change of scale 0.12 to 1e-05", "change of scale N to N"),
         ("misses its matches by nan px, 4.0 allowed", "misses its matches by N px, N allowed"),
-        ("it could not be worked off (KeyError('k1'))", "it could not be worked off (KeyError('k1'))"),
+        ("it could not be processed (KeyError('k1'))", "it could not be processed (KeyError('k1'))"),
     ],
 )
 def test_reasons_are_grouped_without_their_numbers(reason: str, group: str) -> None:

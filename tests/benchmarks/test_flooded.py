@@ -5,8 +5,12 @@ A fifth of its rate: whether the kernel must drop datagrams at the full one depe
 
 from pathlib import Path
 
+import pytest
+
 from tests.benchmarks.flood import flood
 from tests.running import six_pictures
+
+pytestmark = pytest.mark.long
 
 
 def test_a_flood_of_triggers_loses_no_real_shot(tmp_path: Path, world_cache: Path) -> None:

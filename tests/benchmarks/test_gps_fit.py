@@ -11,6 +11,8 @@ import pytest
 from tests.benchmarks.exif import position_of
 from tests.benchmarks.gps_fit import LatLon, fits, island_fit, metres
 
+pytestmark = pytest.mark.long
+
 
 def exif(order: str, sides: bytes, parts: Sequence[tuple[int, int]]) -> bytes:
     """A TIFF with nothing but a GPS directory: six fractions, latitude before longitude."""

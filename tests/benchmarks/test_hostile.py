@@ -20,6 +20,9 @@ from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.messages import TriggerEvent
 from tests.benchmarks.hostile import KINDS, MESSAGES, OURS, Ear, attack, framed, shot
 
+pytestmark = pytest.mark.long
+
+
 READ = [112, 180, 263]
 ANY: dict[str, st.SearchStrategy[Any]] = {
     "int8_t": st.integers(-(1 << 7), (1 << 7) - 1),

@@ -11,6 +11,8 @@ from sitl.path import Plan
 from tests.benchmarks.contestants import STAGES, painted_from_source
 from tests.benchmarks.paper_tables import Flight, Run, remark, run, table_2
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flight:

@@ -12,6 +12,9 @@ from tests.benchmarks.known_flights import SHARED
 from tests.benchmarks.painted_flights import recorded, simulated
 from tests.benchmarks.picture import Quality, measured
 
+pytestmark = pytest.mark.long
+
+
 MODE = PaintSettings().canvas.blend
 REFERENCE = "alpha (paper)"
 

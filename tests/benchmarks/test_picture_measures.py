@@ -14,6 +14,9 @@ from tests.benchmarks.picture_measures import (
     transparent_share,
 )
 
+pytestmark = pytest.mark.long
+
+
 Picture = NDArray[np.float32]
 
 SIDE = 128

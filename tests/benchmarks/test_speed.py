@@ -22,6 +22,9 @@ from tests.benchmarks.processes import Watched
 from tests.benchmarks.speed import ending, quantiles
 from tests.benchmarks.timeline import COLOURS, LEFT, ROW, TOP, draw
 
+pytestmark = pytest.mark.long
+
+
 SIZE = (640, 480)
 
 

@@ -25,6 +25,9 @@ from tests.benchmarks.sweep import (
     with_value,
 )
 
+pytestmark = pytest.mark.long
+
+
 GOOD = Result(placed=9, islands=1, ortho_px=10.0, tracks_median_px=2.0, tracks_p95_px=9.0, frames_px={})
 
 

@@ -86,6 +86,7 @@ def middle(image: np.ndarray, side: int = WINDOW) -> tuple[slice, slice]:
     return slice(x - half, x + half), slice(y - half, y + half)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "thermal"])
 def test_every_frame_finds_its_place(kind: str, request) -> None:
     one = request.getfixturevalue(kind)
@@ -136,6 +137,7 @@ def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_p
         assert sum(page.databytecounts) < 0.9 * page.nbytes
 
 
+@pytest.mark.long
 def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cache, tmp_path) -> None:
     one = flown(tmp_path_factory, world_cache, exposure_step=1.5, bands=3, depth=16)
     off = {}
@@ -151,6 +153,7 @@ def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cach
     assert off[True].std(axis=(0, 1)).max() < 0.1
 
 
+@pytest.mark.long
 def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(tmp_path_factory, world_cache, tmp_path) -> None:
     one = flown(tmp_path_factory, world_cache)
     image, _, _ = exported(one, tmp_path)

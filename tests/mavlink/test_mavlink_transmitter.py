@@ -8,7 +8,7 @@ from gcs_mosaic.mavlink.announcements import heartbeat
 from gcs_mosaic.mavlink.parser import PacketReader, dialect
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing, SigningKey
-from gcs_mosaic.mavlink.transmitter import Voice, check_identity
+from gcs_mosaic.mavlink.transmitter import Transmitter, check_identity
 
 SECRET = bytes(range(200, 232))
 
@@ -36,20 +36,20 @@ def test_an_identity_of_our_own_is_fine(settings: dict[str, int]) -> None:
 
 
 def test_packets_come_from_our_own_system_and_component_and_are_counted() -> None:
-    voice, reader = Voice(77, 1.75e9), PacketReader(datagrams=True)
+    transmitter, reader = Transmitter(77, 1.75e9), PacketReader(datagrams=True)
     for count in range(300):
-        (message,) = reader.feed(voice.packet(heartbeat(), float(count)))
+        (message,) = reader.feed(transmitter.packet(heartbeat(), float(count)))
         assert (message.get_srcSystem(), message.get_srcComponent(), message.get_seq()) == (77, 191, count % 256)
 
 
 def test_what_we_say_is_signed_so_that_others_believe_it() -> None:
     signing = Signing(SigningKey(SECRET))
-    voice, other = Voice(77, 1.75e9, signing, link_id=2), dialect.MAVLink(None)
+    transmitter, other = Transmitter(77, 1.75e9, signing, link_id=2), dialect.MAVLink(None)
     other.signing.secret_key = SECRET
     for second in (0.0, 0.0, 1.0, 0.5):
-        packet = voice.packet(heartbeat(), second)
+        packet = transmitter.packet(heartbeat(), second)
         assert packet[-13] == 2
         assert other.decode(bytearray(packet)).get_srcSystem() == 77  # raises if the signature is not right
     ahead = 1 << 46
     signing.admits(signed(trigger(1), SECRET, ahead))
-    assert int.from_bytes(voice.packet(heartbeat(), 2.0)[-12:-6], "little") == ahead + 1
+    assert int.from_bytes(transmitter.packet(heartbeat(), 2.0)[-12:-6], "little") == ahead + 1

@@ -26,12 +26,12 @@ from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing, SigningKey
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.streams import StreamChannel, opener
-from gcs_mosaic.mavlink.transmitter import Voice
+from gcs_mosaic.mavlink.transmitter import Transmitter
 from gcs_mosaic.messages import LinkReport, Notice, Refusals, TriggerEvent
 
 LOUD = LinkSettings(announce=191, poll_s=0.02, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))
-PATIENCE_S = 10.0
+LONGEST_WAIT_S = 10.0
 
 
 @dataclass
@@ -45,7 +45,7 @@ class Link:
     stop: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> Link:
-        self.speaker = Speaker(self.address, Voice(191, 1.75e9, self.signing), self.recovery)
+        self.speaker = Speaker(self.address, Transmitter(191, 1.75e9, self.signing), self.recovery)
         heard = triggers(parse_address(self.address), self.stop, LOUD, signing=self.signing, speaker=self.speaker)
         self.thread = threading.Thread(target=lambda: deque(map(self.items.append, heard)))
         self.thread.start()
@@ -86,7 +86,7 @@ class Peer:
         return came
 
     def wait_for(self, right: Callable[[Message], object]) -> Message:
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + LONGEST_WAIT_S
         while time.monotonic() < until:
             for message in self.messages(0.05):
                 if right(message):
@@ -103,7 +103,7 @@ def peers() -> Iterator[Callable[[int], Peer]]:
 
 
 def until(true: Callable[[], object]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + LONGEST_WAIT_S
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.01)
@@ -220,7 +220,7 @@ def test_with_a_key_what_is_heard_must_be_signed_and_what_is_said_is(peers: Call
         aircraft.send(signed(trigger(4), SECRET, 1000), signed(trigger(4), SECRET, 1000))
         station = dialect.MAVLink(None)
         station.signing.secret_key = SECRET
-        aircraft.socket.settimeout(PATIENCE_S)
+        aircraft.socket.settimeout(LONGEST_WAIT_S)
         for _ in range(2):
             data = aircraft.socket.recv(300)
             assert station.decode(bytearray(data)).get_type() == "HEARTBEAT"  # raises if its signature is not right
@@ -234,11 +234,11 @@ def test_with_a_key_what_is_heard_must_be_signed_and_what_is_said_is(peers: Call
 
 def test_a_tcp_link_is_spoken_on_even_after_it_was_lost() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(PATIENCE_S)
+        server.settimeout(LONGEST_WAIT_S)
         with Link(f"tcp:127.0.0.1:{server.getsockname()[1]}"):
             for _ in range(2):
                 with server.accept()[0] as peer:
-                    peer.settimeout(PATIENCE_S)
+                    peer.settimeout(LONGEST_WAIT_S)
                     peer.sendall(packet(heartbeat()))
                     assert is_beat(PacketReader(datagrams=False).feed(peer.recv(300))[0])
 
@@ -254,7 +254,7 @@ def test_one_who_takes_nothing_makes_nobody_wait_and_gets_whole_packets() -> Non
         with server.accept()[0] as peer:
             while channel.send(long):
                 sent += 1
-            assert time.monotonic() - begun < PATIENCE_S
+            assert time.monotonic() - begun < LONGEST_WAIT_S
             peer.settimeout(0.2)
             for _ in range(2):  # what waits, and what may follow then
                 with suppress(TimeoutError):

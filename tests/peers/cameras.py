@@ -15,7 +15,7 @@ from typing import Any
 import fresh
 import pytest
 
-PATIENCE_S = 30.0
+LONGEST_WAIT_S = 30.0
 MAVPROXY = fresh.ROOT / ".mavproxy" / "bin" / "mavproxy.py"
 PLACE = (47.0, 8.0, 500.0, 50.0)  # degrees and metres
 
@@ -125,7 +125,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 
 def wait(true: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + LONGEST_WAIT_S
     while not true():
         assert time.monotonic() < deadline, f"still not so: {what}"
         time.sleep(0.05)

@@ -50,6 +50,7 @@ def assert_every_shot_matched(flight: Running, taken: list[str]) -> None:
     assert all(frame.had_event and frame.state == "placed" for frame in frames_of(flight.out).values())
 
 
+@pytest.mark.long
 def test_every_shot_of_a_camera_of_mavsdk_is_matched(tmp_path, pictures):
     need_mavsdk()
     with flying(tmp_path) as flight, photographed(flight, port_of(flight), pictures) as taken:

@@ -57,6 +57,7 @@ def test_a_world_is_as_large_as_its_flight_needs() -> None:
     assert plan("survey", (160, 120), route=Plan(frames=4)).truth().frames[0].grid_used.all()
 
 
+@pytest.mark.long
 def test_a_flight_beyond_every_world_is_refused() -> None:
     lens = Lens(width=160, height=120)
     with pytest.raises(ValueError, match="fly lower"):

@@ -10,7 +10,7 @@ from unittest.mock import patch
 import pytest
 
 import sitl.program
-from sitl.program import Program, ProgramError, worked_off
+from sitl.program import Program, ProgramError, processed
 
 STAND_IN = """
 import json, pathlib, signal, sys, time
@@ -91,8 +91,8 @@ def test_one_that_does_not_end_is_killed_and_told(tmp_path: Path) -> None:
 
 
 def test_pending_frames_are_not_worked_off() -> None:
-    assert worked_off({"pending": 4, "placed": 2, "rejected": 1}) == 3
-    assert worked_off({}) == 0
+    assert processed({"pending": 4, "placed": 2, "rejected": 1}) == 3
+    assert processed({}) == 0
 
 
 def test_before_there_is_a_mosaic_the_accounts_are_empty(tmp_path: Path) -> None:

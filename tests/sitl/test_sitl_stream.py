@@ -13,6 +13,7 @@ from sitl.stream.camera import NEEDED, python_with_gstreamer
 FLY = ["--rtsp", "--count", "5", "--size", "640x480", "--interval", "0.8", "--no-http"]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(python_with_gstreamer() is None, reason=f"needs GStreamer: apt-get install {NEEDED}")
 def test_every_picture_of_a_flight_is_taken_from_the_stream(tmp_path, capfd, monkeypatch, world_cache):
     monkeypatch.setenv("XDG_CACHE_HOME", str(world_cache))

@@ -6,6 +6,8 @@ A frame may wait for ever; it must never lie where it was not taken. `tests/benc
 import pytest
 from adversarial_flights import Shot, assert_nothing_is_mixed_up, in_turn, islands_of, shots, stitched, written_on
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("ground", ["rows", "cars"])
 def test_ground_that_repeats_itself_misplaces_nothing(ground):

@@ -3,6 +3,9 @@
 import pytest
 from adversarial_flights import ONE_LINE, assert_nothing_is_mixed_up, in_turn, shots, stitched, with_a_gap
 
+pytestmark = pytest.mark.long
+
+
 TWINS = pytest.mark.xfail(
     strict=True,
     raises=AssertionError,

@@ -5,6 +5,9 @@ from adversarial_flights import assert_nothing_is_mixed_up, in_turn, outcome, sh
 
 from sitl.thermal import ThermalCamera
 
+pytestmark = pytest.mark.long
+
+
 LAKE = {"forward": 0.7, "side": 0.45}
 
 

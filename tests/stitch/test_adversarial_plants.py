@@ -3,6 +3,8 @@
 import pytest
 from adversarial_flights import ONE_LINE, assert_nothing_is_mixed_up, in_turn, shots, stitched, with_a_gap
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize(("crop", "height"), [("maize", 40), ("berries", 60), ("vines", 60)])
 def test_fields_of_one_crop_stay_apart_and_are_placed(crop, height):

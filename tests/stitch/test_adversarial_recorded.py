@@ -10,7 +10,10 @@ from tests.benchmarks.recorded import RECORDED, SHARED
 FRAMES = 4
 PLACED = {"caliterra": 4, "copr": 4, "cmac": 4, "guangzhou": 4}  # of the first frames of these, however they are mixed
 
-pytestmark = pytest.mark.skipif(not SHARED.is_dir(), reason="the recorded flights are not beside the project")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not SHARED.is_dir(), reason="the recorded flights are not beside the project"),
+]
 
 
 @pytest.mark.parametrize(("one", "other"), [*combinations(RECORDED, 2)])

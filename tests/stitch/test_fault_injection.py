@@ -21,6 +21,9 @@ from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from sitl.path import Plan, fly
 from tests.benchmarks import flight_of_points
 
+pytestmark = pytest.mark.long
+
+
 SETTINGS = StitchSettings(
     search=SearchSettings(neighbours=3, first_tries=2),
     upkeep=UpkeepSettings(background_from=6, meanwhile=4),

@@ -15,13 +15,16 @@ from gcs_mosaic.stitch.camera.projection import lens_row
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.graph.view_graph import Bridge, Lens, Network
+from gcs_mosaic.stitch.graph.view_graph import Bridge, Lens, ViewGraph
 from gcs_mosaic.stitch.mapping.covering import CoverSettings
 from gcs_mosaic.stitch.mapping.islands import Bridges, _reconciled
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import attempt
 from tests.benchmarks.flight_of_points import features_of_flight
+
+pytestmark = pytest.mark.long
+
 
 GOOD = 40  # frames of the good island
 EVERY_FRAME = StitchSettings(cover=CoverSettings(enabled=False))  # placed, whether it shows new ground or not
@@ -162,15 +165,15 @@ def test_a_join_moves_all_frames_of_the_cameras_that_both_islands_have(monkeypat
     join = Bridges.join
 
     def noted(bridges: Bridges, proof: list[Bridge]) -> tuple[int, int]:
-        network = bridges._network
-        sides = {network.island_of(frame) for frame in (proof[0].frame_a, proof[0].frame_b)}
-        assert all((island, camera) in network.lenses for island in sides for camera in (0, 1))
-        stayed = max((network.members(island).tolist() for island in sides), key=len)
-        network.moved.clear()
+        graph = bridges._graph
+        sides = {graph.island_of(frame) for frame in (proof[0].frame_a, proof[0].frame_b)}
+        assert all((island, camera) in graph.lenses for island in sides for camera in (0, 1))
+        stayed = max((graph.members(island).tolist() for island in sides), key=len)
+        graph.moved.clear()
         stays, goes = join(bridges, proof)
-        joins.append((set(stayed), set(network.moved)))
-        assert network.moved == set(network.members(stays).tolist())
-        assert (goes, 0) not in network.lenses
+        joins.append((set(stayed), set(graph.moved)))
+        assert graph.moved == set(graph.members(stays).tolist())
+        assert (goes, 0) not in graph.lenses
         return stays, goes
 
     monkeypatch.setattr(Bridges, "join", noted)
@@ -222,16 +225,16 @@ def test_a_mean_that_no_camera_can_have_gives_way_to_the_lens_that_is_known_bett
         assert found is far
 
 
-def network_of(*frames: tuple[tuple[int, int], int]) -> Network:
+def network_of(*frames: tuple[tuple[int, int], int]) -> ViewGraph:
     """Frames of these sizes on these islands."""
-    network = Network(1.5, 24)
+    graph = ViewGraph(1.5, 24)
     nothing = np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8)
     for i, ((width, height), island) in enumerate(frames):
-        while len(network.merged_into) <= island:
-            network.found_island()
-        network.append(str(i), Features(*nothing, width, height, 1.0))
-        network.put(i, Pose(320, 240), island)
-    return network
+        while len(graph.merged_into) <= island:
+            graph.found_island()
+        graph.append(str(i), Features(*nothing, width, height, 1.0))
+        graph.put(i, Pose(320, 240), island)
+    return graph
 
 
 LARGE, SMALL = (640, 480), (320, 240)
@@ -239,40 +242,40 @@ LARGE, SMALL = (640, 480), (320, 240)
 
 def test_of_a_camera_those_know_most_who_have_most_of_its_frames() -> None:
     """A large island with one frame of a camera is no teacher of an island with six."""
-    network = network_of(*[(LARGE, 0)] * 9, (SMALL, 0), *[(SMALL, 1)] * 6, (SMALL, 2))
+    graph = network_of(*[(LARGE, 0)] * 9, (SMALL, 0), *[(SMALL, 1)] * 6, (SMALL, 2))
     one_frame, six_frames = known(1.2, 0.0, 1.0), known(1.8, -0.1, 9.0)
-    network.lenses |= {(0, 1): one_frame, (1, 1): six_frames}
-    assert network.best_known_lens(1) == 1
+    graph.lenses |= {(0, 1): one_frame, (1, 1): six_frames}
+    assert graph.best_known_lens(1) == 1
     settings = EVERY_FRAME.adjustment
     of_any = np.stack(any_lens(settings))
-    assert np.array_equal(_lens_prior(network, 1, 1, settings), of_any)
-    assert not np.array_equal(_lens_prior(network, 0, 1, settings), of_any)
-    del network.lenses[2, 1]
-    assert network.camera_on(2, 1) == six_frames.camera
+    assert np.array_equal(_lens_prior(graph, 1, 1, settings), of_any)
+    assert not np.array_equal(_lens_prior(graph, 0, 1, settings), of_any)
+    del graph.lenses[2, 1]
+    assert graph.camera_on(2, 1) == six_frames.camera
 
 
 def test_a_camera_that_only_the_island_that_goes_has_keeps_its_lens() -> None:
-    network = network_of(*[(LARGE, 0)] * 3, (LARGE, 1), (SMALL, 1))
+    graph = network_of(*[(LARGE, 0)] * 3, (LARGE, 1), (SMALL, 1))
     lens_of_small = Lens(Camera(*SMALL, 1.3, -0.1), np.eye(5))
-    network.lenses[1, 1] = lens_of_small
-    bridges = Bridges(network, Search(network, EVERY_FRAME.search, EVERY_FRAME.registration), EVERY_FRAME.islands)
+    graph.lenses[1, 1] = lens_of_small
+    bridges = Bridges(graph, Search(graph, EVERY_FRAME.search, EVERY_FRAME.registration), EVERY_FRAME.islands)
     places = np.array([[100.0, 100.0], [500.0, 100.0], [500.0, 400.0], [100.0, 400.0]])
     registration = Registration(places, places, np.zeros((4, 2), int), np.eye(3), independent_inliers=4, evidence=9.0)
     assert bridges.join([Bridge(0, 3, registration)]) == (0, 1)
-    assert network.lenses[0, 1] is lens_of_small
-    assert set(network.lenses) == {(0, 0), (0, 1)}
+    assert graph.lenses[0, 1] is lens_of_small
+    assert set(graph.lenses) == {(0, 0), (0, 1)}
 
 
 def test_a_lens_that_changes_moves_its_camera_on_its_island_and_no_other() -> None:
-    network = network_of((LARGE, 0), (LARGE, 0), (SMALL, 0), (LARGE, 1))
-    network.moved.clear()
-    boxes = network.boxes.copy()
-    network.put_all([0], [network.pose_of(0)], 0, {0: Lens(Camera(640, 480, 1.3, -0.1))})
-    assert network.moved == {0, 1}
-    assert (network.boxes[[0, 1]] != boxes[[0, 1]]).any(axis=1).all()
-    assert np.array_equal(network.boxes[[2, 3]], boxes[[2, 3]])
-    assert network.camera_of(1).focal == 1.3
-    assert network.camera_of(3).focal == 1.5
+    graph = network_of((LARGE, 0), (LARGE, 0), (SMALL, 0), (LARGE, 1))
+    graph.moved.clear()
+    boxes = graph.boxes.copy()
+    graph.put_all([0], [graph.pose_of(0)], 0, {0: Lens(Camera(640, 480, 1.3, -0.1))})
+    assert graph.moved == {0, 1}
+    assert (graph.boxes[[0, 1]] != boxes[[0, 1]]).any(axis=1).all()
+    assert np.array_equal(graph.boxes[[2, 3]], boxes[[2, 3]])
+    assert graph.camera_of(1).focal == 1.3
+    assert graph.camera_of(3).focal == 1.5
 
 
 # Lenses that cannot be

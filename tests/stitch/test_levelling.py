@@ -22,6 +22,9 @@ from gcs_mosaic.stitch.camera.geometry import (
 )
 from gcs_mosaic.stitch.mosaic import Mosaic
 
+pytestmark = pytest.mark.long
+
+
 BARREL = Camera(480, 360, 1.45, -0.1)
 PINHOLE = Camera(480, 360, 1.45, 0.0)
 REPAINT_PX = 1.0

@@ -31,6 +31,7 @@ def test_two_flight_lines_become_one_map(ground):
     assert {p.island for p in mosaic.placements()} == {0}
 
 
+@pytest.mark.long
 def test_a_climb_is_not_a_drift(ground):
     truth = [Pose(1200, 1200, math.log(0.5 + 0.15 * i), 0.2 * i) for i in range(11)]
     mosaic = Mosaic()
@@ -167,6 +168,7 @@ def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypa
     assert not mosaic.connect_some()
 
 
+@pytest.mark.long
 def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(ground, monkeypatch):
     """Frames that lie awry agree with nothing; when their island has been adjusted they may."""
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
@@ -183,16 +185,16 @@ def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(g
         patch.setattr(Bridges, "_agree", lambda *_: False)
         while mosaic.connect_some():
             pass
-    first, network = len(asked), mosaic._network
+    first, graph = len(asked), mosaic._graph
     mosaic.add(photograph(ground, Pose(1800, 1800), SMALL_CAMERA), "far")
     asked.clear()
     while mosaic.connect_some():
         pass
     assert len(asked) < first
     assert len(mosaic.frame_counts()) == 2
-    for frame in network.placed().tolist():
-        pose = network.pose_of(frame)
-        network.put(frame, replace(pose, x=pose.x + 1), network.island_of(frame))
+    for frame in graph.placed().tolist():
+        pose = graph.pose_of(frame)
+        graph.put(frame, replace(pose, x=pose.x + 1), graph.island_of(frame))
     mosaic.add(photograph(ground, Pose(600, 2100), SMALL_CAMERA), "farther")
     while mosaic.connect_some():
         mosaic.adjust()

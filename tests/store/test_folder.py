@@ -73,12 +73,6 @@ def test_two_programs_never_write_one_folder(tmp_path: Path) -> None:
     alone.close()
 
 
-def test_resume_is_refused_clearly(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--resume was given"):
-        open_flight_folder(tmp_path / "mosaic", resume=True)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_file_in_the_way_is_a_clear_error(tmp_path: Path) -> None:
     (tmp_path / "mosaic").write_text("a file")
     with pytest.raises(UsageError, match=r"mosaic cannot be written \(File exists\): choose another --out"):

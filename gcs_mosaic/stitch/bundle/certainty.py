@@ -10,40 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 
-def note_adjusted(network: Network, island: int, members: Sequence[int], deviations_px: NDArray[np.float64]) -> None:
+def note_adjusted(graph: ViewGraph, island: int, members: Sequence[int], deviations_px: NDArray[np.float64]) -> None:
     """After the adjustment of a whole island: the deviations of its members, and how far they are from its root now."""
-    hops = hops_from(network, network.roots[island])
+    hops = hops_from(graph, graph.roots[island])
     for frame, deviation_px in zip(members, deviations_px.tolist(), strict=True):
-        network.note(frame, hops=hops[frame], corner_deviation_px=deviation_px)
+        graph.note(frame, hops=hops[frame], corner_deviation_px=deviation_px)
 
 
-def note_resected(network: Network, frame: int, pose: Pose, deviation_px: float) -> None:
+def note_resected(graph: ViewGraph, frame: int, pose: Pose, deviation_px: float) -> None:
     """For a frame that is laid beside its neighbours: it is as sure as they are, and as its place beside them.
 
     Neighbours share most of their error, so theirs counts once: the mean of their variances, weighted by inliers. A frame
     that reaches far beyond its neighbours is less sure than that; the next adjustment of the island says it exactly.
     """
-    neighbours = network.frames[frame].inliers
-    deviations_px = [_seen_from(network, pose, other) for other in neighbours]
+    neighbours = graph.frames[frame].inliers
+    deviations_px = [_seen_from(graph, pose, other) for other in neighbours]
     theirs = np.average(np.square(deviations_px), weights=list(neighbours.values()))
-    hops = 1 + min(network.frames[other].hops for other in neighbours)
-    network.note(frame, hops=hops, corner_deviation_px=math.sqrt(deviation_px**2 + float(theirs)))
+    hops = 1 + min(graph.frames[other].hops for other in neighbours)
+    graph.note(frame, hops=hops, corner_deviation_px=math.sqrt(deviation_px**2 + float(theirs)))
 
 
-def _seen_from(network: Network, pose: Pose, other: int) -> float:
+def _seen_from(graph: ViewGraph, pose: Pose, other: int) -> float:
     """A frame's deviation in the pixels of a camera at this pose."""
-    return network.frames[other].corner_deviation_px * math.exp(network.pose_of(other).log_gsd - pose.log_gsd)
+    return graph.frames[other].corner_deviation_px * math.exp(graph.pose_of(other).log_gsd - pose.log_gsd)
 
 
-def hops_from(network: Network, root: int) -> dict[int, int]:
+def hops_from(graph: ViewGraph, root: int) -> dict[int, int]:
     """Fewest links between the root and each frame that is connected with it, breadth first."""
     hops, waiting = {root: 0}, deque([root])
     while waiting:
         frame = waiting.popleft()
-        for other in network.frames[frame].inliers:
+        for other in graph.frames[frame].inliers:
             if other not in hops:
                 hops[other] = hops[frame] + 1
                 waiting.append(other)

@@ -20,7 +20,7 @@ from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
-from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, Network
+from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
 
 Array = NDArray[np.float64]
 Key = tuple[int, int]
@@ -43,13 +43,13 @@ class Resected:
     cautious_deviation_px: float  # the same, if matches were not better than the adjustment takes for granted
 
 
-def resect(network: Network, frame: int, rough: Pose, island: int, settings: AdjustmentSettings) -> Resected:
+def resect(graph: ViewGraph, frame: int, rough: Pose, island: int, settings: AdjustmentSettings) -> Resected:
     """Best pose of one frame against those of an island that it is linked with, as they lie."""
-    linked = [other for other in network.frames[frame].inliers if network.islands[other] == island]
-    keys = [(frame, other) if (frame, other) in network.links else (other, frame) for other in linked]
-    poses = [rough, *(network.pose_of(other) for other in linked)]
+    linked = [other for other in graph.frames[frame].inliers if graph.islands[other] == island]
+    keys = [(frame, other) if (frame, other) in graph.links else (other, frame) for other in linked]
+    poses = [rough, *(graph.pose_of(other) for other in linked)]
     free = np.arange(len(poses)) == 0
-    problem, cameras = _problem(network, island, [frame, *linked], poses, keys, free, settings)
+    problem, cameras = _problem(graph, island, [frame, *linked], poses, keys, free, settings)
     problem = replace(problem, lens_free=False)
     solution = adjust(problem, settings)
     residual = float(np.nanmedian(np.minimum(solution.residuals_px, 1e3)))
@@ -60,7 +60,7 @@ def resect(network: Network, frame: int, rough: Pose, island: int, settings: Adj
 
 @dataclass(frozen=True, slots=True)
 class IslandTask:
-    """A whole island as it is handed over to be adjusted; nothing in it changes when the network does. Can be pickled."""
+    """A whole island as it is handed over to be adjusted; nothing in it changes when the graph does. Can be pickled."""
 
     island: int
     members: tuple[int, ...]  # frames, in the order of the problem
@@ -84,17 +84,17 @@ class AdjustedIsland:
     reliefs: list[ReliefDisplacement | None]
 
 
-def island_task(network: Network, island: int, settings: AdjustmentSettings) -> IslandTask | None:
+def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> IslandTask | None:
     """The adjustment of all frames of an island, as they lie now; None where nothing is linked."""
-    members = network.members(island).tolist()
+    members = graph.members(island).tolist()
     inside = set(members)
-    keys = [(a, b) for a, b in network.links if a in inside and b in inside]
+    keys = [(a, b) for a, b in graph.links if a in inside and b in inside]
     if not keys:
         return None
-    poses, free = [network.pose_of(f) for f in members], np.ones(len(members), bool)
-    problem, cameras = _problem(network, island, members, poses, keys, free, settings)
-    root = members.index(network.roots[island])
-    matches, numbers = matched(network, members), _camera_numbers(network, members)
+    poses, free = [graph.pose_of(f) for f in members], np.ones(len(members), bool)
+    problem, cameras = _problem(graph, island, members, poses, keys, free, settings)
+    root = members.index(graph.roots[island])
+    matches, numbers = matched(graph, members), _camera_numbers(graph, members)
     return IslandTask(island, tuple(members), root, problem, matches, tuple(numbers), tuple(cameras), settings)
 
 
@@ -121,60 +121,60 @@ def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | 
     return displacements(sightings(task.matches), views, task.settings.relief)
 
 
-def take_in(network: Network, task: IslandTask, found: AdjustedIsland) -> bool:
+def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:
     """Lay the result over the held poses as well as it goes, and carry along the frames that have come meanwhile.
 
     False, and nothing is changed, if frames of the task are no longer where they were.
     """
     members = list(task.members)
-    if (network.islands[members] != task.island).any():
+    if (graph.islands[members] != task.island).any():
         return False
-    before = {f: (network.pose_of(f), network.camera_of(f)) for f in members}
+    before = {f: (graph.pose_of(f), graph.camera_of(f)) for f in members}
     lenses = _lenses(task, found)
     poses = [Pose(*pose) for pose in found.poses.tolist()]
-    cameras = [lenses[network.frames[f].camera].camera for f in members]
-    aligned = _aligned_to_held(network, members, poses, cameras)
-    network.put_all(members, aligned, task.island, lenses)
-    _carry_along(network, before, task)
+    cameras = [lenses[graph.frames[f].camera].camera for f in members]
+    aligned = _aligned_to_held(graph, members, poses, cameras)
+    graph.put_all(members, aligned, task.island, lenses)
+    _carry_along(graph, before, task)
     for frame, residual, relief in zip(members, found.residuals.tolist(), found.reliefs, strict=True):
-        network.note(frame, residual_px=residual * network.frames[frame].features.scale, relief=relief)
-    note_adjusted(network, task.island, members, found.deviations_px)
+        graph.note(frame, residual_px=residual * graph.frames[frame].features.scale, relief=relief)
+    note_adjusted(graph, task.island, members, found.deviations_px)
     return True
 
 
-def adjust_island(network: Network, island: int, settings: AdjustmentSettings) -> None:
+def adjust_island(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> None:
     """Adjust all frames of an island and their lenses at once."""
-    task = island_task(network, island, settings)
+    task = island_task(graph, island, settings)
     if task is not None:
-        take_in(network, task, adjusted(task))
+        take_in(graph, task, adjusted(task))
 
 
-def _carry_along(network: Network, before: dict[int, View], task: IslandTask) -> None:
+def _carry_along(graph: ViewGraph, before: dict[int, View], task: IslandTask) -> None:
     """Frames that joined the island during its adjustment move with those that they are linked with.
 
     What is newer than the task's frames was placed by resection, and is once more: its neighbours lie better now.
     """
     views, newest = dict(before), max(task.members)
-    waiting = [f for f in network.members(task.island).tolist() if f not in before]
+    waiting = [f for f in graph.members(task.island).tolist() if f not in before]
     while waiting:
-        linked = {f: [other for other in network.frames[f].inliers if other in views] for f in waiting}
+        linked = {f: [other for other in graph.frames[f].inliers if other in views] for f in waiting}
         reached = [f for f in waiting if linked[f]]
         if not reached:
             return
         for frame in reached:
-            view = network.pose_of(frame), network.camera_of(frame)
+            view = graph.pose_of(frame), graph.camera_of(frame)
             old = _inner_corners([views[other] for other in linked[frame]])
-            new = _inner_corners([(network.pose_of(other), network.camera_of(other)) for other in linked[frame]])
+            new = _inner_corners([(graph.pose_of(other), graph.camera_of(other)) for other in linked[frame]])
             seen = np.isfinite(old).all(axis=1) & np.isfinite(new).all(axis=1)
             if seen.sum() >= 4:
                 moved = moved_by_similarity(view[0], *similarity_between(old[seen], new[seen]))
-                network.put(frame, moved, task.island)
+                graph.put(frame, moved, task.island)
             views[frame] = view
         waiting = [f for f in waiting if f not in views]
     for frame in sorted(f for f in views if f > newest):
-        rough = network.pose_of(frame)
-        network.put(frame, resect(network, frame, rough, task.island, task.settings).pose, task.island)
-        note_relief(network, frame, task.settings.relief)
+        rough = graph.pose_of(frame)
+        graph.put(frame, resect(graph, frame, rough, task.island, task.settings).pose, task.island)
+        note_relief(graph, frame, task.settings.relief)
 
 
 def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
@@ -187,13 +187,13 @@ def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
     )
 
 
-def _camera_numbers(network: Network, frames: Sequence[int]) -> list[CameraNumber]:
+def _camera_numbers(graph: ViewGraph, frames: Sequence[int]) -> list[CameraNumber]:
     """The cameras of these frames, in rising order: the cameras of their adjustment."""
-    return sorted({network.frames[frame].camera for frame in frames})
+    return sorted({graph.frames[frame].camera for frame in frames})
 
 
 def _problem(
-    network: Network,
+    graph: ViewGraph,
     island: int,
     frames: Sequence[int],
     poses: list[Pose],
@@ -203,12 +203,12 @@ def _problem(
 ) -> tuple[Problem, list[Camera]]:
     """The adjustment of these frames on an island by these links, and its cameras; `free` (n,) says which may move."""
     row = {frame: i for i, frame in enumerate(frames)}
-    numbers = _camera_numbers(network, frames)
-    cameras = [network.camera_on(island, number) for number in numbers]
-    camera = {frame: numbers.index(network.frames[frame].camera) for frame in frames}
-    pixels, present = _matches(network, keys, camera, cameras, settings.matches_per_pair)
+    numbers = _camera_numbers(graph, frames)
+    cameras = [graph.camera_on(island, number) for number in numbers]
+    camera = {frame: numbers.index(graph.frames[frame].camera) for frame in frames}
+    pixels, present = _matches(graph, keys, camera, cameras, settings.matches_per_pair)
     heights = [cameras[camera[f]].focal_px * math.exp(pose.log_gsd) for f, pose in zip(frames, poses, strict=True)]
-    scale = {camera[frame]: network.frames[frame].features.scale for frame in frames}
+    scale = {camera[frame]: graph.frames[frame].features.scale for frame in frames}
     problem = Problem(
         poses=np.array([pose_row(pose) for pose in poses]),
         lenses=np.array([lens_row(camera) for camera in cameras]),
@@ -221,32 +221,32 @@ def _problem(
         present=present,
         free=free,
         relief=settings.relief.sigma * float(np.median(heights)),
-        lens_prior=np.stack([_lens_prior(network, island, number, settings) for number in numbers], axis=1),
+        lens_prior=np.stack([_lens_prior(graph, island, number, settings) for number in numbers], axis=1),
     )
     return problem, cameras
 
 
-def _lens_prior(network: Network, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
+def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
     """What is expected of a camera on an island, and its standard deviation, (2, 5).
 
     Islands with fewer of its frames learn of the one with most, never the other way round, so that nothing is told to whom
     it came from.
     """
     mean, sigma = any_lens(settings)
-    teacher = network.best_known_lens(number)
-    shown = network.count_with_camera(island, number)
-    if teacher is None or teacher == island or network.count_with_camera(teacher, number) <= shown:
+    teacher = graph.best_known_lens(number)
+    shown = graph.count_with_camera(island, number)
+    if teacher is None or teacher == island or graph.count_with_camera(teacher, number) <= shown:
         return np.stack([mean, sigma])
-    lens = network.lenses[teacher, number]
+    lens = graph.lenses[teacher, number]
     assert lens.information is not None, "the best known lens was estimated"
     return np.stack(expected(mean, sigma, np.array(lens_row(lens.camera)), lens.information))
 
 
 def _matches(
-    network: Network, keys: list[Key], camera: dict[int, int], cameras: list[Camera], most: int
+    graph: ViewGraph, keys: list[Key], camera: dict[int, int], cameras: list[Camera], most: int
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Matches of all links in the adjustment's units, (2, p, k, 2), and which are there, (p, k)."""
-    links = [network.links[key] for key in keys]
+    links = [graph.links[key] for key in keys]
     present = np.arange(most) < np.array([len(link.pixels_a) for link in links])[:, None]
     centres = np.array([camera.centre for camera in cameras])
     half_diagonals = np.array([camera.half_diagonal for camera in cameras])
@@ -263,9 +263,9 @@ def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]
     return dict(zip(task.numbers, (Lens(*known) for known in zip(cameras, information, strict=True)), strict=True))
 
 
-def _aligned_to_held(network: Network, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
+def _aligned_to_held(graph: ViewGraph, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
     """Move the whole island by the one similarity that disturbs least what is already drawn."""
-    held = [(pose, camera, network.frames[f].held) for f, pose, camera in zip(members, poses, cameras, strict=True)]
+    held = [(pose, camera, graph.frames[f].held) for f, pose, camera in zip(members, poses, cameras, strict=True)]
     new = _inner_corners([(pose, camera) for pose, camera, drawn in held if drawn])
     old = _inner_corners([drawn for _, _, drawn in held if drawn])
     seen = np.isfinite(new).all(axis=1) & np.isfinite(old).all(axis=1)

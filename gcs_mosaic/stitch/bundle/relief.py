@@ -20,7 +20,7 @@ from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, pixels_from_canvas
 from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, ReliefSettings
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -52,15 +52,15 @@ class Sightings:
     scales: Array  # (n,) as in `Matched`
 
 
-def matched(network: Network, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
+def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
     """The matches of all links between these frames, or only the links `of` some of them; None where there are none."""
     row = {frame: number for number, frame in enumerate(frames)}
-    ends = {(f, o) for f in (of or frames) for o in network.frames[f].inliers if o in row}
-    keys = sorted({(a, b) if (a, b) in network.links else (b, a) for a, b in ends})
+    ends = {(f, o) for f in (of or frames) for o in graph.frames[f].inliers if o in row}
+    keys = sorted({(a, b) if (a, b) in graph.links else (b, a) for a, b in ends})
     if not keys:
         return None
-    matches = [network.links[key].features for key in keys]
-    features = [network.frames[frame].features for frame in frames]
+    matches = [graph.links[key].features for key in keys]
+    features = [graph.frames[frame].features for frame in frames]
     return Matched(
         pairs=np.array([(row[a], row[b]) for a, b in keys], dtype=np.intp),
         counts=np.array([len(some) for some in matches], dtype=np.intp),
@@ -82,12 +82,12 @@ def sightings(matches: Matched) -> Sightings:
     return Sightings(row[found.nodes], matches.points[kept].astype(np.float64), found.track, matches.scales)
 
 
-def note_relief(network: Network, frame: int, settings: ReliefSettings) -> None:
+def note_relief(graph: ViewGraph, frame: int, settings: ReliefSettings) -> None:
     """Work out the relief displacement of one placed frame from all that it is linked with, as they lie."""
-    frames = [frame, *network.frames[frame].inliers]
-    matches = matched(network, frames, of=[frame])
-    views = [(network.pose_of(f), network.camera_of(f)) for f in frames]
-    network.note(frame, relief=displacements(sightings(matches), views, settings, of=[0])[0] if matches else None)
+    frames = [frame, *graph.frames[frame].inliers]
+    matches = matched(graph, frames, of=[frame])
+    views = [(graph.pose_of(f), graph.camera_of(f)) for f in frames]
+    graph.note(frame, relief=displacements(sightings(matches), views, settings, of=[0])[0] if matches else None)
 
 
 def displacements(

@@ -1,7 +1,7 @@
 """When islands are adjusted as a whole: small ones at once, large ones in the background while frames go on being placed.
 
 An island is due whenever it has grown by one part in so many, so that all its adjustments together cost in proportion to
-its frames. What comes back from the background is a few frames old: those are carried along (`solving.take_in`).
+its frames. What comes back from the background is a few frames old: those are carried along (`island.take_in`).
 
 Each island is adjusted or left as it was, whatever becomes of the others. The worker is another process, which goes on
 whatever is undone here; so it only works out a function of its task, and is given the task again if it is at another one.
@@ -16,7 +16,7 @@ from functools import partial
 from gcs_mosaic.stitch.bundle.island import IslandTask, adjust_island, island_task, take_in
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.worker import Failed, Worker
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.transaction import EachWhole, Kept
 
 
@@ -32,15 +32,15 @@ class UpkeepSettings:
 
 
 class Upkeep(Kept):
-    """Keeps the islands of a network adjusted. `punctual`: results are taken in after a fixed number of frames, waited for
+    """Keeps the islands of a graph adjusted. `punctual`: results are taken in after a fixed number of frames, waited for
     if need be, so that the same frames always give the same map; otherwise as soon as they are there. `adjusted(island)` is
     called when the frames of an island have been laid anew."""
 
-    FIXED = frozenset({"_network", "_worker", "_worker_is_at", "_adjusted"})
+    FIXED = frozenset({"_graph", "_worker", "_worker_is_at", "_adjusted"})
 
     def __init__(
         self,
-        network: Network,
+        graph: ViewGraph,
         settings: UpkeepSettings,
         adjustment: AdjustmentSettings,
         worker: Worker | None = None,
@@ -48,7 +48,7 @@ class Upkeep(Kept):
         punctual: bool = False,
         adjusted: Callable[[int], None] = lambda island: None,
     ) -> None:
-        self._network = network
+        self._graph = graph
         self._settings = settings
         self._adjustment = adjustment
         self._worker = worker
@@ -58,7 +58,7 @@ class Upkeep(Kept):
         self._adjusted = adjusted
         self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
         self._task: IslandTask | None = None  # what the worker is to be at
-        self._frames_before = 0  # in the network when that began
+        self._frames_before = 0  # in the graph when that began
         self.problem: str | None = None  # what has last gone wrong in the background
 
     def grow(self, island: int, frames: int = 1) -> None:
@@ -94,27 +94,27 @@ class Upkeep(Kept):
 
     def _each(self, steps: Iterable[Callable[[], None]]) -> None:
         """Each step as a whole or not at all. One that raises keeps no other from being tried; the first error is raised."""
-        with EachWhole(self._network, self, otherwise="an island was not adjusted") as each:
+        with EachWhole(self._graph, self, otherwise="an island was not adjusted") as each:
             for step in steps:
                 each.tried(step)
 
     def _due(self) -> list[int]:
-        sizes = {island: self._network.count_members(island) for island in self._grown}
+        sizes = {island: self._graph.count_members(island) for island in self._grown}
         return [island for island, size in sizes.items() if self._grown[island] * self._settings.per_doubling >= size]
 
     def _adjust(self, island: int, *, at_once: bool) -> None:
-        large = self._network.count_members(island) >= self._settings.background_from
+        large = self._graph.count_members(island) >= self._settings.background_from
         if at_once or not large or self._helper is None:
             del self._grown[island]
-            adjust_island(self._network, island, self._adjustment)
+            adjust_island(self._graph, island, self._adjustment)
             self._adjusted(island)
         elif self._task is None:
             self._begin(island)
 
     def _begin(self, island: int) -> None:
         del self._grown[island]
-        self._task = island_task(self._network, island, self._adjustment)
-        self._frames_before = len(self._network.frames)
+        self._task = island_task(self._graph, island, self._adjustment)
+        self._frames_before = len(self._graph.frames)
         if self._task is not None:
             self._asked(self._task)
 
@@ -135,7 +135,7 @@ class Upkeep(Kept):
         if self._task is None:
             return
         frames = max(1, len(self._task.members) // self._settings.meanwhile)
-        since = len(self._network.frames) - self._frames_before
+        since = len(self._graph.frames) - self._frames_before
         if since >= frames if self._punctual else self._asked(self._task).is_ready():
             self._take_in()
 
@@ -150,5 +150,5 @@ class Upkeep(Kept):
             self.problem = f"{found.reason}; from now on frames wait while it is adjusted"
             self._worker_failed = True
             self.grow(task.island, len(task.members))
-        elif take_in(self._network, task, found):
+        elif take_in(self._graph, task, found):
             self._adjusted(task.island)

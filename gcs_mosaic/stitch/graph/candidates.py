@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
-from gcs_mosaic.stitch.graph.view_graph import Network, box_of, centres
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.registration import (
     NotRegistered,
     Part,
@@ -41,16 +41,16 @@ class SearchSettings:
 
 
 class Search:
-    """Looks for links between the frames of a network."""
+    """Looks for links between the frames of a graph."""
 
     def __init__(
         self,
-        network: Network,
+        graph: ViewGraph,
         settings: SearchSettings,
         registration: RegistrationSettings,
         observer: Observer | None = None,
     ) -> None:
-        self._network = network
+        self._graph = graph
         self._settings = settings
         self._registration = registration
         self._observer = observer
@@ -73,27 +73,25 @@ class Search:
 
     def _candidates(self, frame: int, last: int) -> Iterator[int]:
         yield from self._nearby(last)
-        yield from self.likeliest(frame, self._network.placed())
+        yield from self.likeliest(frame, self._graph.placed())
 
     def likeliest(self, frame: int, among: ArrayLike, count: int | None = None) -> list[int]:
         """Frames that look most like this one, best first."""
         others = np.asarray(among, dtype=np.intp)
         others = others[others != frame]
-        features = self._network.frames[frame].features
-        return self._network.retrieval.likeliest(
-            features, others, self._settings.wide_tries if count is None else count
-        )
+        features = self._graph.frames[frame].features
+        return self._graph.retrieval.likeliest(features, others, self._settings.wide_tries if count is None else count)
 
     def register(self, frame: int, other: int) -> Registration | None:
         """Register two frames that may lie anywhere."""
-        a, b = self._network.frames[frame].features, self._network.frames[other].features
-        parts = (Part(again=self._network.matched_before(f)) for f in (frame, other))
+        a, b = self._graph.frames[frame].features, self._graph.frames[other].features
+        parts = (Part(again=self._graph.matched_before(f)) for f in (frame, other))
         return self._told(frame, other, register(a, b, self._registration, *parts))
 
     def compare(self, name: str, features: Features, other: int) -> Registration | None:
-        """Register a frame that is not of the network yet with one that is; the same as `register` once it is."""
-        part = Part(again=self._network.matched_before(other))
-        found = register(features, self._network.frames[other].features, self._registration, part_b=part)
+        """Register a frame that is not of the graph yet with one that is; the same as `register` once it is."""
+        part = Part(again=self._graph.matched_before(other))
+        found = register(features, self._graph.frames[other].features, self._registration, part_b=part)
         return self._told_of(name, other, found)
 
     def neighbour_links(
@@ -101,20 +99,20 @@ class Search:
     ) -> dict[int, Registration | None]:
         """Links of a frame at a rough pose with those it should overlap, or with the `most` likely, spread over all directions;
         None where none is."""
-        view = pose, self._network.camera_on(island, self._network.frames[frame].camera)
-        known = self._network.frames[frame].inliers
+        view = pose, self._graph.camera_on(island, self._graph.frames[frame].camera)
+        known = self._graph.frames[frame].inliers
         others = [other for other in self._overlapping(frame, *view, island) if other not in known][:most]
-        again = self._network.matched_before(frame)
+        again = self._graph.matched_before(frame)
         found = self._pool.map(lambda other: self._registered_in_place(frame, view, again, other), others)
         return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
 
     def _nearby(self, last: int) -> list[int]:
         """The last placed frame, then those that meet its region of interest, nearest first."""
-        network = self._network
-        region = neighbours.region_of_interest(network.boxes[last])
-        here = network.members(network.island_of(last))
-        here = here[neighbours.boxes_meet(region, network.boxes[here])]
-        far = np.linalg.norm(centres(network.boxes[here]) - centres(network.boxes[[last]]), axis=1)
+        graph = self._graph
+        region = neighbours.region_of_interest(graph.boxes[last])
+        here = graph.members(graph.island_of(last))
+        here = here[neighbours.boxes_meet(region, graph.boxes[here])]
+        far = np.linalg.norm(centres(graph.boxes[here]) - centres(graph.boxes[[last]]), axis=1)
         order = [int(here[i]) for i in np.argsort(far, kind="stable") if here[i] != last]
         return [last, *order][: self._settings.first_tries]
 
@@ -123,16 +121,16 @@ class Search:
 
         A climb puts hundreds of frames inside the box of one: the boxes choose those whose overlap is worked out.
         """
-        network, count = self._network, self._settings.neighbours
+        graph, count = self._graph, self._settings.neighbours
         box = box_of(pose, camera)
-        members = network.members(island)
-        members = members[(members != frame) & neighbours.boxes_meet(box, network.boxes[members])]
-        away = centres(network.boxes[members]) - centres(box[None])
+        members = graph.members(island)
+        members = members[(members != frame) & neighbours.boxes_meet(box, graph.boxes[members])]
+        away = centres(graph.boxes[members]) - centres(box[None])
         bearings = np.arctan2(away[:, 1], away[:, 0])
-        roughly = neighbours.boxes_shared(box, network.boxes[members])
+        roughly = neighbours.boxes_shared(box, graph.boxes[members])
         likely = neighbours.spread_choice(roughly, bearings, PER_NEIGHBOUR * count)
         members, bearings = members[likely], bearings[likely]
-        shared = np.array([neighbours.overlap(pose, camera, network.pose_of(o), network.camera_of(o)) for o in members])
+        shared = np.array([neighbours.overlap(pose, camera, graph.pose_of(o), graph.camera_of(o)) for o in members])
         keep = shared >= self._settings.least_overlap
         chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
         return [int(f) for f in members[keep][chosen]]
@@ -142,19 +140,19 @@ class Search:
     ) -> Registration | NotRegistered:
         """Register two frames by the features that both should see, as far as their poses are known; `again`: those of the first
         that were matched before."""
-        network = self._network
-        a, b = network.frames[frame].features, network.frames[other].features
-        view_b = network.pose_of(other), network.camera_of(other)
+        graph = self._graph
+        a, b = graph.frames[frame].features, graph.frames[other].features
+        view_b = graph.pose_of(other), graph.camera_of(other)
         seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
         part_a = Part(seen_a, again)
-        part_b = Part(seen_b, network.matched_before(other))
+        part_b = Part(seen_b, graph.matched_before(other))
         return register(a, b, self._registration, part_a, part_b)
 
     def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
-        return self._told_of(self._network.frames[frame].name, other, found)
+        return self._told_of(self._graph.frames[frame].name, other, found)
 
     def _told_of(self, name: str, other: int, found: Registration | NotRegistered) -> Registration | None:
         if self._observer:
-            self._observer.registered(name, self._network.frames[other].name, found)
+            self._observer.registered(name, self._graph.frames[other].name, found)
         return found if isinstance(found, Registration) else None

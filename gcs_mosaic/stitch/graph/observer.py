@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 
 logger = logging.getLogger(__name__)
@@ -73,22 +73,22 @@ class Observers:
                 self._observers.remove(observer)
 
 
-def island_residuals(network: Network, island: int) -> list[Residuals]:
+def island_residuals(graph: ViewGraph, island: int) -> list[Residuals]:
     """What the matches of an island's frames miss by as they lie now, lens and relief applied; NaN above the horizon."""
-    of_frame: dict[int, list[tuple[Array, Array]]] = {frame: [] for frame in network.members(island).tolist()}
-    for (a, b), link in network.links.items():
+    of_frame: dict[int, list[tuple[Array, Array]]] = {frame: [] for frame in graph.members(island).tolist()}
+    for (a, b), link in graph.links.items():
         if a in of_frame and b in of_frame:
-            place_a, place_b = _places(network, a, link.pixels_a), _places(network, b, link.pixels_b)
+            place_a, place_b = _places(graph, a, link.pixels_a), _places(graph, b, link.pixels_b)
             of_frame[a].append((place_a, place_b - place_a))
             of_frame[b].append((place_b, place_a - place_b))
     return [
-        Residuals(network.frames[frame].name, *(np.concatenate([part[k] for part in parts]) for k in (0, 1)))
+        Residuals(graph.frames[frame].name, *(np.concatenate([part[k] for part in parts]) for k in (0, 1)))
         for frame, parts in of_frame.items()
         if parts
     ]
 
 
-def _places(network: Network, frame: int, pixels: Array) -> Array:
-    camera = network.camera_of(frame)
-    level_ground = on_plane(network.frames[frame].relief, camera, pixels)
-    return canvas_from_pixels(network.pose_of(frame), camera, level_ground)
+def _places(graph: ViewGraph, frame: int, pixels: Array) -> Array:
+    camera = graph.camera_of(frame)
+    level_ground = on_plane(graph.frames[frame].relief, camera, pixels)
+    return canvas_from_pixels(graph.pose_of(frame), camera, level_ground)

@@ -20,7 +20,7 @@ from gcs_mosaic.stitch.camera.geometry import (
     pixel_grid,
     pixels_from_canvas,
 )
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import Confirmed
 
 COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features where there is anything to see
@@ -29,19 +29,19 @@ SHARPER = 2.0  # times; SIFT bridges more, but finds less and less in common
 
 
 def confirmed_around(
-    network: Network, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[Array]
+    graph: ViewGraph, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[Array]
 ) -> Confirmed:
     """How much of what these other frames of an island should have in common with the frame at this pose matches confirm:
     of what was matched between them before if that is enough to judge, else of all they see.
 
     matched: the frame's pixels (m, 2) in full resolution that were matched with any of them.
     """
-    camera = network.camera_on(island, network.frames[frame].camera)
+    camera = graph.camera_on(island, graph.frames[frame].camera)
     agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
-    full = _full_cells(network, frame, camera)
-    expected = full & _matched_before_by_any(network, frame, pose, camera, others)
+    full = _full_cells(graph, frame, camera)
+    expected = full & _matched_before_by_any(graph, frame, pose, camera, others)
     if expected.sum() < ENOUGH_CELLS:
-        expected = full & _seen_by_any(network, pose, camera, others)
+        expected = full & _seen_by_any(graph, pose, camera, others)
     return Confirmed(float(agreeing[expected].mean()) if expected.any() else 1.0, int(expected.sum()))
 
 
@@ -49,13 +49,13 @@ ENOUGH_CELLS = 6
 
 
 def _matched_before_by_any(
-    network: Network, frame: int, pose: Pose, camera: Camera, others: Sequence[int]
+    graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]
 ) -> NDArray[np.bool_]:
     """Cells (ROWS * COLUMNS,) that show what the others have been matched by, but for this frame, as sharply as they do."""
     counts = np.zeros(ROWS * COLUMNS, np.intp)
     for other in others:
-        view = network.pose_of(other), network.camera_of(other)
-        pixels = network.frames[other].features.points[network.matched_before(other, but=frame)].astype(np.float64)
+        view = graph.pose_of(other), graph.camera_of(other)
+        pixels = graph.frames[other].features.points[graph.matched_before(other, but=frame)].astype(np.float64)
         places = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
         with np.errstate(invalid="ignore"):
             inside = ((places >= 0) & (places < [camera.width, camera.height])).all(axis=1)
@@ -65,8 +65,8 @@ def _matched_before_by_any(
     return np.asarray(counts >= COMPARABLE)
 
 
-def _full_cells(network: Network, frame: int, camera: Camera) -> NDArray[np.bool_]:
-    points = network.frames[frame].features.points.astype(np.float64)
+def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> NDArray[np.bool_]:
+    points = graph.frames[frame].features.points.astype(np.float64)
     return np.asarray(_counts(points, camera) >= COMPARABLE)
 
 
@@ -76,7 +76,7 @@ def _counts(pixels: Array, camera: Camera) -> NDArray[np.intp]:
     return np.bincount(row.clip(0, ROWS - 1) * COLUMNS + column.clip(0, COLUMNS - 1), minlength=ROWS * COLUMNS)
 
 
-def _seen_by_any(network: Network, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
+def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
     """Cells (ROWS * COLUMNS,) whose middle some other frame sees, neither much sharper nor much coarser."""
     half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
     inner = Camera(camera.width, camera.height)
@@ -85,7 +85,7 @@ def _seen_by_any(network: Network, pose: Pose, camera: Camera, others: Sequence[
     own = ground_sampling_distance(pose, camera, middles)
     seen = np.zeros(len(middles), bool)
     for other in others:
-        view = network.pose_of(other), network.camera_of(other)
+        view = graph.pose_of(other), graph.camera_of(other)
         pixels = pixels_from_canvas(*view, places)
         with np.errstate(invalid="ignore"):
             inside = ((pixels >= 0) & (pixels < [view[1].width, view[1].height])).all(axis=1)

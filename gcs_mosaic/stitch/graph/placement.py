@@ -9,7 +9,7 @@ import numpy as np
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 Homography = tuple[tuple[float, ...], ...]  # 3x3, row by row
 
@@ -73,18 +73,18 @@ class Rejection:
 Outcome = Placement | Covered | Waiting | Rejection
 
 
-def placement_of(network: Network, frame: int) -> Placement:
-    """How a placed frame of the network lies now."""
-    state = network.frames[frame]
+def placement_of(graph: ViewGraph, frame: int) -> Placement:
+    """How a placed frame of the graph lies now."""
+    state = graph.frames[frame]
     return Placement(
         name=state.name,
-        island=network.island_of(frame),
-        pose=network.pose_of(frame),
-        camera=network.camera_of(frame),
+        island=graph.island_of(frame),
+        pose=graph.pose_of(frame),
+        camera=graph.camera_of(frame),
         relief=state.relief,
         inliers=sum(state.inliers.values()),
         residual_px=state.residual_px,
-        neighbours=tuple(network.frames[other].name for other in sorted(state.inliers)),
+        neighbours=tuple(graph.frames[other].name for other in sorted(state.inliers)),
         hops=state.hops,
         corner_deviation_px=state.corner_deviation_px,
     )

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.transaction import Kept
 
 logger = logging.getLogger(__name__)
@@ -48,12 +48,12 @@ class HeldOut:
 
 
 class Tearing(Kept):
-    """Measures the islands of a network, each when it has been adjusted or has grown."""
+    """Measures the islands of a graph, each when it has been adjusted or has grown."""
 
-    FIXED = frozenset({"_network", "_settings"})
+    FIXED = frozenset({"_graph", "_settings"})
 
-    def __init__(self, network: Network, settings: ReliefSettings) -> None:
-        self._network = network
+    def __init__(self, graph: ViewGraph, settings: ReliefSettings) -> None:
+        self._graph = graph
         self._settings = settings
         self._known: dict[int, tuple[int, HeldOut | None]] = {}  # and frames at that time, by island
 
@@ -68,7 +68,7 @@ class Tearing(Kept):
     def of_islands(self) -> dict[int, HeldOut]:
         """The figures of all islands that have any; costs next to nothing where little has changed."""
         found = {}
-        for island, frames in self._network.frame_counts().items():
+        for island, frames in self._graph.frame_counts().items():
             before, known = self._known.get(island, (0, None))
             if not before <= frames < before + max(1, before // PER_GROWTH):
                 known = self._measured(island)
@@ -79,7 +79,7 @@ class Tearing(Kept):
 
     def _measured(self, island: int) -> HeldOut | None:
         try:
-            return torn_apart(self._network, island, self._settings)
+            return torn_apart(self._graph, island, self._settings)
         except Exception:  # no flight must end because its map cannot be judged
             logger.exception("island %d could not be judged", island)
             return None
@@ -104,26 +104,26 @@ class _Sights:
     by_height: Array  # (n, 2) how that moves per unit of height of the ground
 
 
-def torn_apart(network: Network, island: int, settings: ReliefSettings) -> HeldOut | None:
+def torn_apart(graph: ViewGraph, island: int, settings: ReliefSettings) -> HeldOut | None:
     """How far an island tears held-out matches apart; None where there are too few."""
-    matches = _matches(network, island)
+    matches = _matches(graph, island)
     if np.count_nonzero(matches.is_inlier) < FEWEST:
         return None
-    sights = _sights(network, matches.frames.ravel(), matches.features.ravel())
-    believed = matches.is_inlier | _as_good_as_inliers(sights, matches.is_inlier, _highest(network, island, settings))
+    sights = _sights(graph, matches.frames.ravel(), matches.features.ravel())
+    believed = matches.is_inlier | _as_good_as_inliers(sights, matches.is_inlier, _highest(graph, island, settings))
     distances = np.linalg.norm(sights.painted[::2] - sights.painted[1::2], axis=1)[believed]
-    distances = np.where(np.isfinite(distances), distances, np.inf) / _ground_sampling(network, island)
+    distances = np.where(np.isfinite(distances), distances, np.inf) / _ground_sampling(graph, island)
     _, pair, counts = np.unique(matches.pair[believed], return_inverse=True, return_counts=True)
     median, p95 = quantiles(distances, np.minimum(1, COUNTING / counts[pair]), (0.5, 0.95))
     return HeldOut(median, p95, len(distances))
 
 
-def _matches(network: Network, island: int) -> _Matches:
+def _matches(graph: ViewGraph, island: int) -> _Matches:
     """The held-out matches of an island, at most so many."""
-    inside = set(network.members(island).tolist())
-    keys = [key for key in network.links if key[0] in inside and key[1] in inside]
+    inside = set(graph.members(island).tolist())
+    keys = [key for key in graph.links if key[0] in inside and key[1] in inside]
     keys = keys[:: -(-len(keys) // PAIRS) or 1]
-    links = [network.links[key] for key in keys]
+    links = [graph.links[key] for key in keys]
     features = [np.concatenate([link.held_out, link.doubtful]) for link in links]
     chosen = [np.arange(0, len(both), -(-len(both) // PER_PAIR) or 1) for both in features]
     counts = [len(some) for some in chosen]
@@ -139,13 +139,13 @@ def _joined(parts: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
     return np.concatenate(parts).astype(kind) if parts else np.empty(0, kind)
 
 
-def _sights(network: Network, frames: Indices, features: Indices) -> _Sights:
+def _sights(graph: ViewGraph, frames: Indices, features: Indices) -> _Sights:
     """What these frames (n,) see of these of their features (n,)."""
     painted, level, by_height = np.empty((3, len(frames), 2))
     order = np.argsort(frames, kind="stable")
     for own in np.split(order, np.flatnonzero(np.diff(frames[order])) + 1):
         frame = int(frames[own[0]])
-        state, pose, camera = network.frames[frame], network.pose_of(frame), network.camera_of(frame)
+        state, pose, camera = graph.frames[frame], graph.pose_of(frame), graph.camera_of(frame)
         pixels = state.features.points[features[own]].astype(np.float64)
         both = np.concatenate([on_plane(state.relief, camera, pixels), pixels])
         painted[own], level[own] = canvas_from_pixels(pose, camera, both).reshape(2, -1, 2)
@@ -171,13 +171,13 @@ def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[fl
     return [float(values[order[min(int(np.searchsorted(heaped, share * heaped[-1])), last)]]) for share in shares]
 
 
-def _highest(network: Network, island: int, settings: ReliefSettings) -> float:
+def _highest(graph: ViewGraph, island: int, settings: ReliefSettings) -> float:
     """Height above the plane that is still believed, canvas units."""
-    members = network.members(island).tolist()
-    heights = [math.exp(network.pose_of(f).log_gsd) * network.camera_of(f).focal_px for f in members]
+    members = graph.members(island).tolist()
+    heights = [math.exp(graph.pose_of(f).log_gsd) * graph.camera_of(f).focal_px for f in members]
     return HIGHEST * settings.sigma * float(np.median(heights))
 
 
-def _ground_sampling(network: Network, island: int) -> float:
+def _ground_sampling(graph: ViewGraph, island: int) -> float:
     """Canvas units per pixel of the median frame."""
-    return math.exp(float(np.median([network.pose_of(f).log_gsd for f in network.members(island).tolist()])))
+    return math.exp(float(np.median([graph.pose_of(f).log_gsd for f in graph.members(island).tolist()])))

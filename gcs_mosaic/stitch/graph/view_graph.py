@@ -1,6 +1,6 @@
-"""The network of frames: which frames there are, how they were linked by matches, and where they lie.
+"""The graph of frames: which frames there are, how they were linked by matches, and where they lie.
 
-One network holds all islands, and it is all that the placing of frames keeps: the rooms around it decide, and remember
+One graph holds all islands, and it is all that the placing of frames keeps: the rooms around it decide, and remember
 nothing. Frames are numbered in the order in which they came; numbers never change.
 """
 
@@ -87,7 +87,7 @@ class Lens:
     information: Array | None = None
 
 
-class Network(Kept):
+class ViewGraph(Kept):
     """Frames, lenses, links and islands.
 
     `islands` (n,): each frame's island, NOWHERE for those that are not placed. `cameras` (n,): each frame's camera. `boxes`

@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
 from gcs_mosaic.stitch.graph.placement import Covered
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import confirmed
 from gcs_mosaic.stitch.registration.registration import Registration
 
@@ -42,31 +42,31 @@ class CoverSettings:
 
 
 class Covering:
-    """Looks whether frames are covered by those of a network. Remembers nothing itself."""
+    """Looks whether frames are covered by those of a graph. Remembers nothing itself."""
 
-    def __init__(self, network: Network, search: Search, settings: CoverSettings) -> None:
-        self._network = network
+    def __init__(self, graph: ViewGraph, search: Search, settings: CoverSettings) -> None:
+        self._graph = graph
         self._search = search
         self._settings = settings
 
     def look(self, name: str, features: Features) -> Covered | Compared:
-        """Whether a frame that is not of the network yet is covered; if not, what it was matched with to see that.
+        """Whether a frame that is not of the graph yet is covered; if not, what it was matched with to see that.
 
         The search for the frame that comes next begins at the keyframe of this one.
         """
-        network, compared = self._network, dict[int, Registration | None]()
-        if not self._settings.enabled or not network.merged_into:
+        graph, compared = self._graph, dict[int, Registration | None]()
+        if not self._settings.enabled or not graph.merged_into:
             return compared
-        last = network.last_placed
+        last = graph.last_placed
         compared[last] = self._search.compare(name, features, last)
         for keyframe in self._keyframes(features, last, compared[last]):
             if keyframe not in compared:
                 compared[keyframe] = self._search.compare(name, features, keyframe)
             link = compared[keyframe]
             if link is not None and self._is_covered(features, keyframe, link):
-                network.last_placed = keyframe
+                graph.last_placed = keyframe
                 by_from_frame = link.b_from_a / link.b_from_a[2, 2]
-                return Covered(name, network.frames[keyframe].name, tuple(map(tuple, by_from_frame.tolist())))
+                return Covered(name, graph.frames[keyframe].name, tuple(map(tuple, by_from_frame.tolist())))
         return compared
 
     def _keyframes(self, features: Features, last: int, link: Registration | None) -> Iterator[int]:
@@ -82,35 +82,35 @@ class Covering:
 
     def _shares(self, features: Features, last: int, link: Registration) -> Iterator[tuple[int, float]]:
         """Frames around that may cover this one, and the share of it that each should see."""
-        network = self._network
+        graph = self._graph
         outline = _mapped(link.b_from_a, _corners(features))
-        places = canvas_from_pixels(network.pose_of(last), network.camera_of(last), outline)
+        places = canvas_from_pixels(graph.pose_of(last), graph.camera_of(last), outline)
         if not np.isfinite(places).all():
             return  # it sees the horizon, and where that lies no homography of the ground tells
         box = np.concatenate([places.min(axis=0), places.max(axis=0)])
-        members = network.members(network.island_of(last))
-        members = members[boxes_meet(box, network.boxes[members])]
-        likely = np.argsort(-boxes_shared(box, network.boxes[members]), kind="stable")[:CANDIDATES]
+        members = graph.members(graph.island_of(last))
+        members = members[boxes_meet(box, graph.boxes[members])]
+        likely = np.argsort(-boxes_shared(box, graph.boxes[members]), kind="stable")[:CANDIDATES]
         for other in members[likely].tolist():
             if self._may_cover(features, other):
-                camera = network.camera_of(other)
-                yield other, _share_inside(pixels_from_canvas(network.pose_of(other), camera, places), camera)
+                camera = graph.camera_of(other)
+                yield other, _share_inside(pixels_from_canvas(graph.pose_of(other), camera, places), camera)
 
     def _may_cover(self, features: Features, other: int) -> bool:
         """Whether a placed frame is of the same camera (another one shows other things) and not clearly less sharp."""
-        placed = self._network.frames[other].features
+        placed = self._graph.frames[other].features
         same = (placed.width, placed.height) == (features.width, features.height)
         return same and features.sharpness <= self._settings.most_sharper * placed.sharpness
 
     def _is_covered(self, features: Features, keyframe: int, link: Registration) -> bool:
         """Whether a frame that was registered with one that may cover it adds neither ground nor resolution."""
-        outline, camera = _mapped(link.b_from_a, _corners(features)), self._network.camera_of(keyframe)
+        outline, camera = _mapped(link.b_from_a, _corners(features)), self._graph.camera_of(keyframe)
         if _share_inside(outline, camera) < 1 - self._settings.most_new:
             return False
         area = cv2.contourArea(outline.astype(np.float32)) / (features.width * features.height)
         if area * self._settings.most_finer**2 < 1:
             return False
-        placed = self._network.frames[keyframe].features
+        placed = self._graph.frames[keyframe].features
         found = _mapped(np.asarray(np.linalg.inv(link.b_from_a), dtype=np.float64), placed.points.astype(np.float64))
         share = confirmed(features.points.astype(np.float64), found, link.pixels_a).share
         return share >= self._settings.least_confirmed

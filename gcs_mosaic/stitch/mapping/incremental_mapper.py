@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import placement_of
-from gcs_mosaic.stitch.graph.view_graph import NOWHERE, Bridge, Network
+from gcs_mosaic.stitch.graph.view_graph import NOWHERE, Bridge, ViewGraph
 from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mapping.resection import Placing
 from gcs_mosaic.stitch.registration.registration import Registration
@@ -27,18 +27,18 @@ Pair = tuple[int, int]
 
 
 class Assembly:
-    """Puts frames of a network on islands, and islands together. Remembers nothing itself."""
+    """Puts frames of a graph on islands, and islands together. Remembers nothing itself."""
 
     def __init__(
         self,
-        network: Network,
+        graph: ViewGraph,
         search: Search,
         placing: Placing,
         bridges: Bridges,
         upkeep: Upkeep,
         observer: Observer | None = None,
     ) -> None:
-        self._network = network
+        self._graph = graph
         self._search = search
         self._placing = placing
         self._bridges = bridges
@@ -46,13 +46,13 @@ class Assembly:
         self._observer = observer
 
     def take_in(self, frame: int, compared: Mapping[int, Registration | None] = MappingProxyType({})) -> bool:
-        """Place a frame of the network that is new, and all that finds its place because of it; False if it must wait.
+        """Place a frame of the graph that is new, and all that finds its place because of it; False if it must wait.
 
         `compared`: what came of comparing it with some placed frames already.
         """
         placed = self._place_first(frame, compared)
         if not placed:
-            self._network.waiting.add(frame)
+            self._graph.waiting.add(frame)
         self._use_what_is_new(placed)
         return bool(placed)
 
@@ -61,9 +61,9 @@ class Assembly:
 
         One that raises counts as tried, and keeps no other from it; the first error is raised at the end.
         """
-        self._network.waiting.forget_comparisons()
-        with EachWhole(self._network, self._upkeep, otherwise="a frame that waits was not tried again") as each:
-            while any(self._retry(frame, each) for frame in self._network.waiting):
+        self._graph.waiting.forget_comparisons()
+        with EachWhole(self._graph, self._upkeep, otherwise="a frame that waits was not tried again") as each:
+            while any(self._retry(frame, each) for frame in self._graph.waiting):
                 pass
 
     def connect_some(self, frames: int) -> bool:
@@ -72,50 +72,50 @@ class Assembly:
         False if there is nothing left to compare: every frame has been, since something new was known last. Two frames that
         raise count as compared, and keep no others from it; the first error is raised at the end.
         """
-        network = self._network
-        if not network.frames_to_ask and network.asked_when != self._what_is_known():
-            network.asked_when = self._what_is_known()
-            network.frames_to_ask = self._apart_from_most()
-        asked, network.frames_to_ask = network.frames_to_ask[:frames], network.frames_to_ask[frames:]
-        with EachWhole(network, self._upkeep, otherwise="frames that may be connected were not compared") as each:
+        graph = self._graph
+        if not graph.frames_to_ask and graph.asked_when != self._what_is_known():
+            graph.asked_when = self._what_is_known()
+            graph.frames_to_ask = self._apart_from_most()
+        asked, graph.frames_to_ask = graph.frames_to_ask[:frames], graph.frames_to_ask[frames:]
+        with EachWhole(graph, self._upkeep, otherwise="frames that may be connected were not compared") as each:
             for frame in asked:
                 self._compare_with_likeliest(frame, each)
-        return bool(network.frames_to_ask) or network.asked_when != self._what_is_known()
+        return bool(graph.frames_to_ask) or graph.asked_when != self._what_is_known()
 
     def _compare_with_likeliest(self, frame: int, each: EachWhole) -> None:
         count = self._bridges.tries_in_a_pause
         for other in each.tried(lambda: self._search.likeliest(frame, self._apart_from(frame), count)) or []:
             if self._is_worth_comparing(frame, other) and other in self._apart_from(frame):
-                self._network.compared[_pair(frame, other)] = None
+                self._graph.compared[_pair(frame, other)] = None
                 self._place_and_use(partial(self._compare, frame, other), each)
 
     def _is_worth_comparing(self, frame: int, other: int) -> bool:
         """Whether they were never compared, or have much in common and lie elsewhere than when that led to nothing."""
-        pair, compared = _pair(frame, other), self._network.compared
+        pair, compared = _pair(frame, other), self._graph.compared
         return pair not in compared or compared[pair] not in (None, self._poses(pair))
 
     def _poses(self, pair: Pair) -> tuple[Pose | None, Pose | None]:
-        return self._network.frames[pair[0]].pose, self._network.frames[pair[1]].pose
+        return self._graph.frames[pair[0]].pose, self._graph.frames[pair[1]].pose
 
     def _what_is_known(self) -> tuple[int, int, int]:
         """Changes whenever a frame comes or is placed, or islands are joined."""
-        network = self._network
-        placed = int(np.count_nonzero(network.islands != NOWHERE))
-        return len(network.frames), placed, sum(into is not None for into in network.merged_into)
+        graph = self._graph
+        placed = int(np.count_nonzero(graph.islands != NOWHERE))
+        return len(graph.frames), placed, sum(into is not None for into in graph.merged_into)
 
     def _apart_from_most(self) -> list[int]:
         """Frames that wait, and those of all islands but the largest, the smallest first."""
-        islands = sorted(self._network.frame_counts().items(), key=lambda island: (island[1], -island[0]))
+        islands = sorted(self._graph.frame_counts().items(), key=lambda island: (island[1], -island[0]))
         return [
-            *self._network.waiting,
-            *(frame for island, _ in islands[:-1] for frame in self._network.members(island).tolist()),
+            *self._graph.waiting,
+            *(frame for island, _ in islands[:-1] for frame in self._graph.members(island).tolist()),
         ]
 
     def _apart_from(self, frame: int) -> list[int]:
         """Frames that are not connected with this one: of other islands, or waiting."""
-        network = self._network
-        placed = network.placed() if network.islands[frame] == NOWHERE else network.elsewhere(network.island_of(frame))
-        return [*placed.tolist(), *(other for other in network.waiting if other != frame)]
+        graph = self._graph
+        placed = graph.placed() if graph.islands[frame] == NOWHERE else graph.elsewhere(graph.island_of(frame))
+        return [*placed.tolist(), *(other for other in graph.waiting if other != frame)]
 
     def _compare(self, frame: int, other: int) -> list[int]:
         """Two frames that may show one ground. Returns those that waited and are placed now."""
@@ -124,13 +124,13 @@ class Assembly:
         if registration is None:
             return []
         placed, pair = self._connect(first, second, registration), _pair(frame, other)
-        self._network.compared[pair] = self._poses(pair)
+        self._graph.compared[pair] = self._poses(pair)
         return placed
 
     def _company(self, frame: int) -> int:
         """0 for a frame that waits, 1 for one alone on its island, 2 for all others."""
-        island = self._network.islands[frame]
-        return 0 if island == NOWHERE else min(self._network.count_members(island), 2)
+        island = self._graph.islands[frame]
+        return 0 if island == NOWHERE else min(self._graph.count_members(island), 2)
 
     def _connect(self, first: int, second: int, registration: Registration) -> list[int]:
         """Join the islands of two frames that were registered, place the one that waits, or found an island with both.
@@ -156,41 +156,41 @@ class Assembly:
 
     def _place_first(self, frame: int, compared: Mapping[int, Registration | None]) -> list[int]:
         """The frame, if it is the first of all or can be placed; and another that it has founded an island with."""
-        if not self._network.merged_into:
+        if not self._graph.merged_into:
             self._found_island(frame)
             return [frame]
-        links = self._search.first_links(frame, self._network.last_placed, compared)
+        links = self._search.first_links(frame, self._graph.last_placed, compared)
         if any(self._place_beside(frame, other, registration) for other, registration in links):
             return [frame]
         return self._found_with_waiting(frame)
 
     def _found_island(self, frame: int) -> None:
         """The frame lies level and at its own resolution on a canvas of its own."""
-        island, network = self._network.found_island(), self._network
-        camera = network.camera_on(island, network.frames[frame].camera)
+        island, graph = self._graph.found_island(), self._graph
+        camera = graph.camera_on(island, graph.frames[frame].camera)
         self._settle(frame, Pose(*camera.centre), island)
 
     def _settle(self, frame: int, pose: Pose, island: int) -> None:
-        self._network.put(frame, pose, island)
-        self._network.last_placed = frame
+        self._graph.put(frame, pose, island)
+        self._graph.last_placed = frame
         self._upkeep.grow(island)
         if self._observer:
-            self._observer.placed(placement_of(self._network, frame))
+            self._observer.placed(placement_of(self._graph, frame))
 
     def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
         """Place a frame from its first link; False (and nothing kept) if the result is not to be believed."""
         found = self._placing.pose_beside(frame, other, registration)
         if isinstance(found, Pose):
-            self._settle(frame, found, self._network.island_of(other))
+            self._settle(frame, found, self._graph.island_of(other))
             self._placing.note_relief(frame)
         elif self._observer:
-            name, beside = (self._network.frames[f].name for f in (frame, other))
+            name, beside = (self._graph.frames[f].name for f in (frame, other))
             self._observer.disbelieved(name, beside, found.reason)
         return isinstance(found, Pose)
 
     def _found_with_waiting(self, frame: int) -> list[int]:
         """Two frames that match nothing but each other found an island."""
-        for other in self._search.likeliest(frame, list(self._network.waiting)):
+        for other in self._search.likeliest(frame, list(self._graph.waiting)):
             registration = self._search.register(frame, other)
             if registration is not None and (founded := self._founded_together(frame, other, registration)):
                 return founded
@@ -198,11 +198,11 @@ class Assembly:
 
     def _founded_together(self, frame: int, other: int, registration: Registration) -> list[int]:
         """Both frames, if they can be placed beside each other on an island of their own; none of them lies anywhere yet."""
-        with attempt(self._network, self._upkeep) as trial:
+        with attempt(self._graph, self._upkeep) as trial:
             self._found_island(other)
             if self._place_beside(frame, other, registration):
-                self._network.waiting.remove(frame)
-                self._network.waiting.remove(other)
+                self._graph.waiting.remove(frame)
+                self._graph.waiting.remove(other)
                 trial.keep()
         return [other, frame] if trial.kept else []
 
@@ -218,7 +218,7 @@ class Assembly:
 
     def _waiting_beside(self, frame: int) -> Iterator[int]:
         """Frames that have waited and find their place beside a newly placed one, or whose turn it is."""
-        waiting = self._network.waiting
+        waiting = self._graph.waiting
         waiting.note_placed(frame)
         for other in self._search.likeliest(frame, list(waiting), WAITING_TRIES):
             yield from self._placed_waiting(other, [frame])
@@ -230,9 +230,9 @@ class Assembly:
             )
 
     def _retry(self, frame: int, each: EachWhole) -> bool:
-        if frame not in self._network.waiting:  # it has found its place by another's
+        if frame not in self._graph.waiting:  # it has found its place by another's
             return False
-        new = self._still_placed(self._network.waiting.take_new(frame))
+        new = self._still_placed(self._graph.waiting.take_new(frame))
         return self._place_and_use(lambda: list(self._placed_waiting(frame, self._search.likeliest(frame, new))), each)
 
     def _placed_waiting(self, frame: int, among: Iterable[int]) -> Iterator[int]:
@@ -247,19 +247,19 @@ class Assembly:
         """Place a frame that waits beside a placed one, unless the result is not to be believed."""
         placed = self._place_beside(frame, other, registration)
         if placed:
-            self._network.waiting.remove(frame)
+            self._graph.waiting.remove(frame)
         return placed
 
     def _still_placed(self, frames: list[int]) -> list[int]:
-        return [frame for frame in frames if self._network.frames[frame].pose is not None]
+        return [frame for frame in frames if self._graph.frames[frame].pose is not None]
 
     # Islands find each other
 
     def _connect_islands(self, frame: int) -> None:
         """Look for this frame's ground on other islands; join two when the evidence suffices."""
-        here = self._network.island_of(frame)
-        compared = self._bring_home_lone_founders(frame, here) if self._network.count_members(here) > 1 else {}
-        for other in self._search.likeliest(frame, self._network.elsewhere(here), BRIDGE_TRIES):
+        here = self._graph.island_of(frame)
+        compared = self._bring_home_lone_founders(frame, here) if self._graph.count_members(here) > 1 else {}
+        for other in self._search.likeliest(frame, self._graph.elsewhere(here), BRIDGE_TRIES):
             registration = compared[other] if other in compared else self._search.register(frame, other)
             if registration is not None and self._joined_by(frame, other, registration):
                 return
@@ -271,8 +271,8 @@ class Assembly:
             return False
         stays, goes = self._bridges.join(proof)
         self._upkeep.forget(goes)
-        self._upkeep.grow(stays, self._network.count_members(stays))  # all of it: its adjustment is due
-        self._network.waiting.forget_comparisons()
+        self._upkeep.grow(stays, self._graph.count_members(stays))  # all of it: its adjustment is due
+        self._graph.waiting.forget_comparisons()
         return True
 
     def _bring_home_lone_founders(self, frame: int, here: int) -> dict[int, Registration | None]:
@@ -280,9 +280,9 @@ class Assembly:
 
         Returns what came of comparing the frame with each of those tried.
         """
-        network, compared = self._network, dict[int, Registration | None]()
-        alone = [island for island, count in network.frame_counts().items() if count == 1 and island != here]
-        founders = [f for island in alone for f in network.members(island).tolist()]
+        graph, compared = self._graph, dict[int, Registration | None]()
+        alone = [island for island, count in graph.frame_counts().items() if count == 1 and island != here]
+        founders = [f for island in alone for f in graph.members(island).tolist()]
         for founder in self._search.likeliest(frame, founders, WAITING_TRIES):
             registration = self._search.register(founder, frame)
             compared[founder] = registration and registration.turned()
@@ -292,12 +292,12 @@ class Assembly:
 
     def _came_home(self, founder: int, frame: int, registration: Registration) -> bool:
         """Whether a frame that is alone on its island can be placed beside one of another; then it is."""
-        network = self._network
-        lone, here = network.island_of(founder), network.island_of(frame)
-        with attempt(network, self._upkeep) as trial:
-            network.take_back(founder)
+        graph = self._graph
+        lone, here = graph.island_of(founder), graph.island_of(frame)
+        with attempt(graph, self._upkeep) as trial:
+            graph.take_back(founder)
             if self._place_beside(founder, frame, registration):
-                network.merge(lone, here)
+                graph.merge(lone, here)
                 self._upkeep.forget(lone)
                 trial.keep()
         return trial.kept

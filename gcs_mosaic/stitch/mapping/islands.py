@@ -19,7 +19,7 @@ from gcs_mosaic.stitch.camera.projection import lens_row, with_lens
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
-from gcs_mosaic.stitch.graph.view_graph import Bridge, CameraNumber, Lens, Network, box_of, centres
+from gcs_mosaic.stitch.graph.view_graph import Bridge, CameraNumber, Lens, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.a_contrario import SAMPLE, log_odds
 
 Array = NDArray[np.float64]
@@ -62,8 +62,8 @@ class Island:
 class Bridges:
     """Judges what connects islands, and joins them where it suffices."""
 
-    def __init__(self, network: Network, search: Search, settings: IslandSettings) -> None:
-        self._network = network
+    def __init__(self, graph: ViewGraph, search: Search, settings: IslandSettings) -> None:
+        self._graph = graph
         self._search = search
         self._settings = settings
 
@@ -73,8 +73,8 @@ class Bridges:
 
     def add(self, newest: Bridge) -> list[Bridge]:
         """Keep a bridge; returns all that agree with it, the larger island's side first, if they prove the join."""
-        sides = [self._network.island_of(newest.frame_a), self._network.island_of(newest.frame_b)]
-        stays, goes = sorted(sides, key=lambda island: (-self._network.count_members(island), island))
+        sides = [self._graph.island_of(newest.frame_a), self._graph.island_of(newest.frame_b)]
+        stays, goes = sorted(sides, key=lambda island: (-self._graph.count_members(island), island))
         newest = self._from_side(newest, stays)
         self._forget(newest)
         if not self._agree(newest, newest):
@@ -82,29 +82,29 @@ class Bridges:
         known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
         looked_for, odds = self._look_into_overlap(stays, goes, known)
         agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
-        self._network.bridges.append(newest)
+        self._graph.bridges.append(newest)
         proven = odds >= 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
         return agreeing if proven else []
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
         """Move the smaller island onto the larger one, where the bridges say. Returns (island that stays, that goes)."""
-        network = self._network
-        stays, goes = network.island_of(bridges[0].frame_a), network.island_of(bridges[0].frame_b)
+        graph = self._graph
+        stays, goes = graph.island_of(bridges[0].frame_a), graph.island_of(bridges[0].frame_b)
         stays_from_goes = self._similarity(bridges)
-        members = network.members(goes).tolist()
-        moved = [moved_by_similarity(network.pose_of(frame), *stays_from_goes) for frame in members]
-        network.put_all(members, moved, stays, self._reconciled_lenses(stays, goes))
+        members = graph.members(goes).tolist()
+        moved = [moved_by_similarity(graph.pose_of(frame), *stays_from_goes) for frame in members]
+        graph.put_all(members, moved, stays, self._reconciled_lenses(stays, goes))
         for frame in members:
-            network.note(frame, held=None)
+            graph.note(frame, held=None)
         for bridge in bridges:
-            network.link(bridge.frame_a, bridge.frame_b, bridge.registration)
-        network.merge(goes, stays)
+            graph.link(bridge.frame_a, bridge.frame_b, bridge.registration)
+        graph.merge(goes, stays)
         return stays, goes
 
     def _reconciled_lenses(self, stays: int, goes: int) -> dict[CameraNumber, Lens]:
         """What two islands know of the cameras of the one that goes, each weighing as much as it knows: where the adjustment
         of the joined island begins."""
-        lenses = self._network.lenses
+        lenses = self._graph.lenses
         return {
             number: _reconciled(lenses[stays, number], lens) if (stays, number) in lenses else lens
             for (island, number), lens in lenses.items()
@@ -114,18 +114,18 @@ class Bridges:
     def _forget(self, newest: Bridge) -> None:
         """A bridge between the same two frames was found before: it would count twice."""
         ends = {newest.frame_a, newest.frame_b}
-        self._network.bridges = [b for b in self._network.bridges if {b.frame_a, b.frame_b} != ends]
+        self._graph.bridges = [b for b in self._graph.bridges if {b.frame_a, b.frame_b} != ends]
 
     def _between(self, stays: int, goes: int) -> list[Bridge]:
         """All bridges between two islands, the first island's side as a."""
         return [
             self._from_side(bridge, stays)
-            for bridge in self._network.bridges
-            if {self._network.island_of(bridge.frame_a), self._network.island_of(bridge.frame_b)} == {stays, goes}
+            for bridge in self._graph.bridges
+            if {self._graph.island_of(bridge.frame_a), self._graph.island_of(bridge.frame_b)} == {stays, goes}
         ]
 
     def _from_side(self, bridge: Bridge, island: int) -> Bridge:
-        return bridge if self._network.island_of(bridge.frame_a) == island else bridge.turned()
+        return bridge if self._graph.island_of(bridge.frame_a) == island else bridge.turned()
 
     def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
         """Match frames that should overlap if the known bridges are right.
@@ -133,17 +133,17 @@ class Bridges:
         Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness. One
         that sees too little to tell counts as 0: it refutes nothing, and then it is for the bridges alone to prove the join.
         """
-        network, stays_from_goes = self._network, self._similarity(known)
+        graph, stays_from_goes = self._graph, self._similarity(known)
         found: list[Bridge] = []
         odds: list[float] = []
         for witness in self._witnesses(stays, goes, stays_from_goes, known):
-            pose = moved_by_similarity(network.pose_of(witness), *stays_from_goes)
+            pose = moved_by_similarity(graph.pose_of(witness), *stays_from_goes)
             links = self._search.neighbour_links(witness, pose, stays, PAIRS_PER_WITNESS)
             links |= {bridge.frame_a: bridge.registration.turned() for bridge in known if bridge.frame_b == witness}
             matched = {other: link for other, link in links.items() if link is not None}
             pixels = [link.agreeing_a for link in matched.values()]
-            around = confirmed_around(network, witness, pose, stays, list(links), pixels)
-            odds.append(log_odds(around, network.true_share) if around.cells >= TELLING_CELLS else 0.0)
+            around = confirmed_around(graph, witness, pose, stays, list(links), pixels)
+            odds.append(log_odds(around, graph.true_share) if around.cells >= TELLING_CELLS else 0.0)
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
             found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]
         return found, min(odds)
@@ -153,10 +153,10 @@ class Bridges:
 
         Farther ones would tell as well, but an island that is not joined yet may be bent.
         """
-        network, members, newest = self._network, self._network.members(goes).tolist(), known[-1].frame_b
-        moved = {f: moved_by_similarity(network.pose_of(f), *stays_from_goes) for f in members}
-        boxes = {f: box_of(pose, network.camera_of(f)) for f, pose in moved.items()}
-        others = network.boxes[network.members(stays)]
+        graph, members, newest = self._graph, self._graph.members(goes).tolist(), known[-1].frame_b
+        moved = {f: moved_by_similarity(graph.pose_of(f), *stays_from_goes) for f in members}
+        boxes = {f: box_of(pose, graph.camera_of(f)) for f, pose in moved.items()}
+        others = graph.boxes[graph.members(stays)]
         shared = {f: boxes_shared(box, others[boxes_meet(box, others)]).max(initial=0.0) for f, box in boxes.items()}
         inside = [f for f, share in shared.items() if share > MUCH and f != newest]
         away = {f: float(np.linalg.norm(centres(boxes[f][None]) - centres(boxes[newest][None]))) for f in inside}
@@ -207,16 +207,16 @@ class Bridges:
 
     def _places(self, bridge: Bridge) -> tuple[Array, Array]:
         """Where the matches (m, 2) lie on either island, at the poses of now."""
-        network, r = self._network, bridge.registration
+        graph, r = self._graph, bridge.registration
         places_a, places_b = (
-            canvas_from_pixels(network.pose_of(frame), network.camera_of(frame), pixels)
+            canvas_from_pixels(graph.pose_of(frame), graph.camera_of(frame), pixels)
             for frame, pixels in ((bridge.frame_a, r.pixels_a), (bridge.frame_b, r.pixels_b))
         )
         seen = np.isfinite(places_a).all(axis=1) & np.isfinite(places_b).all(axis=1)
         return places_a[seen], places_b[seen]
 
     def _diagonal(self, frame: int) -> float:
-        box = self._network.boxes[frame]
+        box = self._graph.boxes[frame]
         return float(np.linalg.norm(box[2:] - box[:2]))
 
 

@@ -15,7 +15,7 @@ from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
-from gcs_mosaic.stitch.graph.view_graph import LENS_KNOWN, Network
+from gcs_mosaic.stitch.graph.view_graph import LENS_KNOWN, ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import log_odds
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import attempt
@@ -46,12 +46,12 @@ class Disbelief:
 
 
 class Placing:
-    """Finds poses for the frames of a network."""
+    """Finds poses for the frames of a graph."""
 
     def __init__(
-        self, network: Network, search: Search, plausibility: PlausibilitySettings, adjustment: AdjustmentSettings
+        self, graph: ViewGraph, search: Search, plausibility: PlausibilitySettings, adjustment: AdjustmentSettings
     ) -> None:
-        self._network = network
+        self._graph = graph
         self._search = search
         self._plausibility = plausibility
         self._adjustment = adjustment
@@ -61,22 +61,22 @@ class Placing:
 
         Nothing is changed if the result is not to be believed.
         """
-        with attempt(self._network) as trial:
+        with attempt(self._graph) as trial:
             found = self._pose_beside(frame, other, registration)
             if isinstance(found, Pose):
                 trial.keep()
         return found
 
     def _pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
-        island = self._network.island_of(other)
-        self._network.link(frame, other, registration)
+        island = self._graph.island_of(other)
+        self._graph.link(frame, other, registration)
         found = self._believable_pose(frame, self._rough_poses(frame, other, registration), island)
         if isinstance(found, Disbelief):
             return found
         links = {other: registration, **self._search.neighbour_links(frame, found, island)}
         matched = {neighbour: link for neighbour, link in links.items() if link is not None}
         for neighbour, link in matched.items():
-            self._network.link(frame, neighbour, link)
+            self._graph.link(frame, neighbour, link)
         found = self._believable_pose(frame, [found], island)
         if isinstance(found, Disbelief):
             return found
@@ -86,25 +86,25 @@ class Placing:
         self, frame: int, pose: Pose, island: int, others: list[int], matched: list[Registration]
     ) -> Pose | Disbelief:
         """The pose, if what the other frames see around it was found in the frame."""
-        network = self._network
-        found = confirmed_around(network, frame, pose, island, others, [link.agreeing_a for link in matched])
-        if log_odds(found, network.true_share) < self._plausibility.least_log_odds:
+        graph = self._graph
+        found = confirmed_around(graph, frame, pose, island, others, [link.agreeing_a for link in matched])
+        if log_odds(found, graph.true_share) < self._plausibility.least_log_odds:
             return Disbelief(f"only {found.share:.0%} of what it should show was found in it")
-        network.note_believed(found.cells, found.share)
+        graph.note_believed(found.cells, found.share)
         return pose
 
     def note_relief(self, frame: int) -> None:
         """Measure the relief displacement of a frame that has just been put at its pose."""
-        note_relief(self._network, frame, self._adjustment.relief)
+        note_relief(self._graph, frame, self._adjustment.relief)
 
     def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
         """First poses from one link: level, as most frames are, and tilted as the homography says."""
-        pose, camera = self._network.pose_of(other), self._network.camera_of(other)
+        pose, camera = self._graph.pose_of(other), self._graph.camera_of(other)
         places = geometry.canvas_from_pixels(pose, camera, registration.pixels_b)
         on_ground = np.isfinite(places).all(axis=1)
         if on_ground.sum() < 4:
             return []
-        own = self._network.camera_on(self._network.island_of(other), self._network.frames[frame].camera)
+        own = self._graph.camera_on(self._graph.island_of(other), self._graph.frames[frame].camera)
         homography = geometry.pinhole_homography(pose, camera) @ registration.b_from_a
         tilted = geometry.pose_from_homography(homography, own)
         return [
@@ -114,27 +114,27 @@ class Placing:
 
     def _believable_pose(self, frame: int, rough: list[Pose], island: int) -> Pose | Disbelief:
         """The frame's best pose on an island against its links from any of the rough ones, if it is to be believed."""
-        found = [resect(self._network, frame, pose, island, self._adjustment) for pose in rough]
+        found = [resect(self._graph, frame, pose, island, self._adjustment) for pose in rough]
         best = min(found, key=lambda resected: resected.residual_px, default=None)
         if best is None:
             return Disbelief("what it has in common with the other lies above its horizon")
         doubt = self._doubt(frame, best, island)
         if not doubt:
-            note_resected(self._network, frame, best.pose, best.corner_deviation_px)
+            note_resected(self._graph, frame, best.pose, best.corner_deviation_px)
             return best.pose
         return self._pose_with_all_free(frame, best.pose, island) or Disbelief(doubt)
 
     def _pose_with_all_free(self, frame: int, rough: Pose, island: int) -> Pose | None:
         """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
-        network = self._network
-        others = [member for member in network.members(island).tolist() if member != frame]
+        graph = self._graph
+        others = [member for member in graph.members(island).tolist() if member != frame]
         if len(others) >= LENS_KNOWN:
             return None
-        network.put(frame, rough, island)
-        adjust_island(network, island, self._adjustment)
-        state = network.frames[frame]
+        graph.put(frame, rough, island)
+        adjust_island(graph, island, self._adjustment)
+        state = graph.frames[frame]
         fits = state.residual_px <= self._plausibility.most_residual_px * state.features.scale
-        possible = not any(self._impossible(member, network.pose_of(member)) for member in [frame, *others])
+        possible = not any(self._impossible(member, graph.pose_of(member)) for member in [frame, *others])
         return state.pose if fits and possible else None
 
     def _doubt(self, frame: int, resected: Resected, island: int) -> str:
@@ -143,7 +143,7 @@ class Placing:
         most_px = self._residual_limit(frame, island)
         if not resected.residual_px <= most_px:
             return f"misses its matches by {resected.residual_px:.1f} px, {most_px:.1f} allowed"
-        camera = self._network.camera_on(island, self._network.frames[frame].camera)
+        camera = self._graph.camera_on(island, self._graph.frames[frame].camera)
         most_deviation_px = settings.most_deviation * camera.half_diagonal
         if not resected.cautious_deviation_px <= most_deviation_px:
             return f"a corner is only known to {resected.cautious_deviation_px:.0f} px, {most_deviation_px:.0f} allowed"
@@ -155,12 +155,12 @@ class Placing:
         tilt_deg = math.degrees(math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll))))
         if not tilt_deg <= settings.steepest_tilt_deg:
             return f"tilted by {tilt_deg:.0f} degrees"
-        linked = [self._network.frames[other].pose for other in self._network.frames[frame].inliers]
+        linked = [self._graph.frames[other].pose for other in self._graph.frames[frame].inliers]
         zoom = math.exp(max((abs(pose.log_gsd - other.log_gsd) for other in linked if other), default=0.0))
         return "" if zoom <= settings.largest_zoom else f"change of height by {zoom:.1f}"
 
     def _residual_limit(self, frame: int, island: int) -> float:
         """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
-        shown = self._network.count_with_camera(island, self._network.frames[frame].camera, LENS_KNOWN)
+        shown = self._graph.count_with_camera(island, self._graph.frames[frame].camera, LENS_KNOWN)
         limit = self._plausibility.most_residual_px
         return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)

@@ -26,7 +26,7 @@ needs_gstreamer = pytest.mark.skipif(
 )
 PERIOD_S = 0.1
 BITS, SIDE = 16, 32  # px; a square is much larger than what video coding blurs
-PATIENCE_S = 20.0
+LONGEST_WAIT_S = 20.0
 
 Image = NDArray[np.uint8]
 
@@ -121,7 +121,7 @@ class Listened:
         return {k: off for k, off in self.errors().items() if abs(off) > tolerance_s and frames[k] != nearest[k]}
 
     def wait_until(self, true: Callable[[], object], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + LONGEST_WAIT_S
         while not true():
             assert time.monotonic() < deadline, f"still not so: {what}; {self.texts}"
             time.sleep(0.02)

@@ -65,6 +65,7 @@ def long_flight(request: pytest.FixtureRequest) -> Iterator[Future[Flown] | None
         yield pool.submit(fly_long) if wanted else None
 
 
+@pytest.mark.long
 def test_a_server_that_is_killed_and_comes_back_otherwise_gives_the_right_frames_within_two_seconds() -> None:
     """With a password that nobody is told, and after the restart with another size of pictures."""
     with listening(StreamingCamera(user="pilot:pass-4711")) as flight:
@@ -88,6 +89,7 @@ def test_a_server_that_is_killed_and_comes_back_otherwise_gives_the_right_frames
         assert "pilot" not in repr(flight.items)
 
 
+@pytest.mark.long
 def test_a_network_that_falls_silent_is_said_and_no_picture_from_before_is_taken_for_later_triggers() -> None:
     with listening(StreamingCamera()) as flight:
         time.sleep(1.0)
@@ -136,6 +138,7 @@ def test_a_blurred_picture_gives_way_to_a_sharp_neighbour() -> None:
         assert max(map(abs, flight.errors().values())) <= 0.15 + 0.05
 
 
+@pytest.mark.long
 def test_the_right_picture_is_taken_for_300_triggers(long_flight: Future[Flown]) -> None:
     """Within one picture at ten a second, or the nearest that there is where a busy machine has held the camera up."""
     flown = long_flight.result()

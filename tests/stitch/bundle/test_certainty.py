@@ -42,6 +42,7 @@ def test_hops_are_the_shortest_way_to_the_root(ground, adjusted):
     assert placements["008"].hops > 1
 
 
+@pytest.mark.long
 def test_after_a_join_the_root_is_that_of_the_island_that_stays(ground):
     mosaic = Mosaic()
     flown(ground, line(300, 600, 3), mosaic)
@@ -53,6 +54,7 @@ def test_after_a_join_the_root_is_that_of_the_island_that_stays(ground):
     assert {name: p.hops for name, p in placements.items()} == shortest_ways(placements, root)
 
 
+@pytest.mark.long
 def test_frames_far_from_the_root_are_less_sure(ground):
     placements = list(flown(ground, line(300, 500, 11), Mosaic()).values())
     assert 0 < placements[0].corner_deviation_px < placements[5].corner_deviation_px / 2
@@ -64,6 +66,7 @@ def test_a_founder_is_where_it_is(ground):
     assert (founder.hops, founder.corner_deviation_px, founder.neighbours) == (0, 0, ())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("adjusted", [True, False])
 def test_the_true_errors_are_of_the_size_that_is_stated(ground, adjusted):
     """Before the adjustment of the whole (of the last six frames), and after it."""

@@ -7,7 +7,7 @@ from gcs_mosaic.stitch.bundle.relief import displacements, fitted_sheet, grid_si
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.graph.view_graph import Lens, Network
+from gcs_mosaic.stitch.graph.view_graph import Lens, ViewGraph
 from gcs_mosaic.stitch.registration.registration import Registration
 
 CAMERA = Camera(1000, 750, focal=1.3, k1=-0.05)
@@ -31,63 +31,63 @@ def seen(pose, ground):
 
 
 @pytest.fixture
-def network():
+def graph():
     """Four frames at their true poses, linked by what they see of 900 points, half a pixel off."""
     noise = np.random.default_rng(2)
     ground = noise.uniform([-600, -500], [1000, 900], (900, 2))
     views = [seen(pose, ground) + noise.normal(0, 0.5, ground.shape) for pose in POSES]
-    network = Network(1.5, 24)
+    graph = ViewGraph(1.5, 24)
     for number, (pose, view) in enumerate(zip(POSES, views, strict=True)):
         points = np.nan_to_num(view).astype(np.float32)
-        network.append(str(number), Features(points, np.zeros((900, 128), np.uint8), 1000, 750, SCALE))
-        network.put_all([number], [pose], 0, {0: Lens(CAMERA)})
+        graph.append(str(number), Features(points, np.zeros((900, 128), np.uint8), 1000, 750, SCALE))
+        graph.put_all([number], [pose], 0, {0: Lens(CAMERA)})
     for a in range(4):
         for b in range(a):
             both = np.flatnonzero(np.isfinite(views[a]).all(axis=1) & np.isfinite(views[b]).all(axis=1))
             features = np.stack([both, both], axis=1)
-            network.link(a, b, Registration(views[a][both], views[b][both], features, np.eye(3), len(both), 99.0))
-    return network
+            graph.link(a, b, Registration(views[a][both], views[b][both], features, np.eye(3), len(both), 99.0))
+    return graph
 
 
-def ortho_errors(network):
+def ortho_errors(graph):
     """How far the frames put points of the ground from where they stand, over what two frames see."""
     check = np.random.default_rng(3).uniform([-100, -100], [450, 400], (400, 2))
     errors = []
     for number, pose in enumerate(POSES):
         pixels = seen(pose, check)
         inside = np.isfinite(pixels).all(axis=1)
-        places = canvas_from_pixels(pose, CAMERA, on_plane(network.frames[number].relief, CAMERA, pixels[inside]))
+        places = canvas_from_pixels(pose, CAMERA, on_plane(graph.frames[number].relief, CAMERA, pixels[inside]))
         errors.append(np.linalg.norm(places - check[inside], axis=1))
     return np.concatenate(errors)
 
 
-def note_all(network):
+def note_all(graph):
     views = [(pose, CAMERA) for pose in POSES]
-    found = displacements(sightings(matched(network, range(4))), views, ReliefSettings())
+    found = displacements(sightings(matched(graph, range(4))), views, ReliefSettings())
     for frame, relief in enumerate(found):
-        network.note(frame, relief=relief)
+        graph.note(frame, relief=relief)
 
 
-def test_a_hill_is_taken_out_of_the_frames(network):
-    before = ortho_errors(network)
-    note_all(network)
-    after = ortho_errors(network)
+def test_a_hill_is_taken_out_of_the_frames(graph):
+    before = ortho_errors(graph)
+    note_all(graph)
+    after = ortho_errors(graph)
     assert np.median(before) > 2
     assert np.median(after) < 0.25 * np.median(before)
     assert np.quantile(after, 0.95) < 0.35 * np.quantile(before, 0.95)
 
 
-def test_one_frame_alone_is_shifted_onto_what_all_have_seen(network):
-    note_all(network)
-    together = network.frames[2].relief.grid
-    note_relief(network, 2, ReliefSettings())
-    assert np.abs(network.frames[2].relief.grid - together).max() * CAMERA.half_diagonal < 1.5
+def test_one_frame_alone_is_shifted_onto_what_all_have_seen(graph):
+    note_all(graph)
+    together = graph.frames[2].relief.grid
+    note_relief(graph, 2, ReliefSettings())
+    assert np.abs(graph.frames[2].relief.grid - together).max() * CAMERA.half_diagonal < 1.5
     assert np.abs(together).max() * CAMERA.half_diagonal > 4
 
 
-def test_without_cells_every_frame_stays_a_camera_over_a_plane(network):
-    note_relief(network, 0, ReliefSettings(cells=0))
-    assert network.frames[0].relief is None
+def test_without_cells_every_frame_stays_a_camera_over_a_plane(graph):
+    note_relief(graph, 0, ReliefSettings(cells=0))
+    assert graph.frames[0].relief is None
 
 
 def test_a_sheet_lies_at_zero_where_nothing_is_known_and_ignores_what_stands_out():
@@ -106,8 +106,8 @@ def test_cells_are_nearly_square():
 
 
 def test_a_lone_frame_has_no_relief():
-    network = Network(1.5, 24)
-    network.append("a", Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8), 1000, 750, 1.0))
-    network.put(0, POSES[0], 0)
-    note_relief(network, 0, ReliefSettings())
-    assert network.frames[0].relief is None
+    graph = ViewGraph(1.5, 24)
+    graph.append("a", Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8), 1000, 750, 1.0))
+    graph.put(0, POSES[0], 0)
+    note_relief(graph, 0, ReliefSettings())
+    assert graph.frames[0].relief is None

@@ -16,6 +16,9 @@ from gcs_mosaic.stitch.camera.projection import pose_row
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 
+pytestmark = pytest.mark.long
+
+
 SETTINGS = StitchSettings(upkeep=UpkeepSettings(background_from=5, meanwhile=2))
 LINE = [Pose(350 + 90 * i, 600, 0.02 * (i % 3), 0.05 * i, 0.04, -0.03) for i in range(16)]
 
@@ -96,12 +99,12 @@ def test_a_pause_is_used_until_all_is_adjusted(ground):
 
 
 def test_the_result_for_an_island_that_is_no_more_is_dropped(ground):
-    network = flown(ground, Mosaic(), LINE[:5])._network
-    task = island_task(network, 0, AdjustmentSettings())
-    network.put(3, network.pose_of(3), 1)
-    before = [network.pose_of(frame) for frame in range(5)]
-    assert not take_in(network, task, elsewhere(adjusted(task)))
-    assert [network.pose_of(frame) for frame in range(5)] == before
+    graph = flown(ground, Mosaic(), LINE[:5])._graph
+    task = island_task(graph, 0, AdjustmentSettings())
+    graph.put(3, graph.pose_of(3), 1)
+    before = [graph.pose_of(frame) for frame in range(5)]
+    assert not take_in(graph, task, elsewhere(adjusted(task)))
+    assert [graph.pose_of(frame) for frame in range(5)] == before
 
 
 @pytest.mark.parametrize("broken", ["begin", "result"])
@@ -159,9 +162,9 @@ def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(ground, monkey
         mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
     adjust, tried = upkeep.adjust_island, []
 
-    def failing(network, island, settings):
+    def failing(graph, island, settings):
         tried.append(island)
-        adjust(network, island, settings)
+        adjust(graph, island, settings)
         if island == 0:
             raise ValueError("singular")
 

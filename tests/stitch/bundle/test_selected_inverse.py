@@ -9,7 +9,7 @@ from gcs_mosaic.stitch.bundle.selected_inverse import covariances
 U = 3  # unknowns per frame
 
 
-def network(places, reach, common):
+def graph(places, reach, common):
     """A normal matrix in which each two frames nearer than `reach` are linked, and all with the common unknowns."""
     rng = np.random.default_rng(4)
     n = len(places)
@@ -41,20 +41,20 @@ def assert_blocks_of_inverse(dense, places, known):
 def test_a_survey(common, known):
     """Large enough for some cuts of the map, of which several cross."""
     places = np.stack(np.meshgrid(np.arange(16.0), np.arange(12.0)), axis=-1).reshape(-1, 2)
-    dense = network(np.random.default_rng(1).permutation(places), 1.5, common)
+    dense = graph(np.random.default_rng(1).permutation(places), 1.5, common)
     assert_blocks_of_inverse(dense, np.random.default_rng(1).permutation(places), known)
 
 
 def test_frames_that_all_overlap():
     """No cut sets anything apart."""
     places = np.random.default_rng(2).normal(size=(60, 2))
-    assert_blocks_of_inverse(network(places, 99.0, 2), places, [0])
+    assert_blocks_of_inverse(graph(places, 99.0, 2), places, [0])
 
 
 def test_common_unknowns_that_some_frames_know_nothing_of():
     """Two cameras: the frames of one half have no entries with the lens of the other."""
     places = np.c_[np.arange(120.0), np.zeros(120)]
-    dense = network(places, 2.5, 2)
+    dense = graph(places, 2.5, 2)
     first, second = 120 * U, 120 * U + 1
     dense[first, : 60 * U] = dense[: 60 * U, first] = dense[second, 60 * U : 120 * U] = dense[
         60 * U : 120 * U, second
@@ -66,7 +66,7 @@ def test_common_unknowns_that_some_frames_know_nothing_of():
 
 def test_what_nothing_determines_is_said():
     places = np.c_[np.arange(40.0), np.zeros(40)]
-    dense = network(places, 2.5, 0)
+    dense = graph(places, 2.5, 0)
     dense[7 * U, :] = dense[:, 7 * U] = 0
     assert covariances(sparse.csc_matrix(dense), U, places, np.empty(0, np.intp)) is None
 
@@ -76,4 +76,4 @@ def test_halves_of_the_map_without_a_link_across_the_cut(common):
     """On a long flight some cut falls where nothing overlaps once the frames of earlier cuts are set apart."""
     x = np.concatenate([np.arange(40.0), 100 + np.arange(40.0)])
     places = np.c_[x, np.zeros(80)]
-    assert_blocks_of_inverse(network(places, 2.5, common), places, [4, 5])
+    assert_blocks_of_inverse(graph(places, 2.5, common), places, [4, 5])

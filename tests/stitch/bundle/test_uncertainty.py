@@ -74,6 +74,7 @@ def corner_errors(solution, truth):
     return np.linalg.norm(scale * found @ np.array([[c, s], [-s, c]]) + shift - true, axis=2) / np.exp(truth[:, 2:3])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise_px", [0.1, 0.7])
 def test_deviations_are_those_that_come_about(noise_px):
     truth, rng = survey(), np.random.default_rng(11)

@@ -22,7 +22,7 @@ def task(ground):
     mosaic = Mosaic()
     for i in range(6):
         mosaic.add(photograph(ground, Pose(400 + 130 * i, 500, 0.01 * i, 0.05, 0.03), SMALL_CAMERA), str(i))
-    return island_task(mosaic._network, 0, AdjustmentSettings())
+    return island_task(mosaic._graph, 0, AdjustmentSettings())
 
 
 def unreadable():
@@ -65,7 +65,7 @@ def test_the_traceback_of_the_other_process_is_in_the_log(task, worker, caplog):
     worker.begin(replace(task, root=99))
     broken = worker.result()
     assert broken.traceback.startswith("Traceback (most recent call last):\n")
-    assert re.search(r'adjusting/solving\.py", line \d+, in adjusted\n', broken.traceback)
+    assert re.search(r'bundle/island\.py", line \d+, in adjusted\n', broken.traceback)
     (record,) = caplog.records
     assert (record.levelname, record.getMessage()) == ("ERROR", broken.reason)
     assert broken.traceback in logging.Formatter().format(record)

@@ -10,6 +10,7 @@ from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("learn_at", [(), (8,), (4, 12)], ids=["no words", "words", "words learnt anew"])
 def test_the_frame_of_the_same_ground_is_found_among_many(ground, monkeypatch, learn_at):
     monkeypatch.setattr(retrieval, "LEARN_AT", learn_at)

@@ -81,10 +81,10 @@ def test_residuals_are_what_two_frames_put_one_point_apart(ground):
     assert island == 0
     assert {frame.name for frame in residuals} == {"0", "1", "2"}
     assert all(np.median(np.linalg.norm(frame.misses, axis=1)) < 0.5 for frame in residuals)
-    network = mosaic._network
-    pose = network.pose_of(2)
-    network.put(2, Pose(pose.x + 7, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll), 0)
-    moved = {frame.name: frame for frame in island_residuals(network, 0)}
+    graph = mosaic._graph
+    pose = graph.pose_of(2)
+    graph.put(2, Pose(pose.x + 7, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll), 0)
+    moved = {frame.name: frame for frame in island_residuals(graph, 0)}
     assert np.median(moved["2"].misses, axis=0) == pytest.approx([-7, 0], abs=0.5)  # the others stayed behind
 
 

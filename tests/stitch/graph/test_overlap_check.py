@@ -7,45 +7,45 @@ from stitch_ground import SMALL_CAMERA, photograph
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 HERE = Pose(700, 700)
 
 
 @pytest.fixture
-def network(ground):
+def graph(ground):
     """A frame, not yet placed, and three around it: beside it, twice as high and more, looking aside."""
-    network = Network(SMALL_CAMERA.focal, 24)
+    graph = ViewGraph(SMALL_CAMERA.focal, 24)
     poses = [HERE, Pose(820, 700), Pose(700, 700, 0.9), Pose(700, 400, 0.3, 0, 0, -1.1)]
     for i, pose in enumerate(poses):
-        network.append(str(i), extract(photograph(ground, pose, SMALL_CAMERA), FeatureSettings()))
+        graph.append(str(i), extract(photograph(ground, pose, SMALL_CAMERA), FeatureSettings()))
         if i:
-            network.put(i, pose, 0)
-    return network
+            graph.put(i, pose, 0)
+    return graph
 
 
-def everywhere(network) -> np.ndarray:
-    return network.frames[0].features.points.astype(float)
+def everywhere(graph) -> np.ndarray:
+    return graph.frames[0].features.points.astype(float)
 
 
-def test_matches_all_over_the_overlap_confirm_a_place(network):
-    assert confirmed_around(network, 0, HERE, 0, [1], [everywhere(network)]).share == 1
+def test_matches_all_over_the_overlap_confirm_a_place(graph):
+    assert confirmed_around(graph, 0, HERE, 0, [1], [everywhere(graph)]).share == 1
 
 
-def test_matches_on_one_thing_confirm_only_that(network):
-    points = everywhere(network)
+def test_matches_on_one_thing_confirm_only_that(graph):
+    points = everywhere(graph)
     thing = points[((points > [250, 120]) & (points < [350, 200])).all(axis=1)]
-    assert 0 < confirmed_around(network, 0, HERE, 0, [1], [thing]).share < 0.25
+    assert 0 < confirmed_around(graph, 0, HERE, 0, [1], [thing]).share < 0.25
 
 
-def test_what_only_another_frame_should_see_is_not_asked_of_this_one(network):
-    points = everywhere(network)
+def test_what_only_another_frame_should_see_is_not_asked_of_this_one(graph):
+    points = everywhere(graph)
     right = points[points[:, 0] > 120]
-    assert confirmed_around(network, 0, HERE, 0, [1], [right]).share == 1
-    assert confirmed_around(network, 0, Pose(820, 700), 0, [1], [right]).share < 0.8
+    assert confirmed_around(graph, 0, HERE, 0, [1], [right]).share == 1
+    assert confirmed_around(graph, 0, Pose(820, 700), 0, [1], [right]).share < 0.8
 
 
-def test_frames_that_see_the_ground_much_coarser_are_no_witnesses(network):
-    assert confirmed_around(network, 0, HERE, 0, [2], []).share == 1
-    assert confirmed_around(network, 0, HERE, 0, [3], []).share == 1
-    assert confirmed_around(network, 0, HERE, 0, [1, 2, 3], []).share == 0
+def test_frames_that_see_the_ground_much_coarser_are_no_witnesses(graph):
+    assert confirmed_around(graph, 0, HERE, 0, [2], []).share == 1
+    assert confirmed_around(graph, 0, HERE, 0, [3], []).share == 1
+    assert confirmed_around(graph, 0, HERE, 0, [1, 2, 3], []).share == 0

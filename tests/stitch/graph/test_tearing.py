@@ -13,7 +13,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, 
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.tearing import Tearing, torn_apart
-from gcs_mosaic.stitch.graph.view_graph import Network
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.registration.held_out import EVERY
 from gcs_mosaic.stitch.registration.registration import Registration
@@ -42,20 +42,20 @@ def views_of(heights=0.0):
 def network_of(views, accepted=None, poses=POSES):
     """Frames at these poses, linked by all that two see; only `accepted` (POINTS,) are inliers."""
     accepted = np.ones(POINTS, bool) if accepted is None else accepted
-    network = Network(CAMERA.focal, 24)
-    network.found_island()
+    graph = ViewGraph(CAMERA.focal, 24)
+    graph.found_island()
     for number, (pose, view) in enumerate(zip(poses, views, strict=True)):
         points = np.nan_to_num(view).astype(np.float32)
-        network.append(str(number), Features(points, np.zeros((POINTS, 128), np.uint8), 1000, 750, 1.0))
-        network.put(number, pose, 0)
+        graph.append(str(number), Features(points, np.zeros((POINTS, 128), np.uint8), 1000, 750, 1.0))
+        graph.put(number, pose, 0)
     for a in range(len(views)):
         for b in range(a):
             both = np.isfinite(views[a]).all(axis=1) & np.isfinite(views[b]).all(axis=1)
             number, known = np.flatnonzero(both), np.flatnonzero(both & accepted)
             ends = views[a][known], views[b][known], np.stack([known, known], axis=1)
             found = Registration(*ends, np.eye(3), len(known), 99.0, tentative=np.stack([number, number], axis=1))
-            network.link(a, b, found)
-    return network
+            graph.link(a, b, found)
+    return graph
 
 
 def test_noise_alone_is_all_there_is_on_a_perfect_map():
@@ -66,16 +66,16 @@ def test_noise_alone_is_all_there_is_on_a_perfect_map():
 
 
 def test_pixels_are_those_of_the_median_frame():
-    network = network_of(views_of())
+    graph = network_of(views_of())
     coarser = [replace(pose, x=3 * pose.x, y=3 * pose.y, log_gsd=pose.log_gsd + math.log(3)) for pose in POSES]
-    network.put_all(range(4), coarser, 0)
-    assert torn_apart(network, 0, RELIEF).median_px == pytest.approx(NOISE_PX * math.sqrt(2) * 1.177, rel=0.1)
+    graph.put_all(range(4), coarser, 0)
+    assert torn_apart(graph, 0, RELIEF).median_px == pytest.approx(NOISE_PX * math.sqrt(2) * 1.177, rel=0.1)
 
 
 def test_a_frame_that_lies_elsewhere_shows():
-    network = network_of(views_of())
-    network.put(3, replace(POSES[3], x=POSES[3].x + 40), 0)
-    assert torn_apart(network, 0, RELIEF).p95_px == pytest.approx(40, rel=0.1)
+    graph = network_of(views_of())
+    graph.put(3, replace(POSES[3], x=POSES[3].x + 40), 0)
+    assert torn_apart(graph, 0, RELIEF).p95_px == pytest.approx(40, rel=0.1)
 
 
 def test_poses_and_relief_do_not_depend_on_what_is_held_out_to_the_bit():
@@ -83,8 +83,8 @@ def test_poses_and_relief_do_not_depend_on_what_is_held_out_to_the_bit():
     disturbed = [view + np.where(np.arange(POINTS) % EVERY == 0, 15.0, 0.0)[:, None] for view in views]
     rough = [replace(pose, x=pose.x + 3 * number) for number, pose in enumerate(POSES)]
     one, other = network_of(views, poses=rough), network_of(disturbed, poses=rough)
-    for network in (one, other):
-        adjust_island(network, 0, AdjustmentSettings())
+    for graph in (one, other):
+        adjust_island(graph, 0, AdjustmentSettings())
     assert [frame.pose for frame in one.frames] == [frame.pose for frame in other.frames]
     assert [frame.relief for frame in one.frames] == [frame.relief for frame in other.frames]
     assert one.frames[0].relief is not None
@@ -125,15 +125,16 @@ def test_nothing_is_told_of_what_few_matches_hold():
 
 
 def test_an_island_is_measured_again_when_it_has_changed_and_not_before():
-    network = network_of(views_of())
-    tearing = Tearing(network, RELIEF)
+    graph = network_of(views_of())
+    tearing = Tearing(graph, RELIEF)
     first = tearing.of_islands()[0]
-    network.put(3, replace(POSES[3], x=POSES[3].x + 40), 0)
+    graph.put(3, replace(POSES[3], x=POSES[3].x + 40), 0)
     assert tearing.of_islands()[0] is first
     tearing.forget(0)
     assert tearing.of_islands()[0].p95_px > 10 * first.p95_px
 
 
+@pytest.mark.long
 def test_the_figure_of_a_flight_is_what_its_map_really_tears_apart(ground):
     """Photographs of a known ground, every frame then shifted at random: matched points show what true ones do."""
     truth = [Pose(x, y) for y in (500, 680) for x in range(400, 1200, 130)]
@@ -143,24 +144,24 @@ def test_the_figure_of_a_flight_is_what_its_map_really_tears_apart(ground):
     mosaic.adjust(everything=True)
     good = mosaic.held_out()[0]
     assert good.p95_px < 2
-    network, shift = mosaic._network, np.random.default_rng(1).normal(0, 6, (len(truth), 2))
+    graph, shift = mosaic._graph, np.random.default_rng(1).normal(0, 6, (len(truth), 2))
     for number, (x, y) in enumerate(shift):
-        pose = network.pose_of(number)
-        network.put(number, replace(pose, x=pose.x + x, y=pose.y + y), 0)
-    torn = torn_apart(network, 0, RELIEF)
-    distances = np.concatenate([true_distances(network, truth, a, b) for a, b in network.links])
+        pose = graph.pose_of(number)
+        graph.put(number, replace(pose, x=pose.x + x, y=pose.y + y), 0)
+    torn = torn_apart(graph, 0, RELIEF)
+    distances = np.concatenate([true_distances(graph, truth, a, b) for a, b in graph.links])
     assert torn.median_px == pytest.approx(np.median(distances), rel=0.15)
     assert torn.p95_px == pytest.approx(np.quantile(distances, 0.95), rel=0.15)
 
 
-def true_distances(network, truth, a, b):
+def true_distances(graph, truth, a, b):
     """How far the map tears the ground apart that two frames really share."""
     seen = pixel_grid(SMALL_CAMERA, 6, 5)
     also = pixels_from_canvas(truth[b], SMALL_CAMERA, canvas_from_pixels(truth[a], SMALL_CAMERA, seen))
     both = ((also >= 0) & (also <= [SMALL_CAMERA.width - 1, SMALL_CAMERA.height - 1])).all(axis=1)
     places = [
-        canvas_from_pixels(network.pose_of(frame), network.camera_of(frame), pixels[both])
+        canvas_from_pixels(graph.pose_of(frame), graph.camera_of(frame), pixels[both])
         for frame, pixels in ((a, seen), (b, also))
     ]
-    gsd = np.median([math.exp(network.pose_of(frame).log_gsd) for frame in range(len(truth))])
+    gsd = np.median([math.exp(graph.pose_of(frame).log_gsd) for frame in range(len(truth))])
     return np.linalg.norm(places[0] - places[1], axis=1) / gsd

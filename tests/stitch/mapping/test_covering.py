@@ -73,6 +73,7 @@ def where(placements, name):
     return placement.pose, placement.camera
 
 
+@pytest.mark.long
 def test_a_slow_drift_does_not_add_up(ground):
     """One per cent of a picture a frame: each is judged against its keyframe, and every third is one."""
     poses = moved_along(31, 0.01 * WIDTH)
@@ -131,6 +132,7 @@ def test_what_only_looks_alike_in_part_is_not_covered(ground, other_ground):
     assert not isinstance(mosaic.add(after, "after"), Covered)
 
 
+@pytest.mark.long
 def test_covered_frames_go_along_when_their_keyframe_moves(ground):
     line = moved_along(8, 130)
     mosaic = Mosaic()
@@ -147,6 +149,7 @@ def test_covered_frames_go_along_when_their_keyframe_moves(ground):
         assert np.allclose(followed(one, after) - followed(one, before), key_moved, atol=0.2)
 
 
+@pytest.mark.long
 def test_an_ordinary_flight_has_none_and_is_as_it_was(ground):
     rng = np.random.default_rng(5)
     level = [*moved_along(6, 100), *(replace(p, y=1050) for p in moved_along(6, 100)[::-1])]
@@ -159,6 +162,7 @@ def test_an_ordinary_flight_has_none_and_is_as_it_was(ground):
     assert with_covering.placements() == without.placements()
 
 
+@pytest.mark.long
 def test_the_same_frames_give_the_same_outcomes(ground):
     poses = [*hover(4), *moved_along(8, 4.0)]
     assert fly(Mosaic(), ground, poses) == fly(Mosaic(), ground, poses)

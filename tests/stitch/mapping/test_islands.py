@@ -9,7 +9,7 @@ from stitch_ground import SMALL_CAMERA, photograph
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
-from gcs_mosaic.stitch.graph.view_graph import Bridge, Network
+from gcs_mosaic.stitch.graph.view_graph import Bridge, ViewGraph
 from gcs_mosaic.stitch.mapping import islands
 from gcs_mosaic.stitch.mapping.islands import Bridges, IslandSettings
 from gcs_mosaic.stitch.registration.a_contrario import Confirmed
@@ -22,20 +22,20 @@ AWAY = 5000.0  # where the second island lies on its own canvas
 
 @pytest.fixture
 def search(ground):
-    network = Network(SMALL_CAMERA.focal, 24)
+    graph = ViewGraph(SMALL_CAMERA.focal, 24)
     for _ in (FIRST, SECOND):
-        network.found_island()
-    search = Search(network, SearchSettings(), RegistrationSettings())
+        graph.found_island()
+    search = Search(graph, SearchSettings(), RegistrationSettings())
     for frame, (x, y) in enumerate(PLACES):
         features = extract(photograph(ground, Pose(x, y), SMALL_CAMERA), FeatureSettings())
-        network.append(str(frame), features)
-        network.put(frame, Pose(x + AWAY * (frame in SECOND), y), int(frame in SECOND))
+        graph.append(str(frame), features)
+        graph.put(frame, Pose(x + AWAY * (frame in SECOND), y), int(frame in SECOND))
     return search
 
 
 @pytest.fixture
 def bridges(search):
-    return Bridges(search._network, search, IslandSettings())
+    return Bridges(search._graph, search, IslandSettings())
 
 
 def bridge(search, a, b):
@@ -50,10 +50,10 @@ def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(sea
     proof = bridges.add(bridge(search, 3, 0))
     assert len(proof) > 1
     assert bridges.join(proof) == (0, 1)
-    network = search._network
-    assert network.frame_counts() == {0: 6}
+    graph = search._graph
+    assert graph.frame_counts() == {0: 6}
     for frame, place in enumerate(PLACES):
-        assert (network.pose_of(frame).x, network.pose_of(frame).y) == pytest.approx(place, abs=2)
+        assert (graph.pose_of(frame).x, graph.pose_of(frame).y) == pytest.approx(place, abs=2)
 
 
 def test_bridges_that_share_their_ground_count_once(search, bridges, monkeypatch):
@@ -119,4 +119,4 @@ def test_two_frames_make_one_bridge_however_often_they_are_compared(search, brid
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.islands.PAIRS_PER_WITNESS", 0)
     for a, b in ((3, 0), (0, 3), (3, 0)):
         assert not bridges.add(bridge(search, a, b))
-    assert len(search._network.bridges) == 1
+    assert len(search._graph.bridges) == 1
