@@ -14,7 +14,7 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, prepare
-from gcs_mosaic.app.shutdown import Ending
+from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -69,7 +69,7 @@ def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, t
 @pytest.mark.parametrize("hurry", [True, False])
 def test_a_flight_that_is_ended_without_time_is_settled(flight, tmp_path, monkeypatch, hurry):
     """Asked to end at once, or after all the time at the end went into the last frames."""
-    ending = Ending(stop=threading.Event(), hurry=threading.Event())
+    ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
     with closing(open_flight_folder(tmp_path / "out")) as folder:
         config = replace(CONFIG, finish_s=30.0 if hurry else 0.0)
         with closing(daemon._Daemon(config, folder, Console(quiet=True), ending, Feed())) as flown:

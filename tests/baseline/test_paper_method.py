@@ -144,6 +144,7 @@ def test_the_blend_is_the_papers_own(frames, tmp_path, capsys):
     assert "leave out --blend" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_live_flight_is_stitched_so_too(tmp_path, world_cache):
     with flying(tmp_path, "--method", "paper") as flight:
         for k, picture in enumerate(six_pictures(world_cache)[:3]):

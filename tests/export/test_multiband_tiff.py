@@ -95,6 +95,7 @@ def test_every_frame_finds_its_place(kind: str, request) -> None:
     assert judged.ortho_rmse < 0.4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "thermal"])
 def test_every_band_shows_the_ground_at_its_depth(kind: str, request, tmp_path) -> None:
     """Above 255, in the same place in all bands, and off by what interpolation and noise do."""

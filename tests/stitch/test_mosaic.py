@@ -154,6 +154,7 @@ def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(ground, mon
     assert len(mosaic.placements()) == 6
 
 
+@pytest.mark.long
 def test_islands_that_were_never_compared_are_joined_in_a_pause(ground, monkeypatch):
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
     truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]

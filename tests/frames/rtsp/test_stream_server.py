@@ -60,7 +60,7 @@ def fly_long() -> Flown:
 @pytest.fixture(scope="module", autouse=True)
 def long_flight(request: pytest.FixtureRequest) -> Iterator[Future[Flown] | None]:
     """It takes half a minute, so it is flown while the other tests run."""
-    wanted = any("300" in item.name for item in request.session.items)
+    wanted = any("300_triggers" in item.name for item in request.session.items)
     with ThreadPoolExecutor(1) as pool:
         yield pool.submit(fly_long) if wanted else None
 
