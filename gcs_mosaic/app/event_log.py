@@ -4,42 +4,49 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict
+from typing import TypeVar
 
 from gcs_mosaic.messages import Frame, TriggerEvent
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState
 from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
-from gcs_mosaic.triggers.shots import Better, Duplicate, New, ShotMerger, ShotSettings
+from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New
 
 logger = logging.getLogger(__name__)
+
+K = TypeVar("K")
 
 
 class EventLog:
     """Matches events with frames, and writes what becomes of them into the ledger with `save`."""
 
-    def __init__(self, ledger: Ledger, shots: ShotSettings, pairing: PairingSettings) -> None:
+    def __init__(self, ledger: Ledger, pairing: PairingSettings) -> None:
         self._ledger = ledger
-        self._merger = ShotMerger(shots)
         self._pairing = Pairing(pairing)
         self._duplicates: list[tuple[int, int]] = []
         self._outcomes: list[Outcome] = []
         self._ids: OrderedDict[TriggerEvent, int] = OrderedDict()  # of the shot that an event told of
+        self._shots: OrderedDict[int, int] = (
+            OrderedDict()
+        )  # ids of shots, by the number of the message that told of them first
         self._remembered = pairing.remembered
 
-    def event(self, event: TriggerEvent, now: float) -> None:
+    def message(self, message: CameraMessage, now: float) -> None:
         """A camera message has come. After DiskFull nothing has happened: tell it again."""
+        event = message.event
         event_id = self._ledger.record_event(event)
-        verdict = self._merger.add(event_id, event)
-        self._remember(event, event_id if isinstance(verdict, New) else verdict.of)
-        match verdict:
-            case New():
-                self._outcomes += self._pairing.event(event_id, event, now)
+        match message.verdict:
+            case New(moment):
+                _remember(self._shots, message.number, event_id, MOST_SHOTS)
+                _remember(self._ids, event, event_id, self._remembered)
+                self._outcomes += self._pairing.event(event_id, event, moment, now)
             case Duplicate(of):
                 self._pairing.duplicate()
-                self._duplicates.append((event_id, of))
+                self._note_duplicate(event, event_id, self._shots.get(of, event_id))
             case Better(of):
-                self._duplicates.append((event_id, of))
-                self._outcomes += self._pairing.improve(of, event, now)
+                shot = self._shots.get(of, event_id)
+                self._note_duplicate(event, event_id, shot)
+                self._outcomes += self._pairing.improve(shot, event, now)
 
     def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
         """A frame has come and stands in the ledger; `fresh` if it was not there before the watch began."""
@@ -70,10 +77,9 @@ class EventLog:
         self._duplicates.clear()
         self._outcomes.clear()
 
-    def _remember(self, event: TriggerEvent, shot: int) -> None:
-        self._ids[event] = shot
-        if len(self._ids) > self._remembered:
-            self._ids.popitem(last=False)
+    def _note_duplicate(self, event: TriggerEvent, event_id: int, shot: int) -> None:
+        _remember(self._ids, event, shot, self._remembered)
+        self._duplicates.append((event_id, shot))
 
     def _write(self, outcome: Outcome) -> None:
         match outcome:
@@ -85,3 +91,9 @@ class EventLog:
                 self._ledger.settle_event(outcome.event_id, EventState.MISSING)
             case Failed():
                 self._ledger.settle_event(outcome.event_id, EventState.FAILED)
+
+
+def _remember(known: OrderedDict[K, int], key: K, event_id: int, most: int) -> None:
+    known[key] = event_id
+    if len(known) > most:
+        known.popitem(last=False)

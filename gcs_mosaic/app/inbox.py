@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs_mosaic.app.links import Item, Report, Source
-from gcs_mosaic.app.stream_requests import StreamRequests
+from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import watch
 from gcs_mosaic.frames.rtsp.requests import Requests
@@ -47,8 +47,7 @@ def attach_stream(address: str, links: Iterable[Source], config: Config, stop: t
     """The links, now also asking for frames, and the live stream that gives them. Raises UsageError."""
     requests = Requests()
     frames = stream(address, stop, requests, config.stream)
-    asking = StreamRequests(requests, config.shots)
-    asking_links = [replace(link, items=asking.follow(link.items)) for link in links]
+    asking_links = [replace(link, items=asking(link.items, requests)) for link in links]
     failed = replace(initial_report(config), state="ended")
     return [*asking_links, Source(frames, failed)]
 

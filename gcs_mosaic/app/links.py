@@ -28,9 +28,10 @@ from gcs_mosaic.messages import (
     StreamOffer,
     TriggerEvent,
 )
+from gcs_mosaic.triggers.shots import CameraMessage
 
 Report = LinkReport | SourceReport
-Item = TriggerEvent | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
+Item = TriggerEvent | CameraMessage | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -24,11 +25,12 @@ from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import FIRST_LOOK
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, TriggerEvent
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
+from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -53,6 +55,8 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
     with ExitStack() as stack:
         # What can be refused comes first: addresses, ports and folders that are taken.
         address = HttpAddress.parse(config.http) if config.http else None
+        shots = Shots(config.shots)
+        links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
         if config.rtsp:
             links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop)
         folder = open_flight_folder(out)
@@ -100,7 +104,7 @@ class _Daemon:
         )
         self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
         self._reporter.watch = initial_report(config)
-        self._event_log = EventLog(self._pipeline.recorder.ledger, config.shots, config.pairing)
+        self._event_log = EventLog(self._pipeline.recorder.ledger, config.pairing)
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
@@ -142,8 +146,8 @@ class _Daemon:
 
     def _take(self, item: Item) -> None:
         match item:
-            case TriggerEvent():
-                self._until_writable.write(lambda: self._event_log.event(item, item.received))
+            case CameraMessage(event=event):
+                self._until_writable.write(lambda: self._event_log.message(item, event.received))
             case Frame():
                 self._take_frame(item)
             case DamagedFile():

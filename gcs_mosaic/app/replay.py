@@ -32,10 +32,11 @@ from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.records import EventAccount
+from gcs_mosaic.triggers.shots import CameraMessage, Shots
 
 _FOUND_AFTER = 1.5  # looks: a file is taken at the second that finds it unchanged
 
-Happening: TypeAlias = tuple[float, TriggerEvent | Notice | tuple[Look, bool]]
+Happening: TypeAlias = tuple[float, CameraMessage | Notice | tuple[Look, bool]]
 """When, in seconds of the recording, and what: a message, words, or a file and whether it came in the flight."""
 
 
@@ -49,7 +50,13 @@ def replay(recording: Path, frames: Path, out: Path, config: Config, console: Co
     looks, passed_over = looks_in(frames)
     with progress_on(console) as progress:
         link = _read(recording, config, progress)
-        came = arrivals(looks, link, config.shots, _FOUND_AFTER * config.frames.poll_s)
+        heard = _merged(link, config)
+        came = arrivals(
+            looks,
+            link,
+            [what for _, what in heard if isinstance(what, CameraMessage)],
+            _FOUND_AFTER * config.frames.poll_s,
+        )
         folder = open_flight_folder(out)
         with closing(folder), flight_log(folder, config):
             for text in (folder.said, _described(link, looks, came)):
@@ -58,7 +65,7 @@ def replay(recording: Path, frames: Path, out: Path, config: Config, console: Co
                 say(console, Notice(source="frames", level="warning", text=text))
             with closing(_Replay(folder.path, config, console, link)) as flight:
                 start = time.monotonic()
-                done = flight.fly(_happenings(link, looks, came), speed, progress)
+                done = flight.fly(_happenings(heard, looks, came), speed, progress)
                 flight.summarise(done, time.monotonic() - start)
     return folder.path
 
@@ -71,10 +78,18 @@ def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
     return link
 
 
-def _happenings(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> list[Happening]:
+def _merged(link: RecordedLink, config: Config) -> list[tuple[float, CameraMessage | Notice]]:
+    """What was heard, with events told for what they are."""
+    shots = Shots(config.shots)
+    return [(at, shots.hear(what) if isinstance(what, TriggerEvent) else what) for at, what in link.heard]
+
+
+def _happenings(
+    heard: Sequence[tuple[float, CameraMessage | Notice]], looks: Sequence[Look], came: Arrivals
+) -> list[Happening]:
     """All that happens, in order; a message before the file that comes at the same moment."""
     files = [(seconds, (look, fresh)) for seconds, look, fresh in zip(came.seconds, looks, came.fresh, strict=True)]
-    return sorted([*link.heard, *files], key=lambda happening: happening[0])  # stable, so nothing else decides
+    return sorted([*heard, *files], key=lambda happening: happening[0])  # stable, so nothing else decides
 
 
 def _described(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> str:
@@ -89,7 +104,7 @@ class _Replay:
         self._config, self._console, self._now = config, console, 0.0
         began_utc = link.began_utc or 0.0
         self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
-        self._event_log = EventLog(self._pipeline.recorder.ledger, config.shots, config.pairing)
+        self._event_log = EventLog(self._pipeline.recorder.ledger, config.pairing)
         self._done: list[Done] = []
 
     def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
@@ -115,12 +130,12 @@ class _Replay:
     def close(self) -> None:
         self._pipeline.close()
 
-    def _take(self, now: float, what: TriggerEvent | Notice | tuple[Look, bool], files: _ReadAhead) -> None:
+    def _take(self, now: float, what: CameraMessage | Notice | tuple[Look, bool], files: _ReadAhead) -> None:
         self._now = now
         self._event_log.tick(now)
         match what:
-            case TriggerEvent():
-                self._event_log.event(what, now)
+            case CameraMessage():
+                self._event_log.message(what, now)
             case Notice():
                 self._say(what)
             case (_, fresh):

@@ -16,7 +16,7 @@ from gcs_mosaic.mavlink.tlog_reader import RecordedLink
 from gcs_mosaic.messages import CaptureResult, TriggerEvent
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.index import number_in
-from gcs_mosaic.triggers.shots import New, ShotMerger, ShotSettings
+from gcs_mosaic.triggers.shots import CameraMessage, New
 
 MOST = 0.9  # of all files: some lie in the folder from before, or were touched later
 ENOUGH = 0.75  # of what could be told: fewer coincidences of names or numbers may be chance
@@ -33,11 +33,13 @@ class Arrivals:
     told_by: str
 
 
-def arrivals(looks: Sequence[Look], link: RecordedLink, shots: ShotSettings, found_after_s: float) -> Arrivals:
+def arrivals(
+    looks: Sequence[Look], link: RecordedLink, messages: Iterable[CameraMessage], found_after_s: float
+) -> Arrivals:
     """When files (in the order of their names) came; a file is found `found_after_s` after it was last written to."""
     if by_times := _by_file_times(looks, link, found_after_s):
         return by_times
-    taken = _taken(link.events, shots)
+    taken = _taken(messages)
     ways = {
         "the file names in the camera messages": (_by_names, link.events),
         "the numbers in the file names": (_by_numbers, link.events),
@@ -67,10 +69,9 @@ def _by_file_times(looks: Sequence[Look], link: RecordedLink, found_after_s: flo
     )
 
 
-def _taken(events: Iterable[TriggerEvent], settings: ShotSettings) -> list[TriggerEvent]:
+def _taken(messages: Iterable[CameraMessage]) -> list[TriggerEvent]:
     """The first message about each shot."""
-    merger = ShotMerger(settings)
-    told = [event for number, event in enumerate(events) if isinstance(merger.add(number, event), New)]
+    told = [message.event for message in messages if isinstance(message.verdict, New)]
     return [event for event in told if event.result is not CaptureResult.FAILED]
 
 

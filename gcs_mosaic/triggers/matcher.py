@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from gcs_mosaic.messages import CaptureResult, Frame, TriggerEvent
 from gcs_mosaic.triggers.candidates import Search
-from gcs_mosaic.triggers.clocks import SourceClocks
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State, number_in
 from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
@@ -26,7 +25,6 @@ class Pairing:
 
     def __init__(self, settings: PairingSettings | None = None) -> None:
         self._settings = settings or PairingSettings()
-        self._clocks = SourceClocks()
         self._events: Index[PendingEvent] = Index(self._settings.remembered)
         self._frames: Index[PendingFrame] = Index(self._settings.remembered)
         self._search = Search(self._events, self._frames, self._settings)
@@ -34,11 +32,11 @@ class Pairing:
         self._states: Counter[State] = Counter()
         self._duplicates = self._frames_seen = 0
 
-    def event(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
-        """A new shot (`ShotMerger` says which events are)."""
+    def event(self, event_id: int, event: TriggerEvent, moment: float, now: float) -> list[Outcome]:
+        """A new shot (`shots.Shots` says which events are, and the moment, on the clock of `now`)."""
         if next(self._events.under(("id", event_id)), None):
             raise ValueError(f"event {event_id} was told before")
-        held = PendingEvent(event_id, event, self._clocks.moment(event), now)
+        held = PendingEvent(event_id, event, moment, now)
         if event.result is not CaptureResult.FAILED:
             self._search.delay.shot(held.moment)
         self._states[State.PENDING] += 1
@@ -46,7 +44,7 @@ class Pairing:
         return [*self._look_at(held, event), *self._give_up_oldest()]
 
     def improve(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
-        """A better witness of a shot that was told before; the message itself counts as a duplicate."""
+        """A more authoritative message about a shot that was told before; it counts as a duplicate itself."""
         self._duplicates += 1
         held = next(self._events.under(("id", event_id)), None)
         return list(self._look_at(held, event)) if held else []

@@ -7,15 +7,18 @@ differ by is learnt, and decides; only where it is not known yet does the time d
 
 from __future__ import annotations
 
+import threading
 from collections import OrderedDict, deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from gcs_mosaic.messages import Source, TriggerEvent
 from gcs_mosaic.triggers.clocks import SourceClocks
 from gcs_mosaic.triggers.counters import Counters, StreamKey
 
 _RECENT = 16  # shots that may still lie within the window; nobody takes more in a second
+MOST_SHOTS = 1 << 16  # that a message may still be about: each source remembers some, and there are some sources
 _MOST_STREAMS = 32  # sources with a counter of their own; no aircraft has as many, but a forger might
 
 
@@ -35,7 +38,9 @@ class ShotSettings:
 
 @dataclass(frozen=True, slots=True)
 class New:
-    """A shot that nobody told before."""
+    """A shot that nobody told before. `moment`: when it was taken, in seconds of the host's monotonic clock."""
+
+    moment: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +52,44 @@ class Duplicate:
 
 @dataclass(frozen=True, slots=True)
 class Better:
-    """A better witness of the shot whose first event has the id `of`: use this event's fields from now on."""
+    """A more authoritative message about the shot whose first event has the id `of`: use its fields from now on."""
 
     of: int
 
 
 Verdict: TypeAlias = New | Duplicate | Better
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMessage:
+    """An event, and what it is among all that were heard; the verdict's `of` is another one's number."""
+
+    number: int
+    event: TriggerEvent
+    verdict: Verdict
+
+
+T = TypeVar("T")
+
+
+class Shots:
+    """The one place where messages about shots are merged and dated, whatever link they come by. Threads may share it."""
+
+    def __init__(self, settings: ShotSettings) -> None:
+        self._merger = ShotMerger(settings)
+        self._lock = threading.Lock()
+        self._heard = 0
+
+    def hear(self, event: TriggerEvent) -> CameraMessage:
+        """What an event is."""
+        with self._lock:
+            self._heard += 1
+            return CameraMessage(self._heard, event, self._merger.add(self._heard, event))
+
+    def follow(self, items: Iterator[T | TriggerEvent]) -> Iterator[T | CameraMessage]:
+        """What a link brings, with events told for what they are."""
+        for item in items:
+            yield self.hear(item) if isinstance(item, TriggerEvent) else item
 
 
 @dataclass(slots=True)
@@ -67,7 +104,7 @@ class _Shot:
 
 
 class ShotMerger:
-    """Says of each event whether it is a new shot, a repetition, or a better witness of a known one."""
+    """Says of each event whether it is a new shot, a repetition, or a more authoritative message about a known one."""
 
     def __init__(self, settings: ShotSettings | None = None) -> None:
         self._settings = settings or ShotSettings()
@@ -84,7 +121,7 @@ class ShotMerger:
             return Duplicate(before[1].id)
         moment = self._clocks.moment(event)
         shot = self._same_shot(key, event.sequence, moment)
-        verdict = _verdict(shot, event)
+        verdict = _verdict(shot, event, moment)
         if shot is None:
             shot = _Shot(event_id, moment, event.source)
             self._recent.append(shot)
@@ -139,9 +176,9 @@ def _contradicts(expected: dict[StreamKey, int], shot: _Shot) -> bool:
     return any(key in expected and count != expected[key] for key, count in shot.told.items())
 
 
-def _verdict(shot: _Shot | None, event: TriggerEvent) -> Verdict:
+def _verdict(shot: _Shot | None, event: TriggerEvent, moment: float) -> Verdict:
     if shot is None:
-        return New()
+        return New(moment)
     return Better(shot.id) if event.source > shot.best else Duplicate(shot.id)
 
 

@@ -18,7 +18,7 @@ from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FrameState
 from gcs_mosaic.triggers import PairingSettings
-from gcs_mosaic.triggers.shots import ShotSettings
+from gcs_mosaic.triggers.shots import Shots, ShotSettings
 
 NAMES = ("IMG_0.JPG", "IMG_1.JPG", "img_1.jpg", "IMG_65535.JPG", "a.jpg", "b.jpg")
 WHAT = ("event", "event", "event", "frame", "frame", "copy", "tick", "save", "end of a frame")
@@ -89,13 +89,13 @@ def frame(now: float, name: str, number: int) -> Frame:
 
 def fly(flight: list[Any], ledger: Any, record_frame: Any, settle_frame: Any) -> tuple[int, int]:
     """Let all of it happen; returns how many events and how many frames there were."""
-    event_log, now = EventLog(ledger, ShotSettings(remembered=8), PairingSettings(remembered=6)), 0.0
+    event_log, shots, now = EventLog(ledger, PairingSettings(remembered=6)), Shots(ShotSettings(remembered=8)), 0.0
     told, came = 0, list[Frame]()
     for move in flight:
         what, wait, *_, which = move
         now += wait
         if what == "event":
-            event_log.event(event(now, move), now)
+            event_log.message(shots.hear(event(now, move)), now)
             told += 1
         elif what in ("frame", "copy"):
             came.append(frame(now, move[4] or "y.png", len(came)))

@@ -11,7 +11,7 @@ from gcs_mosaic.app.replay_timing import Arrivals, arrivals
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink
 from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
-from gcs_mosaic.triggers.shots import ShotSettings
+from gcs_mosaic.triggers.shots import Shots, ShotSettings
 
 BEGAN = 1_750_000_000.0
 FOUND_AFTER = 0.4
@@ -36,7 +36,8 @@ def looks(names: Sequence[str], written: Sequence[float] | None = None) -> list[
 
 
 def came(files: list[Look], recorded: RecordedLink) -> Arrivals:
-    return arrivals(files, recorded, ShotSettings(), FOUND_AFTER)
+    shots = Shots(ShotSettings())
+    return arrivals(files, recorded, [shots.hear(event) for event in recorded.events], FOUND_AFTER)
 
 
 def test_times_within_the_recording_are_believed() -> None:

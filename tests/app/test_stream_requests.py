@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gcs_mosaic.app.stream_requests import StreamRequests
+from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer, TriggerEvent
-from gcs_mosaic.triggers.shots import ShotSettings
+from gcs_mosaic.triggers.shots import CameraMessage, Shots, ShotSettings
 
 EVENT = TriggerEvent(
     vehicle=1,
@@ -29,7 +29,8 @@ LATER = replace(EVENT, sequence=8, received=104.9, source_time=54.0)
 
 def asked(*items: object) -> list[Ask | Offer]:
     requests = Requests()
-    assert list(StreamRequests(requests, ShotSettings()).follow(iter(items))) == list(items)
+    passed_on = list(asking(Shots(ShotSettings()).follow(iter(items)), requests))
+    assert [item.event if isinstance(item, CameraMessage) else item for item in passed_on] == list(items)
     return list(requests.drain())
 
 

@@ -136,8 +136,9 @@ class Ear:
 
     def settle(self, event: TriggerEvent, now: float) -> None:
         self.known += 1
-        if isinstance(self.merger.add(self.known, event), New):
-            self.pairing.event(self.known, event, now)
+        verdict = self.merger.add(self.known, event)
+        if isinstance(verdict, New):
+            self.pairing.event(self.known, event, verdict.moment, now)
         self.pairing.tick(now)
 
 

@@ -61,7 +61,7 @@ def flown(kind: Kind, comes: dict[int, float], extra: dict[str, float] | None = 
     for now, shot, name in sorted(happened, key=lambda item: item[0]):
         outcomes += pairing.tick(now)
         if name is None:
-            outcomes += pairing.event(shot, event(kind, shot), now)
+            outcomes += pairing.event(shot, event(kind, shot), now, now)
         else:
             frame = Frame(name=name, path=Path("x") / name, content_hash=name, size=1, received=now, modified=0.0)
             outcomes += pairing.frame(frame, now)

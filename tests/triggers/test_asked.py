@@ -32,7 +32,7 @@ def taken(at: float) -> Frame:
 def told(count: int) -> Pairing:
     pairing = Pairing()
     for event_id in range(count):
-        pairing.event(event_id, shot(0.3 * event_id), now=0.3 * event_id)
+        pairing.event(event_id, shot(0.3 * event_id), 0.3 * event_id, now=0.3 * event_id)
     return pairing
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.triggers import Failed, How, Matched, Missing, Orphan, Outcome, Pairing, PairingSettings, Unmatched
+from gcs_mosaic.triggers.clocks import SourceClocks
 
 
 def shot(at: float, sequence: int | None = None, hint: str | None = None, **fields: Any) -> TriggerEvent:
@@ -40,6 +41,7 @@ class Flight:
 
     def __init__(self, **limits: float) -> None:
         self.pairing = Pairing(PairingSettings(**limits))  # type: ignore[arg-type]
+        self.clocks = SourceClocks()
         self.outcomes: list[Outcome] = []
 
     def fly(self, *items: tuple[int, TriggerEvent] | Frame) -> Flight:
@@ -47,7 +49,7 @@ class Flight:
             if isinstance(item, Frame):
                 self.outcomes += self.pairing.frame(item, item.received)
             else:
-                self.outcomes += self.pairing.event(*item, item[1].received)
+                self.outcomes += self.pairing.event(*item, self.clocks.moment(item[1]), item[1].received)
         return self
 
     def pairs(self) -> dict[int, str]:
@@ -160,9 +162,9 @@ def test_an_event_counter_that_begins_anew_is_followed() -> None:
 
 def test_a_frame_that_was_there_at_the_start_is_not_matched_by_its_time() -> None:
     pairing = Pairing()
-    pairing.event(0, shot(10.0), 10.0)
+    pairing.event(0, shot(10.0), 10.0, 10.0)
     assert pairing.frame(file(10.5, "old.jpg"), 10.5, fresh=False) == [Orphan(file(10.5, "old.jpg"))]
-    assert [type(outcome) for outcome in pairing.event(1, shot(11.0, hint="old.jpg"), 11.0)] == [Matched]
+    assert [type(outcome) for outcome in pairing.event(1, shot(11.0, hint="old.jpg"), 11.0, 11.0)] == [Matched]
 
 
 def test_an_event_is_missing_after_a_while_and_may_still_be_matched() -> None:
@@ -235,7 +237,7 @@ def test_the_accounts_close_whatever_comes(steps: list[Any], remembered: int) ->
         outcomes: list[Outcome] = []
         if what == "event" and event:
             state[told] = "pending"
-            outcomes, told = pairing.event(told, event, now), told + 1
+            outcomes, told = pairing.event(told, event, now, now), told + 1
         elif what == "improve" and event:
             outcomes = pairing.improve(which, event, now)
             state[1000 + told] = "duplicate"
