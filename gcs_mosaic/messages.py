@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+from hashlib import blake2b
 from pathlib import Path
 from typing import Literal
 
@@ -61,13 +62,18 @@ class TriggerEvent:
     position: Position | None
 
 
+def content_hash(data: bytes) -> str:
+    """What makes two files the same picture, every byte: hex of blake2b with 16 bytes over the whole file."""
+    return blake2b(data, digest_size=16).hexdigest()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One image that has come completely. Pixels are loaded when they are wanted."""
 
     name: str  # POSIX path relative to the watched folder; an overwritten name gets "#2"
     path: Path  # of a stream's frame only its name counts, until it is kept
-    content_hash: str  # hex of blake2b with 16 bytes over the whole file
+    content_hash: str  # `content_hash` of the whole file
     size: int  # bytes
     received: float  # when the file was found whole
     modified: float  # the file's own time, or that of capture where it is known, seconds since 1970
@@ -95,13 +101,21 @@ class DamagedFile:
     reason: str
 
 
+class Topic(Enum):
+    """What a notice is about, where somebody acts on it."""
+
+    DISK = "disk"  # writing, and what is left to write on
+    FIRST_LOOK = "first look"  # every file that was there at the start has been looked at
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
     """Something a source wants said aloud (a folder was created, a link fell silent, a port is shared)."""
 
-    source: str
+    source: str  # for people; what programs go by is the topic
     level: Literal["info", "warning", "error"]
     text: str
+    topic: Topic | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,8 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.frames.content import content_hash
-from gcs_mosaic.messages import Frame
+from gcs_mosaic.messages import Frame, content_hash
 
 
 def written(path: Path, picture: np.ndarray) -> Frame:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from gcs_mosaic.baseline.painter import PaperCanvas
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Topic
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
@@ -119,7 +119,7 @@ class Recorder(Kept):
         said = [kept.notice] if kept.notice else []
         if isinstance(kept, NotKept):
             text = f"{frame.name} is not kept: {kept.reason}"
-            return frame, [*said, Notice(source="originals", level="warning", text=text)]
+            return frame, [*said, Notice(source="originals", level="warning", text=text, topic=Topic.DISK)]
         return replace(frame, path=self.out / kept.path, data=None), said
 
     def accept_duplicate(self, frame: Frame, earlier: str) -> None:

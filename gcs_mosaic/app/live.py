@@ -24,8 +24,7 @@ from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.frames.directory import FIRST_LOOK
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.store.records import FrameState
@@ -157,7 +156,7 @@ class _Daemon:
                 self._until_writable.write(lambda: self._pipeline.accept_dropped(item))
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
             case Notice():
-                self._looked |= item.source == FIRST_LOOK
+                self._looked |= item.topic is Topic.FIRST_LOOK
                 self.say(item)
             case LinkReport():
                 self._reporter.link(item)

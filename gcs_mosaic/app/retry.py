@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from gcs_mosaic.messages import Notice
+from gcs_mosaic.messages import Notice, Topic
 from gcs_mosaic.store.disk import CannotWrite
 
 logger = logging.getLogger(__name__)
@@ -55,9 +55,11 @@ class UntilWritable:
         if time.monotonic() - self._said > SAID_AGAIN_S:
             self._said = time.monotonic()
             logger.warning("writing has failed", exc_info=trouble)
-            self._say(Notice(source="disk", level="error", text=str(trouble)))
+            self._say(Notice(source="disk", level="error", text=str(trouble), topic=Topic.DISK))
 
     def _tell_success(self) -> None:
         if self._in_trouble:
             self._in_trouble, self._said = False, -math.inf
-            self._say(Notice(source="disk", level="info", text="the disk can be written again: going on"))
+            self._say(
+                Notice(source="disk", level="info", text="the disk can be written again: going on", topic=Topic.DISK)
+            )

@@ -7,10 +7,9 @@ from collections.abc import Iterable, Sequence
 from gcs_mosaic.mavlink.announcements import Announcement, Topic
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.messages import Notice
+from gcs_mosaic.messages import Topic as About
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.triggers import Missing
-
-DISK_SOURCES = ("disk", "originals")  # of notices about writing and about what is left to write on
 
 
 class Announcements:
@@ -42,7 +41,7 @@ class Announcements:
 
     def notice(self, notice: Notice) -> None:
         """Something was said aloud."""
-        if notice.source in DISK_SOURCES and notice.level != "info":
+        if notice.topic is About.DISK and notice.level != "info":
             bad = notice.level == "error"
             self._tell("disk", "Mosaic: the disk cannot be written" if bad else "Mosaic: the disk is filling up")
 

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
 from gcs_mosaic.frames.structure import StructureError, Whole
-from gcs_mosaic.messages import Frame
+from gcs_mosaic.messages import Frame, content_hash
 
 logger = logging.getLogger(__name__)
 

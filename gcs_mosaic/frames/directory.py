@@ -14,12 +14,9 @@ from gcs_mosaic.frames.files import frames_in as frames_in
 from gcs_mosaic.frames.pending_file import Candidate
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
 
 logger = logging.getLogger(__name__)
-
-FIRST_LOOK = "first look"
-"""`Notice.source` of the notice that says that every file that was there at the start has been looked at."""
 
 REPORT_EACH_S = 1.0
 AGAIN_S = 0.08  # until the next look after one that has found a file new or changed: most are whole by then
@@ -173,4 +170,4 @@ class FolderWatch:
     def _first_look(self) -> Notice:
         left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
         text = f"watching {self._folder}: {self._taken} frames were there{left}"
-        return Notice(source=FIRST_LOOK, level="info", text=text)
+        return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)

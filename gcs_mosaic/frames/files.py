@@ -10,13 +10,12 @@ from datetime import datetime
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.pending_file import frame_of, read_whole, versioned
 from gcs_mosaic.frames.scan import Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame
+from gcs_mosaic.messages import DamagedFile, Frame, content_hash
 
 
 @dataclass(frozen=True, slots=True)

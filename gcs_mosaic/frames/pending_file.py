@@ -6,11 +6,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame
+from gcs_mosaic.messages import DamagedFile, Frame, content_hash
 
 
 @dataclass(slots=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from gcs_mosaic.messages import Frame, Notice
+from gcs_mosaic.messages import Frame, Notice, Topic, content_hash
 from gcs_mosaic.store.disk import make_folder, write_beside
 
 logger = logging.getLogger(__name__)
@@ -110,7 +110,7 @@ class Originals:
             return None
         self._said = True
         advice = "from now on frames are linked instead of copied: do not write again into their files"
-        return Notice(source="originals", level="warning", text=f"{shortage}; {advice}")
+        return Notice(source="originals", level="warning", text=f"{shortage}; {advice}", topic=Topic.DISK)
 
 
 def is_intact(path: Path, expected_hash: str) -> bool:
@@ -120,11 +120,6 @@ def is_intact(path: Path, expected_hash: str) -> bool:
     except OSError:
         logger.warning("the original %s cannot be read", path, exc_info=True)
         return False
-
-
-def content_hash(data: bytes) -> str:
-    """The hash of `events.Frame.content_hash`: blake2b with 16 bytes, in hex."""
-    return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
 def relative_place(name: str) -> PurePosixPath:

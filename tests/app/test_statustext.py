@@ -6,7 +6,7 @@ import pytest
 
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.mavlink.announcements import Announcement
-from gcs_mosaic.messages import CaptureResult, Notice, Source, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Notice, Source, Topic, TriggerEvent
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.triggers import Missing
 
@@ -70,18 +70,18 @@ def test_shots_without_frame_are_counted(announcements: Announcements, ear: Ear)
 
 
 @pytest.mark.parametrize(
-    ("source", "level", "text"),
+    ("topic", "level", "text"),
     [
-        ("originals", "warning", ["the disk is filling up"]),
-        ("disk", "error", ["the disk cannot be written"]),
-        ("disk", "info", []),
-        ("link", "warning", []),
+        (Topic.DISK, "warning", ["the disk is filling up"]),
+        (Topic.DISK, "error", ["the disk cannot be written"]),
+        (Topic.DISK, "info", []),
+        (None, "warning", []),
     ],
 )
 def test_of_notices_only_those_about_the_disk_are_passed_on(
-    announcements: Announcements, ear: Ear, source: str, level: Any, text: list[str]
+    announcements: Announcements, ear: Ear, topic: Topic | None, level: Any, text: list[str]
 ) -> None:
-    announcements.notice(Notice(source=source, level=level, text="…"))
+    announcements.notice(Notice(source="", level=level, text="…", topic=topic))
     assert ear.texts == text
 
 
@@ -90,6 +90,6 @@ def test_every_text_fits_into_one_message(announcements: Announcements, ear: Ear
     for state in (PLACED, WAITING, PLACED):
         announcements.frame(state)
     for level in ("warning", "error"):
-        announcements.notice(Notice(source="disk", level=level, text=""))  # type: ignore[arg-type]
+        announcements.notice(Notice(source="disk", level=level, text="", topic=Topic.DISK))  # type: ignore[arg-type]
     assert all(len(announcement.text) <= 50 for announcement in ear.heard)
     assert len(ear.heard) == 5

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.messages import Frame
-from gcs_mosaic.store.originals import content_hash
+from gcs_mosaic.messages import Frame, content_hash
 from tests.benchmarks.flight_of_points import LENS, features_of_flight
 from tests.benchmarks.writing import EARLY, WINDOW
 

@@ -9,10 +9,10 @@ import pytest
 from image_files import encoded, picture
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.directory import AGAIN_S, FIRST_LOOK, FolderWatch, Item, watch
+from gcs_mosaic.frames.directory import AGAIN_S, FolderWatch, Item, watch
 from gcs_mosaic.frames.scan import Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
 
 JPEG, OTHER = encoded(".jpg"), encoded(".jpg", picture(seed=1))
 
@@ -197,7 +197,7 @@ def test_old_files_are_left_counted_and_said(watched: Watched) -> None:
     watched.write("old.jpg", age_s=3600)
     watched.write("fresh.jpg", age_s=600)
     (notice,) = [item for item in watched.look(3) if isinstance(item, Notice)]
-    assert notice.source == FIRST_LOOK
+    assert notice.topic is Topic.FIRST_LOOK
     assert "1 frames were there; 1 older ones are left" in notice.text
 
 
@@ -232,7 +232,7 @@ def test_watching_makes_the_folder_and_stops_when_told(tmp_path: Path) -> None:
     items = watch(folder, stop, FolderSettings(poll_s=0.01))
     assert "made the folder" in getattr(next(items), "text", "")
     assert isinstance(next(items), SourceReport)
-    assert getattr(next(items), "source", "") == FIRST_LOOK
+    assert getattr(next(items), "topic", None) is Topic.FIRST_LOOK
     (folder / "a.jpg").write_bytes(JPEG)
     frame = next(items)
     assert isinstance(frame, Frame)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerEvent, content_hash
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
-from gcs_mosaic.store.originals import content_hash
 from gcs_mosaic.store.records import Estimate
 
 # A frame's pixels to those of one that was taken a little beside it.

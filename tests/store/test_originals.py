@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ledger_parts import a_frame, written_frame
 
+from gcs_mosaic.messages import content_hash
 from gcs_mosaic.store.originals import (
     Kept,
     NotKept,
     Originals,
     OriginalsSettings,
-    content_hash,
     is_intact,
     relative_place,
 )

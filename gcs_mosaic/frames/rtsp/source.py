@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import cv2
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.content import content_hash
 from gcs_mosaic.frames.pending_file import versioned
 from gcs_mosaic.frames.rtsp.address import AUTO, StreamAddress, check_allowed, is_allowed, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
@@ -21,7 +20,7 @@ from gcs_mosaic.frames.rtsp.interval import Wishes
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.frames.rtsp.ring_buffer import Ring
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.messages import Frame, Notice, SourceReport
+from gcs_mosaic.messages import Frame, Notice, SourceReport, content_hash
 
 if TYPE_CHECKING:
     from gcs_mosaic.frames.rtsp.receiver import Receiver
