@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
@@ -101,43 +102,30 @@ def _debug_pictures(folder: Path) -> DebugPictures:
 
 def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Console) -> None:
     start = time.monotonic()
-    preparation = Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
-    with progress_on(console) as progress:
-        task = progress.add_task("stitching", total=given.count)
-        done = _process(pipeline, preparation, given.frames, task, progress)
+    preparation, driver = prefetching(pipeline, config), Driver(pipeline)
+    with closing(preparation), progress_on(console) as progress:
+        task, done = progress.add_task("stitching", total=given.count), list[Done]()
+        while (decoded := _next(driver, preparation, given.frames)) is not None:
+            done.append(driver.process(decoded))
+            taken = pipeline.taken_in - len(preparation)
+            progress.update(task, completed=taken, description=f"stitching {done[-1].name}")
         final = progress.add_task("final painting", total=None)
-        for _ in pipeline.finish():
+        for _ in driver.finish():
             progress.advance(final)
-            pipeline.save()
-        pipeline.save()
-    preparation.close()
     summarise(pipeline, done, time.monotonic() - start, console)
 
 
-def _process(
-    pipeline: Pipeline,
-    preparation: Preparation,
-    found: Iterator[Frame | DamagedFile],
-    task: TaskID,
-    progress: Progress,
-) -> list[Done]:
-    done: list[Done] = []
-    while (prepared := _next(pipeline, preparation, found)) is not None:
-        processed = pipeline.process(prepared)
-        processed.seconds["write"] = pipeline.save()
-        done.append(processed)
-        progress.update(task, completed=pipeline.taken_in - len(preparation), description=f"stitching {processed.name}")
-    return done
+def prefetching(pipeline: Pipeline, config: Config) -> Preparation:
+    """Decodes frames ahead, in a row, for a pipeline."""
+    return Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
 
 
 def _next(
-    pipeline: Pipeline, preparation: Preparation, found: Iterator[Frame | DamagedFile]
+    driver: Driver, preparation: Preparation, found: Iterator[Frame | DamagedFile]
 ) -> DecodedFrame | UndecodableFrame | None:
     """The next frame, while enough of those behind it are being prepared."""
     while len(preparation) <= AHEAD and (item := next(found, None)) is not None:
-        if isinstance(item, DamagedFile):
-            pipeline.accept_damaged(item)
-        elif (frame := pipeline.accept(item)) is not None:
+        if (frame := driver.accept(item)) is not None:
             preparation.append(frame)
     return preparation.next()
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import statistics
 import tempfile
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gcs_mosaic.app.batch import STAGES
+from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import prepare
 from gcs_mosaic.config.tree import Config
@@ -41,13 +43,7 @@ def run(sources: Sequence[Path], config: Config, console: Console, most: int | N
 
 def _stitch(frames: list[Frame], out: Path, config: Config) -> list[Done]:
     pipeline = Pipeline(out, replace(config, originals=replace(config.originals, keep="link")), lambda notice: None)
-    done = []
-    for found in frames:
-        frame = pipeline.accept(found)
-        if frame is not None:
-            done.append(
-                pipeline.process(prepare(frame, pipeline.features_of, config.reduction, pipeline.feature_pixels))
-            )
-            done[-1].seconds["write"] = pipeline.save()
-    pipeline.close()
-    return done
+    with closing(pipeline):
+        driver, decoding = Driver(pipeline), (pipeline.features_of, config.reduction, pipeline.feature_pixels)
+        accepted = (frame for found in frames if (frame := driver.accept(found)) is not None)
+        return [driver.process(prepare(frame, *decoding)) for frame in accepted]

@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from gcs_mosaic.baseline.painter import PaperCanvas
+from gcs_mosaic.app.method import Picture
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Topic
-from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
@@ -140,7 +139,7 @@ class Recorder(Kept):
 
     def save(
         self,
-        canvas: Canvas | PaperCanvas,
+        canvas: Picture,
         islands: Sequence[Island],
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]] = dict,
@@ -165,7 +164,7 @@ class Recorder(Kept):
 
     def _tell(
         self,
-        canvas: Canvas | PaperCanvas,
+        canvas: Picture,
         islands: Sequence[Island],
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]],
@@ -216,7 +215,7 @@ class Recorder(Kept):
 
     def _entries(
         self,
-        canvas: Canvas | PaperCanvas,
+        canvas: Picture,
         islands: Sequence[Island],
         frames_on: Mapping[int, int],
         held_out: Mapping[int, HeldOut],

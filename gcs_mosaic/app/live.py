@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, record, watching
@@ -93,6 +94,7 @@ class _Daemon:
         self._inbox = Inbox(shutdown.stop)
         self._until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
+        self._driver = Driver(self._pipeline, self._until_writable.write)
         self._preparation = Preparation(
             self._pipeline.features_of,
             config.reduction,
@@ -115,7 +117,7 @@ class _Daemon:
         """Work until told to stop, then finish."""
         self._announcements.speakers = links.speakers
         self._inbox.fill(links.sources)
-        self._until_writable.write(self._pipeline.save)  # so that a reader finds a map from the start, if an empty one
+        self._driver.save()  # so that a reader finds a map from the start, if an empty one
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
@@ -150,10 +152,10 @@ class _Daemon:
             case Frame():
                 self._take_frame(item)
             case DamagedFile():
-                self._until_writable.write(lambda: self._pipeline.accept_damaged(item))
+                self._driver.accept(item)
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
             case DroppedFrame():
-                self._until_writable.write(lambda: self._pipeline.accept_dropped(item))
+                self._driver.accept(item)
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
             case Notice():
                 self._looked |= item.topic is Topic.FIRST_LOOK
@@ -164,7 +166,7 @@ class _Daemon:
                 self._reporter.watch = item
 
     def _take_frame(self, found: Frame) -> None:
-        frame = self._until_writable.write(lambda: self._pipeline.accept(found))
+        frame = self._driver.accept(found)
         # A copy of an earlier picture may be what an event names, but its time says nothing about when it was taken.
         self._event_log.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
         self._last_frame = time.monotonic()
@@ -185,18 +187,19 @@ class _Daemon:
         if self._preparation.is_ready:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
-            done = self._pipeline.process(prepared)
-            self._preparation.processed(done.name, done.on_map, waits=done.state is FrameState.WAITING)
-            self._take_in(0.0)
-            self._preparation.begin()  # with the newest, while this one is written
-            done.seconds["write"] = self._until_writable.write(self._pipeline.save)
-            self._note_done(done)
+            self._note_done(self._driver.process(prepared, self._begin_next))
         elif self._repainting() and self._pipeline.repaint_some():
-            self._until_writable.write(self._pipeline.save)
+            self._driver.save()
         elif self._is_idle() and (self._state == "flying" or self._adjusting):
             self._state = "idle"
             self._adjust_in_a_pause()
-            self._until_writable.write(self._pipeline.save)
+            self._driver.save()
+
+    def _begin_next(self, done: Done) -> None:
+        """With the newest frame that has come, while this one is written."""
+        self._preparation.processed(done.name, done.on_map, waits=done.state is FrameState.WAITING)
+        self._take_in(0.0)
+        self._preparation.begin()
 
     def _adjust_in_a_pause(self) -> None:
         self._adjusting = False
@@ -243,7 +246,7 @@ class _Daemon:
         self._paint_final()
         self._event_log.close()
         self._until_writable.write(self._event_log.save)
-        self._until_writable.write(self._pipeline.save)
+        self._driver.save()
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())

@@ -6,11 +6,11 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from gcs_mosaic.app.flight_writer import Recorder
+from gcs_mosaic.app.method import Renderer
 from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.app.unpainted import Unpainted
-from gcs_mosaic.baseline.painter import PaperPainter
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.render.repaint_queue import Painter, Step
+from gcs_mosaic.render.repaint_queue import Step
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept, transaction
@@ -29,7 +29,7 @@ class Painting(Kept):
 
     def __init__(
         self,
-        painter: Painter | PaperPainter,
+        painter: Renderer,
         recorder: Recorder,
         whole: Kept,
         load_original: Callable[[str], Bands | None],

@@ -11,22 +11,17 @@ from pathlib import Path
 from typing import TypeVar
 
 from gcs_mosaic.app.flight_writer import Recorder
+from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
-from gcs_mosaic.baseline.mosaic import PaperMosaic
-from gcs_mosaic.baseline.painter import PaperPainter
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, load_image
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice
 from gcs_mosaic.render.painted import Painted, TileKey
-from gcs_mosaic.render.repaint_queue import Painter
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.camera.bands import Bands
-from gcs_mosaic.stitch.features.extraction import Features, extract
-from gcs_mosaic.stitch.graph.observer import Observer, Observers
+from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
-from gcs_mosaic.stitch.mapping.journal import Journal
-from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.transaction import Kept, transaction
 from gcs_mosaic.store.originals import is_intact
 from gcs_mosaic.store.records import Accounts, FrameState
@@ -64,7 +59,7 @@ class Pipeline(Kept):
     tells the time that is written into documents.
     """
 
-    FIXED = frozenset({"_worker", "_say"})
+    FIXED = frozenset({"_worker", "_say", "features_of"})
 
     def __init__(
         self,
@@ -80,20 +75,14 @@ class Pipeline(Kept):
     ) -> None:
         self.recorder = Recorder(out, config, published, utc)
         self._worker = WorkerProcess()
-        self.mosaic: Mosaic | PaperMosaic
-        self._painter: Painter | PaperPainter
-        if config.method == "paper":
-            self.mosaic = PaperMosaic(config.paper, config.reduction)
-            self._painter = PaperPainter(self.mosaic)
-        else:
-            observers = Observers(Journal(), observer)
-            self.mosaic = Mosaic(config.stitch, self._worker, punctual=punctual, observer=observers)
-            note = self._note_painted
-            self._painter = Painter(self.load_original, note, config.paint, scratch=out, live=paint_live)
+        parts = self._worker, self.load_original, self._note_painted, out, observer
+        method = method_of(config, *parts, punctual=punctual, paint_live=paint_live)
+        self.mosaic, self._painter = method.stitcher, method.renderer
+        # Features of an image, by `reduction`: what frames are placed by. May be called from any thread.
+        self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self.taken_in = 0  # files, whatever became of them
         self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
         self._reduction = config.reduction
-        self._feature_settings = config.stitch.features
         self._say = say
         self._orders: dict[str, int] = {}
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
@@ -109,17 +98,6 @@ class Pipeline(Kept):
 
     def accounts(self) -> Accounts:
         return self.recorder.ledger.accounts()
-
-    def features_of(self, image: Bands, *, reduction: int) -> Features:
-        """What frames are placed by. May be called from any thread."""
-        if isinstance(self.mosaic, PaperMosaic):
-            return self.mosaic.features_of(image)
-        return extract(image, self._feature_settings, reduction)
-
-    @property
-    def feature_pixels(self) -> float:
-        """Pixels of a frame that features are sought in; the paper's method takes frames as they are."""
-        return 0.0 if isinstance(self.mosaic, PaperMosaic) else self._feature_settings.megapixels * 1e6
 
     # Frames come in
 
@@ -305,8 +283,6 @@ class Pipeline(Kept):
 
     def _note_painted(self, painted: Painted) -> None:
         self.recorder.changes.painted[painted.name] = painted
-        assert isinstance(self.mosaic, Mosaic), "the paper's painter tells of nothing painted"
-        self.mosaic.hold(painted.name, painted.pose, painted.camera)
 
     def _settle(self, name: str, state: FrameState, reason: str | None) -> None:
         if self.recorder.changes.states.get(name) != (state, reason):

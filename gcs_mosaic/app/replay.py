@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from gcs_mosaic.app.batch import progress_on, say, summarise, tell
+from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
@@ -104,6 +105,7 @@ class _Replay:
         self._config, self._console, self._now = config, console, 0.0
         began_utc = link.began_utc or 0.0
         self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
+        self._driver = Driver(self._pipeline)
         self._event_log = EventLog(self._pipeline.recorder.ledger, config.pairing)
         self._done: list[Done] = []
 
@@ -144,21 +146,18 @@ class _Replay:
 
     def _take_file(self, file: DecodedFrame | UndecodableFrame | DamagedFile, now: float, fresh: bool) -> None:
         if isinstance(file, DamagedFile):
-            self._pipeline.accept_damaged(file)
+            self._driver.accept(file)
             return
         found = replace(file.frame, received=now)
-        frame = self._pipeline.accept(found)
+        frame = self._driver.accept(found)
         self._event_log.frame(found, now, fresh=fresh and frame is not None)
         if frame is not None:
-            done = self._pipeline.process(replace(file, frame=frame))
-            done.seconds["write"] = self._pipeline.save()
-            self._done.append(done)
+            self._done.append(self._driver.process(replace(file, frame=frame)))
 
     def _finish(self, progress: Progress) -> None:
         task = progress.add_task("final painting", total=None)
-        for _ in self._pipeline.finish():
+        for _ in self._driver.finish():
             progress.advance(task)
-            self._pipeline.save()
         self._event_log.close()
         self._event_log.save()
         self._pipeline.save()

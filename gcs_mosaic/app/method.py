@@ -1,0 +1,109 @@
+"""What a method must be able to do to place frames and to paint them, and which one the settings ask for.
+
+The default method and the paper's recipe stand behind the same two protocols; a third one needs a line in `method_of`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from gcs_mosaic.baseline.mosaic import PaperMosaic
+from gcs_mosaic.baseline.painter import PaperPainter
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.render.painted import Extent, Painted, TileKey
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.repaint_queue import LoadImage, Painter, Step
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.bundle.worker import WorkerProcess
+from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.features.extraction import Features, extract
+from gcs_mosaic.stitch.graph.observer import Observer, Observers
+from gcs_mosaic.stitch.graph.placement import Outcome, Placement, Rejection
+from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.stitch.mapping.islands import Island
+from gcs_mosaic.stitch.mapping.journal import Journal
+from gcs_mosaic.stitch.mosaic import Mosaic
+
+
+class Stitcher(Protocol):
+    """Places frames; see `stitch.mosaic.Mosaic`."""
+
+    @property
+    def islands(self) -> list[Island]: ...
+    @property
+    def problem(self) -> str | None: ...
+    def place(self, features: Features, name: str, order: int | None = None) -> Outcome: ...
+    def retry_waiting(self) -> None: ...
+    def connect_some(self) -> bool: ...
+    def adjust(self, *, everything: bool = False) -> None: ...
+    def adjust_in_a_pause(self) -> bool: ...
+    def moved(self) -> list[Placement]: ...
+    def placements(self) -> list[Placement]: ...
+    def frame_counts(self) -> dict[int, int]: ...
+    def held_out(self) -> dict[int, HeldOut]: ...
+    def finish(self) -> list[Rejection]: ...
+
+
+class Picture(Protocol):
+    """What has been painted, in tiles; see `render.canvas.Canvas`."""
+
+    @property
+    def problem(self) -> str | None: ...
+    def tile(self, island: int, tile: Tile) -> TilePicture | None: ...
+    def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]: ...
+    def extent(self, island: int) -> Extent | None: ...
+
+
+class Renderer(Protocol):
+    """Paints frames that have been placed; see `render.repaint_queue.Painter`."""
+
+    @property
+    def canvas(self) -> Picture: ...
+    @property
+    def has_repaints(self) -> bool: ...
+    def is_painted(self, name: str) -> bool: ...
+    def in_sight(self, features: Features, image: Bands) -> Features: ...
+    def begin_look(self, name: str, image: Bands) -> None: ...
+    def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]: ...
+    def follow(self, placements: Iterable[Placement]) -> None: ...
+    def next_steps(self) -> list[Step]: ...
+    def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]: ...
+    def close(self) -> None: ...
+
+
+class Method(NamedTuple):
+    """`features_of(image, reduction=)` is what frames are placed by; `feature_pixels`: of a frame that they are sought in."""
+
+    stitcher: Stitcher
+    renderer: Renderer
+    features_of: Callable[..., Features]
+    feature_pixels: float
+
+
+def method_of(
+    config: Config,
+    worker: WorkerProcess,
+    load_original: LoadImage,
+    painted: Callable[[Painted], None],
+    scratch: Path,
+    observer: Observer | None,
+    *,
+    punctual: bool,
+    paint_live: bool,
+) -> Method:
+    """The method that the settings ask for. `painted` is told of each frame that is painted, or is to be otherwise."""
+    if config.method == "paper":
+        paper = PaperMosaic(config.paper, config.reduction)
+        return Method(paper, PaperPainter(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
+    mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=Observers(Journal(), observer))
+
+    def note(frame: Painted) -> None:
+        painted(frame)
+        mosaic.hold(frame.name, frame.pose, frame.camera)
+
+    painter = Painter(load_original, note, config.paint, scratch=scratch, live=paint_live)
+    features = config.stitch.features
+    return Method(mosaic, painter, partial(extract, settings=features), features.megapixels * 1e6)
