@@ -97,7 +97,7 @@ def test_the_flight_has_islands_and_frames_that_wait(undisturbed):
     assert len(painted) == 8
     assert len(files) > 20
     called = {event[0] for counts in calls for event in counts}
-    assert {"stitch/islands.py:Bridges.join", "painting.py:Painting._paint_other"} <= called
+    assert {"stitch/mapping/islands.py:Bridges.join", "app/painting.py:Painting._paint_other"} <= called
 
 
 def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight, undisturbed, flown):

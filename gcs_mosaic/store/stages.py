@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 logger = logging.getLogger(__name__)
 
-_LINE = re.compile(r" DEBUG (\S+) gcs_mosaic\.stages: (\w+) ([\d.]+) to ([\d.]+) s on core (-?\d+): (.*)$")
+_LINE = re.compile(r" DEBUG (\S+) gcs_mosaic\.store\.stages: (\w+) ([\d.]+) to ([\d.]+) s on core (-?\d+): (.*)$")
 
 
 @dataclass(frozen=True, slots=True)

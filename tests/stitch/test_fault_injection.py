@@ -31,8 +31,8 @@ SETTINGS = StitchSettings(
 SEEN = 120  # marks in a frame
 PLAN = Plan(frames=14, height=flight_of_points.HEIGHT, forward=0.6, strangers=2, tilt=0.1)
 FAULTS_PER_FRAME = 10
-JUDGED = ("stitch/islands.py:Bridges._evidence", "call")  # a bridge is kept already
-DONE = ("stitch/adjusting/assembly.py:Assembly.take_in", "return")  # all is done, and not yet settled
+JUDGED = ("stitch/mapping/islands.py:Bridges._evidence", "call")  # a bridge is kept already
+DONE = ("stitch/mapping/incremental_mapper.py:Assembly.take_in", "return")  # all is done, and not yet settled
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +154,6 @@ def test_what_is_kept_elsewhere_is_noticed(flight, monkeypatch):
     monkeypatch.setattr(Assembly, "take_in", counting)
     mosaic = new_mosaic()
     before = digest(mosaic)
-    with pytest.raises(Fault), raising(("stitch/adjusting/assembly.py:Assembly._found_island", "call"), 1):
+    with pytest.raises(Fault), raising(("stitch/mapping/incremental_mapper.py:Assembly._found_island", "call"), 1):
         mosaic.place(flight[0][1], "0")
     assert digest(mosaic) != before
