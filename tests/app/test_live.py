@@ -214,6 +214,7 @@ def test_nothing_but_a_link_need_be_named(tmp_path):
     assert "listening on udpin:127.0.0.1:" in flight.said
 
 
+@pytest.mark.long
 def test_a_watched_folder_that_goes_and_comes_back(tmp_path, pictures):
     with flying(tmp_path) as flight:
         flight.take("IMG_0.JPG", pictures[0])
@@ -261,6 +262,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, 
     assert (status["mavlink"][0]["state"] == "failed") == (part == "triggers")
 
 
+@pytest.mark.long
 def test_a_second_program_goes_beside_the_first(tmp_path, pictures):
     out = tmp_path / "mosaic"
     with flying(tmp_path / "one", out=out) as first, flying(tmp_path / "two", out=out) as second:

@@ -140,6 +140,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and "sqlite-" not in path.name}
 
 
+@pytest.mark.long
 def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path, pictures, small_disk):
     with flying(tmp_path, out=small_disk / "mosaic", config=QUICK + COPY_ALL) as flight:
         flight.take("IMG_0.JPG", pictures[0])

@@ -89,6 +89,7 @@ def test_frames_that_moved_back_are_left_alone(painter, recorded):
     assert len(recorded) == 1
 
 
+@pytest.mark.long
 def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
     looked = []
     measure = painter_module.displacement

@@ -40,6 +40,7 @@ def test_a_climb_is_not_a_drift(ground):
     assert map_error(mosaic.placements(), truth) < 2.5
 
 
+@pytest.mark.long
 def test_frames_apart_form_an_island_that_joins_when_the_gap_is_flown(ground):
     first, far, bridge = line(300, 600, 4), line(1300, 600, 4), line(820, 600, 4)
     mosaic = Mosaic()
@@ -202,6 +203,7 @@ def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(g
     assert mosaic.frame_counts() == {0: len(truth)}
 
 
+@pytest.mark.long
 def test_two_frames_that_raise_keep_no_others_from_being_compared(ground, monkeypatch):
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
     mosaic, compare, asked = Mosaic(), Assembly._compare, []
