@@ -102,7 +102,8 @@ class Station:
 def forwarder(heard: int, told: int, home: Path) -> Iterator[Path]:
     """MAVProxy, which listens on one port, sends on to another and writes a recording, whose path is given."""
     words = [f"--master=udpin:127.0.0.1:{heard}", f"--out=udpout:127.0.0.1:{told}", "--daemon", "--streamrate=-1"]
-    place = ["--default-modules=", f"--state-basedir={home}", "--aircraft=test"]
+    # Without flushing, what is recorded reaches the file only when MAVProxy ends in good order, which it may not.
+    place = ["--default-modules=", f"--state-basedir={home}", "--aircraft=test", "--cmd=set flushlogs 1"]
     command = [str(need_mavproxy().with_name("python")), str(need_mavproxy()), *words, *place]
     with ExitStack() as stack:
         said = stack.enter_context((home / "mavproxy.txt").open("wb"))
