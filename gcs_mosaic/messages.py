@@ -77,12 +77,8 @@ class Frame:
     size: int  # bytes
     received: float  # when the file was found whole
     modified: float  # the file's own time, or that of capture where it is known, seconds since 1970
-    data: bytes | None = field(default=None, repr=False)  # the whole file, of a live stream: no other place has it
+    data: bytes | None = field(default=None, repr=False)  # the whole file as it was hashed, while it is in memory
     taken_for: TriggerEvent | None = None  # what asked a live stream for it
-
-    def read(self) -> bytes:
-        """The whole file. Raises OSError."""
-        return self.path.read_bytes() if self.data is None else self.data
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

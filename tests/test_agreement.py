@@ -11,7 +11,6 @@ import pytest
 from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
-from gcs_mosaic.app.flight_writer import estimate_of_placement
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import prepare
 from gcs_mosaic.config.tree import Config
@@ -19,6 +18,7 @@ from gcs_mosaic.messages import Frame
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements
+from gcs_mosaic.store.flight_store import estimate_of_placement
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
 
 pytestmark = pytest.mark.long
@@ -47,7 +47,7 @@ def flight(tmp_path) -> list[Frame]:
 
 def assert_one_story(pipeline: Pipeline) -> None:
     """Every placement, as the mosaic knows it now, is what the ledger and the documents say to the last digit."""
-    placements, recorder = pipeline.mosaic.placements(), pipeline.recorder
+    placements, recorder = pipeline.mosaic.placements(), pipeline.store
     estimates = {estimate.name: estimate for estimate in recorder.ledger.estimates()}
     assert list(estimates) == [placement.name for placement in placements]
     for placement in placements:
@@ -68,7 +68,7 @@ def assert_one_story(pipeline: Pipeline) -> None:
 
 def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarray], scratch: Path) -> None:
     """What is painted anew from what the ledger says is byte for byte what lies on the disk."""
-    ledger, out = pipeline.recorder.ledger, pipeline.recorder.out
+    ledger, out = pipeline.store.ledger, pipeline.store.out
     painted = sorted(
         (one for island in ledger.islands() for one in ledger.painted(island.id)), key=lambda one: one.order
     )
@@ -100,13 +100,13 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_p
             pipeline.save()
             assert_one_story(pipeline)
             assert_tiles_show_the_ledger(pipeline, images, tmp_path / f"anew-{frame.name}")
-            listed_late += json.loads((out / "placements.json").read_bytes())["revision"] < pipeline.recorder.revision
+            listed_late += json.loads((out / "placements.json").read_bytes())["revision"] < pipeline.store.revision
             islands.add(tuple(sorted(pipeline.mosaic.frame_counts().values())))
         for _ in pipeline.finish():
             pipeline.save()
         pipeline.save()
         assert_one_story(pipeline)
-        assert json.loads((out / "placements.json").read_bytes())["revision"] == pipeline.recorder.revision
+        assert json.loads((out / "placements.json").read_bytes())["revision"] == pipeline.store.revision
         assert listed_late, "some revisions are told by the journal alone"
         assert_tiles_show_the_ledger(pipeline, images, tmp_path / "anew")
         assert len(pipeline.mosaic.placements()) == len(flight)

@@ -59,7 +59,7 @@ class Flown:
 
     def map(self):
         """What became of each frame, where it is painted, and the files of the map."""
-        out, ledger = self.pipeline.recorder.out, self.pipeline.recorder.ledger
+        out, ledger = self.pipeline.store.out, self.pipeline.store.ledger
         files = {
             p.relative_to(out): p.read_bytes() for folder in ("tiles", "masks") for p in out.glob(f"{folder}/**/*.*")
         }
@@ -126,7 +126,7 @@ def meet(flown, prepared, event, at, kind):
         if "could not be processed" in (done.reason or ""):
             result = "rejected"
             assert len(flown.said) > said
-            assert pipeline.recorder.changes.states.pop(name)[0] is FrameState.REJECTED
+            assert pipeline.store.changes.states.pop(name)[0] is FrameState.REJECTED
         else:  # an island was not adjusted, another frame not painted; or, unsaid, nobody looks on any more
             result = "said" if len(flown.said) > said else "unsaid"
             assert_taken_in(pipeline, name, done.state)
@@ -143,7 +143,7 @@ def assert_taken_in(pipeline, name, state):
     waiting = {waiting.name for waiting in pipeline.mosaic.waiting()}
     assert state in (FrameState.PLACED, FrameState.WAITING)
     assert name in (placed if state is FrameState.PLACED else waiting)
-    assert pipeline.recorder.changes.states[name] == (state, None)
+    assert pipeline.store.changes.states[name] == (state, None)
 
 
 class Unpaintable:
@@ -259,7 +259,7 @@ def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, fl
 def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):
     flown.pipeline.accept(flight[0].frame)
     flown.process(flight[0])
-    recorder = flown.pipeline.recorder
+    recorder = flown.pipeline.store
     broken = (recorder._tiles, "write"), (recorder.ledger, "record_painted"), (recorder._manifest, "write")
     for owner, name in (*broken, (recorder, "_published")):
         with monkeypatch.context() as patch:
@@ -268,7 +268,7 @@ def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypat
                 flown.pipeline.save()
         assert recorder.changes
     flown.pipeline.save()
-    assert not flown.pipeline.recorder.changes
+    assert not flown.pipeline.store.changes
     states, painted, estimates, files = flown.map()
     assert (states[0][1], len(painted), len(estimates)) == (FrameState.PLACED, 1, 1)
     assert files

@@ -27,7 +27,7 @@ ALLOWED = {
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
     "frames": {"messages", "errors"},
-    "store": {"render", "stitch.camera", "stitch.graph", "messages", "errors"},
+    "store": {"render", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {"store", "render", "frames", "stitch.camera", "errors"},
     "web": {"store", "export", "render", "errors"},
     "debug": {"stitch.camera", "stitch.registration", "stitch.graph", "errors"},

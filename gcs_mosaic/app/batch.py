@@ -107,7 +107,7 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
         task, done = progress.add_task("stitching", total=given.count), list[Done]()
         while (decoded := _next(driver, preparation, given.frames)) is not None:
             done.append(driver.process(decoded))
-            taken = pipeline.taken_in - len(preparation)
+            taken = pipeline.store.taken_in - len(preparation)
             progress.update(task, completed=taken, description=f"stitching {done[-1].name}")
         final = progress.add_task("final painting", total=None)
         for _ in driver.finish():
@@ -149,9 +149,9 @@ def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Con
 
 def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
     counts = _counts(pipeline.accounts().frames)
-    yield f"{counts['placed']} of {sum(counts.values())} frames placed in {seconds:.1f} s, {pipeline.recorder.out}"
+    yield f"{counts['placed']} of {sum(counts.values())} frames placed in {seconds:.1f} s, {pipeline.store.out}"
     yield from (f"  {count} {state}" for state, count in counts.items() if count and state != "placed")
-    reasons = Counter(frame.reason for frame in pipeline.recorder.ledger.frames() if frame.reason)
+    reasons = Counter(frame.reason for frame in pipeline.store.ledger.frames() if frame.reason)
     yield from (f"    {count} x {reason}" for reason, count in reasons.most_common(8))
     yield _islands_in_words(sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1]))
     yield from held_out_lines(largest(pipeline.mosaic.held_out(), 12))

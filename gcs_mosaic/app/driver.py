@@ -1,42 +1,32 @@
 """A frame's way, the same in every kind of run: accepted, decoded ahead, placed, painted, saved; and the end of a flight.
 
-What differs between runs is where frames come from, whose turn it is, and what is done when the disk is full.
+What differs between runs is where frames come from and whose turn it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
 
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame
 
-T = TypeVar("T")
-
-
-def at_once(write: Callable[[], T]) -> T:
-    """Write; who runs is told if that fails."""
-    return write()
-
 
 class Driver:
-    """Drives a pipeline. `write` is given all that writes to the disk, and may try it again."""
+    """Drives a pipeline."""
 
-    def __init__(self, pipeline: Pipeline, write: Callable[[Callable[[], Any]], Any] = at_once) -> None:
+    def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
-        self._write = write
 
     def accept(self, item: Frame | DamagedFile | DroppedFrame) -> Frame | None:
         """Something has come; returns the frame that is to be processed, as it is kept, None if there is none."""
         match item:
             case Frame():
-                frame: Frame | None = self._write(lambda: self._pipeline.accept(item))
-                return frame
+                return self._pipeline.accept(item)
             case DamagedFile():
-                self._write(lambda: self._pipeline.accept_damaged(item))
+                self._pipeline.store.accept_damaged(item)
             case DroppedFrame():
-                self._write(lambda: self._pipeline.accept_dropped(item))
+                self._pipeline.store.accept_dropped(item)
         return None
 
     def process(self, decoded: DecodedFrame | UndecodableFrame, between: Callable[[Done], None] | None = None) -> Done:
@@ -56,5 +46,4 @@ class Driver:
 
     def save(self) -> float:
         """Write everything that has changed; returns the seconds it took."""
-        seconds: float = self._write(self._pipeline.save)
-        return seconds
+        return self._pipeline.save()

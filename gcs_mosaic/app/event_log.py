@@ -9,6 +9,7 @@ from typing import TypeVar
 from gcs_mosaic.messages import Frame, TriggerEvent
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState
+from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
 from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New
 
@@ -18,10 +19,11 @@ K = TypeVar("K")
 
 
 class EventLog:
-    """Matches events with frames, and writes what becomes of them into the ledger with `save`."""
+    """Matches events with frames; `save` writes what becomes of them into the ledger. `retry` is given all that writes."""
 
-    def __init__(self, ledger: Ledger, pairing: PairingSettings) -> None:
+    def __init__(self, ledger: Ledger, pairing: PairingSettings, retry: Retry = at_once) -> None:
         self._ledger = ledger
+        self._retry = retry
         self._pairing = Pairing(pairing)
         self._duplicates: list[tuple[int, int]] = []
         self._outcomes: list[Outcome] = []
@@ -32,9 +34,9 @@ class EventLog:
         self._remembered = pairing.remembered
 
     def message(self, message: CameraMessage, now: float) -> None:
-        """A camera message has come. After DiskFull nothing has happened: tell it again."""
+        """A camera message has come."""
         event = message.event
-        event_id = self._ledger.record_event(event)
+        event_id = self._retry(lambda: self._ledger.record_event(event))
         match message.verdict:
             case New(moment):
                 _remember(self._shots, message.number, event_id, MOST_SHOTS)
@@ -66,16 +68,18 @@ class EventLog:
         self._outcomes += self._pairing.close()
 
     def save(self) -> None:
-        """Write what is new. After DiskFull call it again."""
-        if not self._outcomes and not self._duplicates:
-            return
+        """Write what is new."""
+        if self._outcomes or self._duplicates:
+            self._retry(self._write_all)
+            self._duplicates.clear()
+            self._outcomes.clear()
+
+    def _write_all(self) -> None:
         with self._ledger.transaction():
             for event_id, of in self._duplicates:
                 self._ledger.settle_event(event_id, EventState.DUPLICATE, duplicate_of=of)
             for outcome in self._outcomes:
                 self._write(outcome)
-        self._duplicates.clear()
-        self._outcomes.clear()
 
     def _note_duplicate(self, event: TriggerEvent, event_id: int, shot: int) -> None:
         _remember(self._ids, event, shot, self._remembered)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,8 @@ from gcs_mosaic.store.folder import RECORDING_NAME
 logger = logging.getLogger(__name__)
 
 ROOM = 10_000  # items; a full inbox makes the sources wait, and what comes over the network waits in the kernel
-PICTURES = 64  # of a live stream, in memory: 0.1 GB of 4K; from a folder they stay on the disk
+PICTURES = 64  # of a live stream, in memory while the disk is full: 0.1 GB of 4K
+FILES = 8  # in memory, to save reading them again
 PUT_S = 0.2  # longest wait for room before looking whether to stop
 STOP_S = 5.0  # for a source to end
 
@@ -50,6 +51,11 @@ def attach_stream(address: str, links: Iterable[Source], config: Config, stop: t
     asking_links = [replace(link, items=asking(link.items, requests)) for link in links]
     failed = replace(initial_report(config), state="ended")
     return [*asking_links, Source(frames, failed)]
+
+
+def keeping(source: Source, keep: Callable[[Frame], Frame]) -> Source:
+    """The same source, each frame being kept as soon as it comes, on the source's own thread."""
+    return replace(source, items=(keep(item) if isinstance(item, Frame) else item for item in source.items))
 
 
 def initial_report(config: Config) -> SourceReport:
@@ -109,13 +115,23 @@ class Inbox:
             self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
 
     def _put(self, item: Item) -> None:
-        if isinstance(item, Frame) and item.data is not None and not self._pictures.acquire(blocking=False):
-            reason = f"{PICTURES} frames of the stream wait already, the disk or the machine is too slow"
-            item = DroppedFrame(frame=replace(item, data=None), reason=reason)
+        if isinstance(item, Frame) and item.data is not None:
+            item = self._within_memory(item)
         while not self._stop.is_set():
             with suppress(queue.Full):
                 self._items.put(item, timeout=PUT_S)
                 return
+
+    def _within_memory(self, frame: Frame) -> Frame | DroppedFrame:
+        """A file is read again when it is its turn; a picture that is nowhere but in memory is lost."""
+        is_file = frame.path.is_file()
+        if not (is_file and len(self) >= FILES) and self._pictures.acquire(blocking=False):
+            return frame
+        without = replace(frame, data=None)
+        if is_file:
+            return without
+        reason = f"{PICTURES} frames of the stream wait already, the disk or the machine is too slow"
+        return DroppedFrame(frame=without, reason=reason)
 
 
 def _last_words(failed: Report, error: Exception) -> str:

@@ -15,11 +15,10 @@ from rich.console import Console
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
-from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, record, watching
+from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
-from gcs_mosaic.app.retry import UntilWritable
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
@@ -29,6 +28,7 @@ from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, No
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
 from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
@@ -92,9 +92,9 @@ class _Daemon:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
         self._inbox = Inbox(shutdown.stop)
-        self._until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
-        self._pipeline = Pipeline(folder.path, config, self.say, feed.publish)
-        self._driver = Driver(self._pipeline, self._until_writable.write)
+        until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
+        self._pipeline = Pipeline(folder.path, config, self.say, feed.publish, retry=until_writable)
+        self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
             self._pipeline.features_of,
             config.reduction,
@@ -103,9 +103,10 @@ class _Daemon:
             AsTheyCame() if config.method == "paper" else NewestFirst(),
             self._inbox.wake,
         )
-        self._reporter = Reporter(folder.path, self._pipeline.recorder.flight, self._pipeline.recorder.ledger, console)
+        store = self._pipeline.store
+        self._reporter = Reporter(folder.path, store.flight, store.ledger, console)
         self._reporter.watch = initial_report(config)
-        self._event_log = EventLog(self._pipeline.recorder.ledger, config.pairing)
+        self._event_log = EventLog(store.ledger, config.pairing, until_writable)
         self._came: dict[str, float] = {}  # when files were whole, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # when to be done at the latest
@@ -116,13 +117,14 @@ class _Daemon:
     def run(self, links: Links) -> None:
         """Work until told to stop, then finish."""
         self._announcements.speakers = links.speakers
-        self._inbox.fill(links.sources)
+        keep = self._pipeline.store.keep_ahead
+        self._inbox.fill([keeping(source, keep) for source in links.sources])
         self._driver.save()  # so that a reader finds a map from the start, if an empty one
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
             self._announcements.missing(self._event_log.tick(time.monotonic()))
-            self._until_writable.write(self._event_log.save)
+            self._event_log.save()
             self._report()
         self._inbox.join()
         self._finish()
@@ -148,7 +150,7 @@ class _Daemon:
     def _take(self, item: Item) -> None:
         match item:
             case CameraMessage(event=event):
-                self._until_writable.write(lambda: self._event_log.message(item, event.received))
+                self._event_log.message(item, event.received)
             case Frame():
                 self._take_frame(item)
             case DamagedFile():
@@ -245,7 +247,7 @@ class _Daemon:
         self._say_what_is_left()
         self._paint_final()
         self._event_log.close()
-        self._until_writable.write(self._event_log.save)
+        self._event_log.save()
         self._driver.save()
         self._state = "stopped"
         self._report(now=True)
@@ -261,7 +263,7 @@ class _Daemon:
 
     def _say_what_is_left(self) -> None:
         if left := len(self._preparation):
-            kept = self._pipeline.recorder.out / "frames"
+            kept = self._pipeline.store.out / "frames"
             text = f"{left} frames are not on the map, there was no time: gcs-mosaic stitch {kept} makes one of all"
             self.say(Notice(source="daemon", level="warning", text=text))
 
@@ -311,5 +313,5 @@ class _Daemon:
     def _report(self, *, now: bool = False) -> None:
         pipeline, waiting = self._pipeline, self._preparation
         behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
-        counted, revision = pipeline.accounts, pipeline.recorder.revision
+        counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)

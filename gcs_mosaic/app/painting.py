@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from gcs_mosaic.app.flight_writer import Recorder
 from gcs_mosaic.app.method import Renderer
 from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.app.unpainted import Unpainted
@@ -14,33 +13,32 @@ from gcs_mosaic.render.repaint_queue import Step
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept, transaction
+from gcs_mosaic.store.flight_store import FlightStore
 
 logger = logging.getLogger(__name__)
 
 
 class Painting(Kept):
-    """What is done to the map by a painter and told to a recorder.
+    """What is done to the map by a painter and told to the store.
 
-    `whole` is all that painting changes, and is put back when it fails; `load_original` gives a frame's picture, `order_of`
-    its place in the capture order; `say` is given what the operator should hear.
+    `whole` is all that painting changes, and is put back when it fails; `load_original` gives a frame's picture;
+    `say` is given what the operator should hear.
     """
 
-    FIXED = frozenset({"_painter", "_recorder", "_whole", "_load_original", "_order_of", "_say"})  # parts of the whole
+    FIXED = frozenset({"_painter", "_store", "_whole", "_load_original", "_say"})  # parts of the whole
 
     def __init__(
         self,
         painter: Renderer,
-        recorder: Recorder,
+        store: FlightStore,
         whole: Kept,
         load_original: Callable[[str], Bands | None],
-        order_of: Callable[[str], int],
         say: Callable[[Notice], None],
     ) -> None:
         self._painter = painter
-        self._recorder = recorder
+        self._store = store
         self._whole = whole
         self._load_original = load_original
-        self._order_of = order_of
         self._say = say
         self._unpainted = Unpainted()
         self._said = ""  # of what could not be repainted
@@ -90,8 +88,8 @@ class Painting(Kept):
         self._say(Notice(source="originals", level="error", text=text))
 
     def _paint_new(self, placement: Placement, image: Bands, small: Bands) -> None:
-        changed = self._painter.paint_new(image, small, placement, self._order_of(placement.name))
-        self._recorder.changes.tiles.append(frozenset(changed))
+        changed = self._painter.paint_new(image, small, placement, self._store.order_of(placement.name))
+        self._store.note_tiles(changed)
         self._unpainted.remove(placement.name)
 
     def _repaint(self, steps: Sequence[Step]) -> None:
@@ -99,7 +97,8 @@ class Painting(Kept):
         try:
             with transaction(self._whole):
                 changed = [step.do() for step in steps]
-                self._recorder.changes.tiles += [frozenset(tiles) for tiles in changed if tiles]
+                for tiles in filter(None, changed):
+                    self._store.note_tiles(tiles)
         except Exception as error:
             logger.exception("repainting has failed: %s", ", ".join(step.what for step in steps))
             if len(steps) > 1:

@@ -10,21 +10,21 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from gcs_mosaic.app.flight_writer import Recorder
 from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.frames.decode import Unreadable, load_image
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice
+from gcs_mosaic.frames.decode import Unreadable, decode_image
+from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.transaction import Kept, transaction
-from gcs_mosaic.store.originals import is_intact
-from gcs_mosaic.store.records import Accounts, FrameState
+from gcs_mosaic.store.flight_store import FlightStore
+from gcs_mosaic.store.records import Accounts, FrameState, IslandRecord
+from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
 
 logger = logging.getLogger(__name__)
@@ -55,8 +55,7 @@ class Pipeline(Kept):
 
     `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
     the same frames always give the same map, however fast the machine is. `paint_live`: each frame is painted as it comes, not
-    all in the end. `observer` looks on while frames are placed. `utc`
-    tells the time that is written into documents.
+    all in the end. `observer` looks on while frames are placed. `utc` and `retry` are the store's.
     """
 
     FIXED = frozenset({"_worker", "_say", "features_of"})
@@ -72,24 +71,27 @@ class Pipeline(Kept):
         paint_live: bool = True,
         observer: Observer | None = None,
         utc: Callable[[], float] = time.time,
+        retry: Retry = at_once,
     ) -> None:
-        self.recorder = Recorder(out, config, published, utc)
+        self.store = FlightStore(
+            out,
+            originals=config.originals,
+            tiles=config.tiles,
+            canvas=config.paint.canvas,
+            published=published,
+            utc=utc,
+            retry=retry,
+        )
         self._worker = WorkerProcess()
         parts = self._worker, self.load_original, self._note_painted, out, observer
         method = method_of(config, *parts, punctual=punctual, paint_live=paint_live)
         self.mosaic, self._painter = method.stitcher, method.renderer
         # Features of an image, by `reduction`: what frames are placed by. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
-        self.taken_in = 0  # files, whatever became of them
         self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
         self._reduction = config.reduction
         self._say = say
-        self._orders: dict[str, int] = {}
-        self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
-        self._names: dict[str, str] = {}  # first frame's name by content hash
-        self._painting = Painting(
-            self._painter, self.recorder, self, self.load_original, lambda name: self._orders[name], say
-        )
+        self._painting = Painting(self._painter, self.store, self, self.load_original, say)
 
     @property
     def has_repaints(self) -> bool:
@@ -97,42 +99,19 @@ class Pipeline(Kept):
         return self._painter.has_repaints
 
     def accounts(self) -> Accounts:
-        return self.recorder.ledger.accounts()
+        return self.store.accounts()
 
     # Frames come in
 
     def accept(self, frame: Frame) -> Frame | None:
-        """Write down that a frame has come, and keep its original; returns the frame to work off, as it is kept.
+        """Write down that a frame has come, and keep its original; returns the frame to process, as it is kept.
 
-        None if the same picture came before. After DiskFull nothing has happened: tell it again.
+        None if the same picture came before.
         """
-        earlier = self._names.get(frame.content_hash)
-        if earlier is not None:
-            self.recorder.accept_duplicate(frame, earlier)
-            logger.info("%s: duplicate, the same picture as %s", frame.name, earlier)
-            self.taken_in += 1
-            return None
-        self.recorder.in_a_pause = False
-        kept, said = self.recorder.accept(frame)
-        self.taken_in += 1
-        self._names[frame.content_hash] = frame.name
-        self._orders[frame.name] = len(self._orders)
-        self._places[frame.name] = (kept.path, frame.content_hash)
+        kept, said = self.store.accept(frame)
         for notice in said:
             self._say(notice)
         return kept
-
-    def accept_damaged(self, damaged: DamagedFile) -> None:
-        """Write down that a file is not whole."""
-        self.recorder.accept_damaged(damaged)
-        logger.info("%s: damaged, %s", damaged.name, damaged.reason)
-        self.taken_in += 1
-
-    def accept_dropped(self, dropped: DroppedFrame) -> None:
-        """Write down that there was no room for a stream's frame."""
-        self.recorder.accept_dropped(dropped)
-        logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
-        self.taken_in += 1
 
     # Frames are processed
 
@@ -146,27 +125,27 @@ class Pipeline(Kept):
             logger.exception("%s could not be processed", name)
             reason = f"it could not be processed ({error!r})"
             self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
-            self._settle(name, FrameState.REJECTED, reason)
+            self.store.settle(name, FrameState.REJECTED, reason)
             return Done(name, FrameState.REJECTED, reason, None, {})
 
     def _process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
         name = prepared.frame.name
         if isinstance(prepared, UndecodableFrame):
-            self._names.pop(prepared.frame.content_hash, None)  # it may come again, and be readable then
-            self._settle(name, FrameState.DAMAGED, prepared.reason)
+            self.store.may_come_again(prepared.frame)
+            self.store.settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
-        self.recorder.changes.sizes[name] = (prepared.features.width, prepared.features.height)
+        self.store.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         start = time.perf_counter()
         self._painter.begin_look(name, prepared.image)
         with stage("place", name):
             in_sight = self._painter.in_sight(prepared.features, prepared.image)
-            outcome = self.mosaic.place(in_sight, name, self._orders[name])
+            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name))
         with stage("adjust", name):
             self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
-        self._settle(name, state, reason)
-        covered_by = self.recorder.changes.cover(outcome) if isinstance(outcome, Covered) else None
+        self.store.settle(name, state, reason)
+        covered_by = self.store.changes.cover(outcome) if isinstance(outcome, Covered) else None
         with stage("paint", name):
             found = self._paint_moved(prepared)
         seconds = {"place": placed - start, "paint": time.perf_counter() - placed}
@@ -186,7 +165,7 @@ class Pipeline(Kept):
 
         To be called again while it returns True: the adjustment is under way in the background.
         """
-        self.recorder.in_a_pause = True
+        self.store.in_a_pause = True
         under_way = self._adjusted(self.mosaic.adjust_in_a_pause) or self._connected_some()
         with transaction(self):
             self._paint_moved(None)
@@ -216,7 +195,7 @@ class Pipeline(Kept):
         To be gone through to its end, or frames stay waiting; when time is short, `may_connect` says so. It tells whether
         more frames may be compared that are not connected: a map that is painted comes before one that is in fewer parts.
         """
-        self.recorder.in_a_pause = True
+        self.store.in_a_pause = True
         self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         while self._connected_some():
             if not may_connect():
@@ -231,7 +210,7 @@ class Pipeline(Kept):
         with transaction(self):
             self._paint_moved(None)
             for rejection in self.mosaic.finish():
-                self._settle(rejection.name, FrameState.REJECTED, rejection.reason)
+                self.store.settle(rejection.name, FrameState.REJECTED, rejection.reason)
         yield
 
     def repaint_all(self) -> Iterator[None]:
@@ -241,10 +220,10 @@ class Pipeline(Kept):
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint what has found its place, and return the names; note what must be painted elsewhere."""
         moved = self.mosaic.moved()
-        self.recorder.changes.placements |= {placement.name: placement for placement in moved}
+        self.store.changes.placements |= {placement.name: placement for placement in moved}
         found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
         for name in found:
-            self._settle(name, FrameState.PLACED, None)
+            self.store.settle(name, FrameState.PLACED, None)
         self._painting.follow(moved, prepared)
         return found
 
@@ -275,32 +254,28 @@ class Pipeline(Kept):
 
     def load_original(self, name: str, reduction: int | None = None) -> Bands | None:
         """A frame as it came, reduced as in all of this flight or by another factor; None if it is gone or has changed."""
-        path, content_hash = self._places[name]
-        if not is_intact(path, content_hash):
+        data = self.store.original(name)
+        if data is None:
             return None
-        image = load_image(path, reduction=reduction or self._reduction)
+        image = decode_image(data, reduction=reduction or self._reduction)
         return None if isinstance(image, Unreadable) else image
 
     def _note_painted(self, painted: Painted) -> None:
-        self.recorder.changes.painted[painted.name] = painted
-
-    def _settle(self, name: str, state: FrameState, reason: str | None) -> None:
-        if self.recorder.changes.states.get(name) != (state, reason):
-            logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
-        self.recorder.changes.states[name] = (state, reason)
+        self.store.changes.painted[painted.name] = painted
 
     def save(self) -> float:
-        """Write everything that has changed; returns the seconds it took. After DiskFull call it again."""
+        """Write everything that has changed; returns the seconds it took."""
         start = time.perf_counter()
         mosaic = self.mosaic
-        self.recorder.save(self._painter.canvas, mosaic.islands, mosaic.frame_counts(), mosaic.held_out)
+        islands = [IslandRecord(id=island.number, merged_into=island.merged_into) for island in mosaic.islands]
+        self.store.save(self._painter.canvas, islands, mosaic.frame_counts(), mosaic.held_out)
         return time.perf_counter() - start
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""
         self._worker.close()
         self._painter.close()
-        self.recorder.close()
+        self.store.close()
 
 
 def _state_of(outcome: Outcome) -> tuple[FrameState, str | None]:

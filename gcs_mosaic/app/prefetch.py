@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Protocol
 
@@ -153,6 +153,8 @@ class Preparation:
     def append(self, frame: Frame) -> None:
         """A frame has come, later than all before; `begin` is to follow, or whatever asks for a frame."""
         number = next(self._numbers)
+        if len(self._waiting) > AHEAD and frame.path.is_file():
+            frame = replace(frame, data=None)  # it will wait for long, and can be read again
         self._waiting[number] = frame
         self._turns.add(number)
 

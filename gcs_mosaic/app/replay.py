@@ -106,7 +106,7 @@ class _Replay:
         began_utc = link.began_utc or 0.0
         self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
         self._driver = Driver(self._pipeline)
-        self._event_log = EventLog(self._pipeline.recorder.ledger, config.pairing)
+        self._event_log = EventLog(self._pipeline.store.ledger, config.pairing)
         self._done: list[Done] = []
 
     def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:

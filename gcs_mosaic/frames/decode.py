@@ -37,7 +37,9 @@ class Unreadable:
 
 def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """The frame's pixels as in `decode_image`; Unreadable also if the file is no longer the one that was found."""
-    data = _read(frame.read)
+    if frame.data is not None:
+        return decode_image(frame.data, max_pixels, reduction)
+    data = _read(frame.path.read_bytes)
     if isinstance(data, Unreadable):
         return data
     if content_hash(data) != frame.content_hash:

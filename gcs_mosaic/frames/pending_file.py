@@ -97,4 +97,5 @@ def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
         size=len(data),
         received=time.monotonic(),
         modified=look.modified_ns / 1e9,
+        data=data,
     )

@@ -11,12 +11,13 @@ import hashlib
 import logging
 import os
 import shutil
-from dataclasses import dataclass
+import threading
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from gcs_mosaic.messages import Frame, Notice, Topic, content_hash
-from gcs_mosaic.store.disk import make_folder, write_beside
+from gcs_mosaic.store.disk import CannotWrite, make_folder, sync_file, sync_folder, write_beside
 
 logger = logging.getLogger(__name__)
 
@@ -54,22 +55,42 @@ class NotKept:
 
 
 class Originals:
-    """The folder `frames` of one output folder. Nothing in it is ever changed or overwritten."""
+    """The folder `frames` of one output folder. Nothing in it is ever changed or overwritten. Used by any threads.
+
+    What is kept has reached the disk: a row of the ledger may name it.
+    """
 
     def __init__(self, out: Path, settings: OriginalsSettings | None = None) -> None:
         self.out = out
         self.settings = settings or OriginalsSettings()
         self.used = sum(path.stat().st_size for path in (out / "frames").rglob("*") if path.is_file())
         self._said = False
+        self._ahead: dict[str, Kept | NotKept] = {}  # kept before anybody asked for it, by content hash
+        self._lock = threading.Lock()
+
+    def keep_ahead(self, frame: Frame) -> Frame:
+        """Keep a frame for which `keep` will be called later; returns it as it is kept, or as it is if nothing fits now."""
+        with self._lock:
+            if frame.content_hash in self._ahead:
+                return frame
+            try:
+                kept = self._ahead[frame.content_hash] = self._keep(frame)
+            except CannotWrite:
+                logger.debug("%s cannot be kept now", frame.name, exc_info=True)
+                return frame
+        return frame if isinstance(kept, NotKept) else replace(frame, path=self.out / kept.path)
 
     def keep(self, frame: Frame) -> Kept | NotKept:
         """Keep one frame. Raises DiskFull when even that does not fit."""
+        with self._lock:
+            return self._ahead.pop(frame.content_hash, None) or self._keep(frame)
+
+    def _keep(self, frame: Frame) -> Kept | NotKept:
         shortage = self._shortage(frame.size)
         notice = self._say_once(shortage) if shortage else None
         target = free_place(self.out / relative_place(frame.name), frame.content_hash)
         reason = None
-        may_link = frame.data is None and (self.settings.keep == "link" or shortage is not None)
-        linked = may_link and link(frame.path, target)
+        linked = (self.settings.keep == "link" or shortage is not None) and link(frame.path, target)
         if not linked:
             reason = shortage or self._copy(frame, target)
         if reason is not None:
@@ -80,15 +101,17 @@ class Originals:
         """Copy the frame's file; returns a reason when its content is not what it was when the frame came."""
         if target.exists():
             return None
+        data = frame.data
+        if data is None:
+            try:
+                data = frame.path.read_bytes()
+            except OSError as error:
+                return f"the file could not be read again to keep it ({error.strerror})"
+            if content_hash(data) != frame.content_hash:
+                return "the file was written again before it could be kept"
         try:
-            data = frame.read()
-        except OSError as error:
-            return f"the file could not be read again to keep it ({error.strerror})"
-        if content_hash(data) != frame.content_hash:
-            return "the file was written again before it could be kept"
-        try:
-            make_folder(target.parent)
-            write_beside(target, data)
+            make_folder(target.parent, durable=True)
+            write_beside(target, data, durable=True)
         except OSError as error:  # such as a folder where there was a file of that name
             return f"{target} could not be written ({error.strerror})"
         self.used += len(data)
@@ -115,11 +138,17 @@ class Originals:
 
 def is_intact(path: Path, expected_hash: str) -> bool:
     """Whether an original still is what came: a linked one may have been written again."""
+    return read_intact(path, expected_hash) is not None
+
+
+def read_intact(path: Path, expected_hash: str) -> bytes | None:
+    """The whole file, None if it no longer is what came or cannot be read."""
     try:
-        return content_hash(path.read_bytes()) == expected_hash
+        data = path.read_bytes()
     except OSError:
         logger.warning("the original %s cannot be read", path, exc_info=True)
-        return False
+        return None
+    return data if content_hash(data) == expected_hash else None
 
 
 def relative_place(name: str) -> PurePosixPath:
@@ -149,8 +178,10 @@ def link(source: Path, target: Path) -> bool:
     if target.exists():
         return True
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(target.parent, durable=True)
         target.hardlink_to(source.resolve())
+        sync_file(target)
+        sync_folder(target.parent)
     except OSError:
         logger.debug("%s cannot be linked", source, exc_info=True)
         return False

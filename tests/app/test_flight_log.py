@@ -82,7 +82,7 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path):
     out = stitch([frames], tmp_path / "out", replace(Config(), stitch=strict), QUIET)
     log = log_of(out)
     assert re.search(r"1\.jpg and 0\.jpg are not connected: evidence \d+\.\d, 1000000\.0 needed; \d+ inliers\n", log)
-    assert "gcs_mosaic.app.pipeline: 5.jpg: rejected, matches no other frame" in log
+    assert "gcs_mosaic.store.flight_store: 5.jpg: rejected, matches no other frame" in log
     assert "settings that are not the defaults: stitch.registration.least_evidence=1000000.0" in log
     records = re.findall(r"^\d{4}-\d\d-\d\dT\S+Z INFO MainThread gcs_mosaic\.", log, flags=re.MULTILINE)
     assert len(records) == len(log.splitlines())
@@ -107,7 +107,7 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monk
         assert cli.main(["stitch", str(frames), "--out", str(tmp_path / out), "--scale", "0.25", *more]) == 0
         said[out] = capfd.readouterr()
     assert said["a"].err == ""
-    assert "gcs_mosaic.app.pipeline: 5.jpg: placed\n" in said["b"].err
+    assert "gcs_mosaic.store.flight_store: 5.jpg: placed\n" in said["b"].err
     assert "gcs_mosaic.app.pipeline: 3.jpg could not be processed\n" in said["b"].err
     assert "Traceback" not in said["b"].out + said["b"].err
     assert "Traceback" in log_of(tmp_path / "b")

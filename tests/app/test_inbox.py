@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
-from gcs_mosaic.app.inbox import PICTURES, Inbox
+from gcs_mosaic.app.inbox import FILES, PICTURES, Inbox
 from gcs_mosaic.app.links import Source
 from gcs_mosaic.messages import DroppedFrame, Frame, SourceReport
 
@@ -43,3 +44,13 @@ def test_frames_of_a_stream_that_nobody_takes_are_dropped_one_by_one_and_lose_th
 def test_frames_of_a_folder_are_never_dropped() -> None:
     items, _ = brought(PICTURES + 3, None)
     assert [type(item) for item in items] == [Frame] * (PICTURES + 3)
+
+
+def test_of_a_folder_only_some_files_stay_in_memory(tmp_path: Path) -> None:
+    frames = [replace(frame(number, b"jpeg"), path=tmp_path / f"{number}.jpg") for number in range(FILES + 3)]
+    for one in frames:
+        one.path.write_bytes(b"jpeg")
+    inbox = Inbox(threading.Event())
+    inbox.fill([Source(iter(frames), FAILED)])
+    inbox.join()
+    assert [inbox.next(0.0) for _ in frames] == [*frames[:FILES], *(replace(one, data=None) for one in frames[FILES:])]

@@ -144,8 +144,8 @@ def test_what_happened_is_said(flown):
 def test_what_happened_is_in_the_log(flown):
     log = (flown.out / "flight.log").read_text()
     assert "gcs_mosaic.app.status: frames: sub/cut.jpg is damaged: truncated" in log
-    assert "gcs_mosaic.app.pipeline: sub/copy.jpg: duplicate, the same picture as DCIM/IMG_0002.JPG" in log
-    assert "gcs_mosaic.app.pipeline: sub/black.jpg: rejected, too little to see: 0 features" in log
+    assert "gcs_mosaic.store.flight_store: sub/copy.jpg: duplicate, the same picture as DCIM/IMG_0002.JPG" in log
+    assert "gcs_mosaic.store.flight_store: sub/black.jpg: rejected, too little to see: 0 features" in log
     assert "sub/elsewhere.jpg and DCIM/IMG_0003.JPG are not connected: " in log
     assert log.endswith("gcs_mosaic.app.flight_log: the flight has ended\n")
 

@@ -22,7 +22,6 @@ import numpy as np
 
 import sitl.score
 import sitl.truth
-from gcs_mosaic.app.flight_writer import estimate_of_placement
 from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.export.export import warp
 from gcs_mosaic.frames.directory import frames_in
@@ -31,6 +30,7 @@ from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import StitchSettings
+from gcs_mosaic.store.flight_store import estimate_of_placement
 from tests.benchmarks.flown import Flown
 
 SHARED = Path(__file__).parents[3] / "shared"

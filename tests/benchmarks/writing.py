@@ -21,17 +21,15 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gcs_mosaic.app.flight_writer import Recorder
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.painted import Extent, Painted
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.store import placements
-from gcs_mosaic.store.records import EventState, FrameState
+from gcs_mosaic.store.flight_store import FlightStore
+from gcs_mosaic.store.records import EventState, FrameState, IslandRecord
 
 FRAMES = 3000
 EARLY, WINDOW = (50, 150), 100  # frames over which is averaged; of the late ones the last so many
@@ -60,17 +58,17 @@ def report(count: int) -> None:
 def costs_of_flight(count: int) -> Iterator[tuple[float, int]]:
     """CPU seconds and bytes of documents for each frame in turn."""
     camera, moved_at = Camera(4000, 3000, 1.4), 1.0
-    with TemporaryDirectory() as scratch, closing(Recorder(Path(scratch), Config())) as recorder, hurried() as clock:
+    with TemporaryDirectory() as scratch, closing(FlightStore(Path(scratch))) as store, hurried() as clock:
         for number in range(count):
             clock.append(number * EACH_S)
             anew = range(number + 1) if number > GROWTH * moved_at else (number,)
             if len(anew) > 1:
                 moved_at, camera = number, Camera(4000, 3000, 1.4 + 1e-6 * number)
-            start, before = time.process_time(), sizes(recorder.out)
-            take(recorder, number)
-            place(recorder, camera, anew)
-            recorder.save(CANVAS, [Island(0)], {0: number + 1})
-            yield time.process_time() - start, written(before, sizes(recorder.out))
+            start, before = time.process_time(), sizes(store.out)
+            take(store, number)
+            place(store, camera, anew)
+            store.save(CANVAS, [IslandRecord(id=0, merged_into=None)], {0: number + 1})
+            yield time.process_time() - start, written(before, sizes(store.out))
 
 
 @contextmanager
@@ -81,7 +79,7 @@ def hurried() -> Iterator[list[float]]:
         yield times
 
 
-def take(recorder: Recorder, number: int) -> None:
+def take(store: FlightStore, number: int) -> None:
     """A trigger and its frame have come."""
     name, now = f"IMG_{number:05}.JPG", number * EACH_S
     event = TriggerEvent(
@@ -101,15 +99,15 @@ def take(recorder: Recorder, number: int) -> None:
     frame = Frame(
         name=name, path=Path(name), content_hash=f"{number:064x}", size=4_000_000, received=now, modified=1.7e9 + now
     )
-    ledger = recorder.ledger
+    ledger = store.ledger
     with ledger.transaction():
         ledger.record_frame(frame)
         ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame=name)
 
 
-def place(recorder: Recorder, camera: Camera, numbers: Iterable[int]) -> None:
+def place(store: FlightStore, camera: Camera, numbers: Iterable[int]) -> None:
     """These frames lie where they did not lie before; the last of them is new."""
-    changes = recorder.changes
+    changes = store.changes
     for number in numbers:
         name, pose = f"IMG_{number:05}.JPG", Pose(800.0 * (number % 40) + camera.focal, 600.0 * (number // 40))
         changes.placements[name] = Placement(

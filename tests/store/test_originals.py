@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from ledger_parts import a_frame, written_frame
 
 from gcs_mosaic.messages import content_hash
+from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.originals import (
     Kept,
     NotKept,
@@ -59,6 +62,44 @@ def test_link_takes_no_space_and_its_change_is_found_out(tmp_path: Path, out: Pa
     assert (out / kept.path).samefile(frame.path)
     frame.path.write_bytes(b"another")
     assert not is_intact(out / kept.path, frame.content_hash)
+
+
+def test_what_is_in_memory_is_kept_whatever_the_file_has_become(tmp_path: Path, out: Path) -> None:
+    frame = replace(written_frame(tmp_path / "watched"), data=b"picture")
+    frame.path.write_bytes(b"another")
+    assert Originals(out, COPY).keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
+    assert (out / "frames/a.jpg").read_bytes() == b"picture"
+
+
+def test_a_frame_kept_ahead_is_not_kept_again(tmp_path: Path, out: Path) -> None:
+    frame, originals = written_frame(tmp_path / "watched"), Originals(out, COPY)
+    ahead = originals.keep_ahead(frame)
+    assert ahead == replace(frame, path=out / "frames/a.jpg")
+    frame.path.unlink()
+    assert originals.keep(ahead) == Kept(path="frames/a.jpg", linked=False, notice=None)
+
+
+def test_what_does_not_fit_ahead_is_kept_when_it_is_its_turn(tmp_path: Path, out: Path, full: list[Path]) -> None:
+    frame, originals = written_frame(tmp_path / "watched"), Originals(out, COPY)
+    full.append(out)
+    assert originals.keep_ahead(frame) == frame
+    with pytest.raises(DiskFull):
+        originals.keep(frame)
+    full.clear()
+    assert originals.keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
+
+
+@pytest.fixture
+def full(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """While anything is in this list, no picture can be written."""
+    disks: list[Path] = []
+
+    def sync(descriptor: int) -> None:
+        if disks:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", sync)
+    return disks
 
 
 def test_kept_again_is_the_same_original(tmp_path: Path, out: Path) -> None:

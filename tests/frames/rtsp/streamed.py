@@ -148,7 +148,7 @@ def trigger(sequence: int = 0, received: float = 0.0) -> TriggerEvent:
 
 
 def pixels(frame: Frame) -> Image:
-    image = decode_image(frame.read())
+    image = decode_image(frame.data or b"")
     assert isinstance(image, np.ndarray)
     return image
 

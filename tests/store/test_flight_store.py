@@ -5,17 +5,16 @@ from contextlib import closing
 
 import pytest
 
-from gcs_mosaic.app.flight_writer import Recorder
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import DamagedFile
 from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.store.flight_store import FlightStore
 
 
 @pytest.mark.parametrize("damaged", [1, 2])
 def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path, damaged):
-    with closing(Recorder(tmp_path, Config())) as recorder, Canvas(lambda name: None) as canvas:
-        recorder.save(canvas, [], {})
+    with closing(FlightStore(tmp_path)) as store, Canvas(lambda name: None) as canvas:
+        store.save(canvas, [], {})
         for number in range(damaged):
-            recorder.accept_damaged(DamagedFile(name=f"{number}.jpg", reason="truncated"))
-        recorder.save(canvas, [], {})
+            store.accept_damaged(DamagedFile(name=f"{number}.jpg", reason="truncated"))
+        store.save(canvas, [], {})
     assert json.loads((tmp_path / "mosaic.json").read_bytes())["frames"]["damaged"] == damaged

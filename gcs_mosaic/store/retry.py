@@ -1,4 +1,4 @@
-"""Writing to a disk that may be full, or gone: said aloud, waited for, gone on with."""
+"""Writing to a disk that may be full, or gone: report, wait, try again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sqlite3
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from gcs_mosaic.messages import Notice, Topic
 from gcs_mosaic.store.disk import CannotWrite
@@ -18,6 +18,17 @@ logger = logging.getLogger(__name__)
 T = TypeVar("T")
 
 SAID_AGAIN_S = 60.0  # a disk that still is full is said again after so long
+
+
+class Retry(Protocol):
+    """Given something that writes and may be called again, returns what it returns."""
+
+    def __call__(self, write: Callable[[], T], /) -> T: ...
+
+
+def at_once(write: Callable[[], T], /) -> T:
+    """Write once; the caller is told if that fails."""
+    return write()
 
 
 class UntilWritable:
@@ -31,7 +42,7 @@ class UntilWritable:
         self._in_trouble = False
         self._said = -math.inf
 
-    def write(self, write: Callable[[], T]) -> T:
+    def __call__(self, write: Callable[[], T], /) -> T:
         """The result of `write`, which must be such that it may be called again. Raises CannotWrite when time is up."""
         while True:
             try:

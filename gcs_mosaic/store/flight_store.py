@@ -1,32 +1,37 @@
-"""What is written about a flight: the originals, the ledger, the tiles and the documents of one output folder.
+"""A flight on the disk: frames are accepted, changes are noted, all is saved; a full disk is waited for in here.
 
-Changes are collected in memory and written by `save`, all of one moment together; after DiskFull it may be called again.
+Changes are collected in memory and written by `save`, those of one moment together: tiles, ledger, documents.
 """
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
-from gcs_mosaic.app.method import Picture
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Topic
+from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Extent, Painted, TileKey
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.stitch.transaction import Kept
 from gcs_mosaic.store.documents import finite
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger, printable
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.store.originals import NotKept, Originals
-from gcs_mosaic.store.records import Accounts, CoveredRecord, Estimate, FlightRecord, FrameState
+from gcs_mosaic.store.originals import NotKept, Originals, OriginalsSettings, read_intact
+from gcs_mosaic.store.records import Accounts, CoveredRecord, Estimate, FlightRecord, FrameState, IslandRecord
+from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
-from gcs_mosaic.store.tiles import TileWriter
+from gcs_mosaic.store.tiles import TileSettings, TileWriter
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass
@@ -73,43 +78,153 @@ class Changes(Kept):
         return any((self.states, self.placements, self.tiles))
 
 
-class Recorder(Kept):
+class Picture(Protocol):
+    """What has been painted, in tiles; see `render.canvas.Canvas`."""
+
+    def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]: ...
+    def extent(self, island: int) -> Extent | None: ...
+
+
+class FlightStore(Kept):
     """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk.
 
-    `utc` tells the time that is written into documents, in seconds since 1970. What is in the folder cannot be put back as
-    it was, so nothing is written while a frame is processed.
+    `canvas`: how the flight is painted. `retry` is given all that writes, and may try it again; what it raises is raised.
+    `utc` gives the time that is written into documents, in seconds since 1970. What is in the folder cannot be put back as it
+    was, so nothing is written while a frame is processed.
     """
 
-    FIXED = frozenset({"out", "ledger", "flight", "_originals", "_tiles", "_manifest", "_published", "_utc"})
+    FIXED = frozenset({"out", "ledger", "flight", "_originals", "_tiles", "_manifest", "_published", "_utc", "_retry"})
 
     def __init__(
         self,
         out: Path,
-        config: Config,
+        *,
+        originals: OriginalsSettings | None = None,
+        tiles: TileSettings | None = None,
+        canvas: CanvasSettings | None = None,
         published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
         utc: Callable[[], float] = time.time,
+        retry: Retry = at_once,
     ) -> None:
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
-        self.flight = FlightRecord(name=out.resolve().name, started_utc=utc(), canvas=config.paint.canvas)
+        self.flight = FlightRecord(name=out.resolve().name, started_utc=utc(), canvas=canvas or CanvasSettings())
         self.ledger.begin_flight(self.flight)
         self.changes = Changes()
-        self._originals = Originals(out, config.originals)
-        self._tiles = TileWriter(out, config.tiles)
+        self.taken_in = 0  # files, whatever became of them
+        self.in_a_pause = False  # or at the end: there is time to list every frame, and nothing may come after it
+        self._originals = Originals(out, originals)
+        self._tiles = TileWriter(out, tiles)
         self._manifest = Manifest(out)
         self._published = published
         self._utc = utc
+        self._retry = retry
+        self._orders: dict[str, int] = {}  # in which frames came, by name
+        self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
+        self._names: dict[str, str] = {}  # first frame's name by content hash
         self._told: Accounts | None = None  # as the documents have them: events change them without any frame
         self._islands_known = 0
-        self.in_a_pause = False  # or at the end: there is time to list every frame, and nothing may come after it
         self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
 
     @property
     def revision(self) -> int:
         return self._manifest.revision
 
-    def accept(self, frame: Frame) -> tuple[Frame, list[Notice]]:
-        """Keep a frame's original and write both down; returns the frame as it is kept, and what is to be said."""
+    def accounts(self) -> Accounts:
+        return self.ledger.accounts()
+
+    # What comes
+
+    def keep_ahead(self, frame: Frame) -> Frame:
+        """Keep the original of a frame that will be accepted later; from any thread. Returns it as it is kept.
+
+        Whatever becomes of the file meanwhile, what was found is what is stitched.
+        """
+        return frame if frame.content_hash in self._names else self._originals.keep_ahead(frame)
+
+    def accept(self, frame: Frame) -> tuple[Frame | None, list[Notice]]:
+        """Keep a frame's original and write both down; returns the frame as it is kept, and what is to be said.
+
+        None if the same picture came before.
+        """
+        self.taken_in += 1
+        earlier = self._names.get(frame.content_hash)
+        if earlier is not None:
+            self._retry(lambda: self._record_as(frame, FrameState.DUPLICATE, f"the same picture as {earlier}"))
+            logger.info("%s: duplicate, the same picture as %s", frame.name, earlier)
+            return None, []
+        self.in_a_pause = False
+        kept, said = self._retry(lambda: self._keep(frame))
+        self._names[frame.content_hash] = frame.name
+        self._orders[frame.name] = len(self._orders)
+        self._places[frame.name] = (kept.path, frame.content_hash)
+        return kept, said
+
+    def accept_dropped(self, dropped: DroppedFrame) -> None:
+        """Write down that there was no room for a stream's frame."""
+        self.taken_in += 1
+        self._retry(lambda: self._record_as(dropped.frame, FrameState.DROPPED, dropped.reason))
+        logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
+
+    def accept_damaged(self, damaged: DamagedFile) -> None:
+        """Write down that a file is not whole."""
+        self.taken_in += 1
+        self._retry(lambda: self.ledger.record_damaged(damaged))
+        logger.info("%s: damaged, %s", damaged.name, damaged.reason)
+
+    def may_come_again(self, frame: Frame) -> None:
+        """The same picture, should it come again, is no duplicate: this one could not be read."""
+        self._names.pop(frame.content_hash, None)
+
+    # What is known of frames
+
+    def order_of(self, name: str) -> int:
+        """A frame's place in the row in which they came, from 0."""
+        return self._orders[name]
+
+    def original(self, name: str) -> bytes | None:
+        """The file that a frame was made of; None if it is gone or has changed."""
+        return read_intact(*self._places[name])
+
+    # What changes
+
+    def settle(self, name: str, state: FrameState, reason: str | None) -> None:
+        """Note what became of a frame."""
+        if self.changes.states.get(name) != (state, reason):
+            logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
+        self.changes.states[name] = (state, reason)
+
+    def note_tiles(self, tiles: Iterable[TileKey]) -> None:
+        """Note that these tiles look different, in one step of work."""
+        self.changes.tiles.append(frozenset(tiles))
+
+    def save(
+        self,
+        picture: Picture,
+        islands: Sequence[IslandRecord],
+        frames_on: Mapping[int, int],
+        held_out: Callable[[], Mapping[int, HeldOut]] = dict,
+    ) -> None:
+        """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there.
+
+        Whatever is raised on the way, they stay to be written by the next call.
+        """
+        self._retry(lambda: self._save(picture, islands, frames_on, held_out))
+
+    def close(self) -> None:
+        """Let go of everything; what is not saved is lost."""
+        self._manifest.close()
+        self._tiles.close()
+        self.ledger.close()
+
+    # Writing
+
+    def _record_as(self, frame: Frame, state: FrameState, reason: str) -> None:
+        with self.ledger.transaction():
+            self.ledger.record_frame(frame)
+            self.ledger.settle_frame(frame.name, state, reason)
+
+    def _keep(self, frame: Frame) -> tuple[Frame, list[Notice]]:
         kept = self._originals.keep(frame)
         with self.ledger.transaction():
             self.ledger.record_frame(frame)
@@ -119,53 +234,33 @@ class Recorder(Kept):
         if isinstance(kept, NotKept):
             text = f"{frame.name} is not kept: {kept.reason}"
             return frame, [*said, Notice(source="originals", level="warning", text=text, topic=Topic.DISK)]
-        return replace(frame, path=self.out / kept.path, data=None), said
+        return replace(frame, path=self.out / kept.path), said
 
-    def accept_duplicate(self, frame: Frame, earlier: str) -> None:
-        """Write down that a frame is the same picture as an earlier one."""
-        with self.ledger.transaction():
-            self.ledger.record_frame(frame)
-            self.ledger.settle_frame(frame.name, FrameState.DUPLICATE, f"the same picture as {earlier}")
-
-    def accept_dropped(self, dropped: DroppedFrame) -> None:
-        """Write down that there was no room for a stream's frame."""
-        with self.ledger.transaction():
-            self.ledger.record_frame(dropped.frame)
-            self.ledger.settle_frame(dropped.frame.name, FrameState.DROPPED, dropped.reason)
-
-    def accept_damaged(self, damaged: DamagedFile) -> None:
-        """Write down that a file is not whole."""
-        self.ledger.record_damaged(damaged)
-
-    def save(
+    def _save(
         self,
-        canvas: Picture,
-        islands: Sequence[Island],
+        picture: Picture,
+        islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
-        held_out: Callable[[], Mapping[int, HeldOut]] = dict,
+        held_out: Callable[[], Mapping[int, HeldOut]],
     ) -> None:
-        """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there.
-
-        Whatever is raised on the way, they stay to be written by the next call.
-        """
         if not self.changes and self.ledger.accounts() == self._told:
             if self.in_a_pause:
                 self._manifest.catch_up()
             return
         of = ", ".join(self.changes.states)
         with stage("tiles", of):
-            self._tiles.write(set().union(*self.changes.tiles), canvas.tile_later)
+            self._tiles.write(set().union(*self.changes.tiles), picture.tile_later)
         with stage("ledger", of):
             estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
             self._save_ledger(islands, estimates)
         with stage("documents", of):
-            self._tell(canvas, islands, frames_on, held_out, estimates)
+            self._tell(picture, islands, frames_on, held_out, estimates)
         self.changes = Changes()
 
     def _tell(
         self,
-        canvas: Picture,
-        islands: Sequence[Island],
+        picture: Picture,
+        islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]],
         estimates: Sequence[Estimate],
@@ -173,26 +268,20 @@ class Recorder(Kept):
         """Write the documents, if they are to tell of anything new."""
         accounts = self.ledger.accounts()
         if self.changes.is_public or accounts != self._told:
-            entries = list(self._entries(canvas, islands, frames_on, held_out()))
+            entries = list(self._entries(picture, islands, frames_on, held_out()))
             revision = self._manifest.write(self._contents(entries, accounts, estimates), everything=self.in_a_pause)
             self._told = accounts
             for changed in self.changes.tiles:
                 self._published(revision, changed)
 
-    def close(self) -> None:
-        """Let go of everything; what is not saved is lost."""
-        self._manifest.close()
-        self._tiles.close()
-        self.ledger.close()
-
-    def _save_ledger(self, islands: Sequence[Island], estimates: Sequence[Estimate]) -> None:
+    def _save_ledger(self, islands: Sequence[IslandRecord], estimates: Sequence[Estimate]) -> None:
         changes = self.changes
         with self.ledger.transaction():
             for island in islands[self._islands_known :]:
-                self.ledger.record_island(island.number)
+                self.ledger.record_island(island.id)
             for island in islands:
                 if island.merged_into is not None:
-                    self.ledger.merge_island(island.number, island.merged_into)
+                    self.ledger.merge_island(island.id, island.merged_into)
             for name, (width, height) in changes.sizes.items():
                 self.ledger.record_size(name, width, height)
             for name, (state, reason) in changes.states.items():
@@ -215,23 +304,23 @@ class Recorder(Kept):
 
     def _entries(
         self,
-        canvas: Picture,
-        islands: Sequence[Island],
+        picture: Picture,
+        islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
         held_out: Mapping[int, HeldOut],
     ) -> Iterator[IslandEntry]:
         for island in islands:
-            extent = canvas.extent(island.number) or self._extents.get(island.number)
+            extent = picture.extent(island.id) or self._extents.get(island.id)
             if extent is not None:
-                self._extents[island.number] = extent
+                self._extents[island.id] = extent
                 yield IslandEntry(
-                    id=island.number,
+                    id=island.id,
                     bounds=extent.box,
                     minzoom=extent.coarsest,
                     maxzoom=extent.finest,
-                    frames=frames_on.get(island.number, 0),
+                    frames=frames_on.get(island.id, 0),
                     merged_into=island.merged_into,
-                    held_out=held_out.get(island.number),
+                    held_out=held_out.get(island.id),
                 )
 
 
