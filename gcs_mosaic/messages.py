@@ -101,6 +101,7 @@ class Topic(Enum):
     """What a notice is about, where somebody acts on it."""
 
     DISK = "disk"  # writing, and what is left to write on
+    PAGE = "page"  # where the map can be looked at
     FIRST_LOOK = "first look"  # every file that was there at the start has been looked at
 
 

@@ -103,6 +103,7 @@ def summarise(program: Program, code: int, truth: Truth | None) -> None:
     if truth is not None and code == 0:
         placements = program.placements(program.out.parent / f"{program.out.name}-placements.json")
         say(f"against the truth: {score(truth, placements)}")
+    say("next, frames of your own: gcs-mosaic stitch DIR --out map; in the field: gcs-mosaic --mavlink udp:14550")
 
 
 def page_of(program: Program) -> str:

@@ -73,7 +73,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         if recorded:
             daemon.say(recorded)
         if page:
-            daemon.say(Notice(source="page", level="info", text=f"the map is at {page}"))
+            daemon.say(Notice(source="page", level="info", text=f"the map is at {page}", topic=Topic.PAGE))
         daemon.run(links)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from gcs_mosaic.messages import LinkReport, Notice, SourceReport
+from gcs_mosaic.messages import LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import DiskFull, overwrite, write_beside
 from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
 from gcs_mosaic.store.ledger import Ledger
@@ -50,7 +50,7 @@ class Reporter:
         now = time.time()
         log_notice(logger, notice)
         self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
-        self.line(notice.text, STYLES[notice.level])
+        self.line(notice.text, "bold green" if notice.topic is Topic.PAGE else STYLES[notice.level])
         with suppress(DiskFull, sqlite3.OperationalError):
             self._ledger.record_notice(notice, now)
 

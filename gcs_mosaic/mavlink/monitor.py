@@ -24,6 +24,7 @@ _REFUSED = {
     "replayed": "they are older than what was heard before; two ways by which the same packets come do that, too",
 }
 MAV_TYPE_GCS = 6
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
 GROUND_STATION_PORT = 14550  # where every ground station listens unless told otherwise
 _AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _VEHICLES = {1: "fixed-wing aircraft", 2: "quadrotor", 4: "helicopter", 13: "hexarotor", 14: "octorotor", 30: "camera"}
@@ -114,11 +115,16 @@ class Listener:
             seconds = f"{self._settings.silent_after_s:g} s"
             yield self._notice("warning", f"{self._name} is silent: nothing for {seconds}{but}")
         waited = now - self._first_vehicle if self._first_vehicle is not None else 0.0
-        if self._ground_station == "unknown" and waited > self._settings.ground_station_after_s:
+        is_late = waited > self._settings.ground_station_after_s
+        if self._ground_station == "unknown" and is_late and not self._is_forwarded_to_us():
             self._ground_station = "missing"
             # A forwarding ground station keeps its own heartbeats to itself; where it listens itself, we are in its way.
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
+
+    def _is_forwarded_to_us(self) -> bool:
+        """Only programs on this machine can reach us there, and no ground station listens there."""
+        return self._address.host in LOOPBACK and self._address.port != GROUND_STATION_PORT
 
     def _refusals(self, refused: Refusals) -> Iterator[Notice]:
         """Each reason is said once."""

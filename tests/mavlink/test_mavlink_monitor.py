@@ -90,6 +90,13 @@ def test_on_a_forwarded_port_a_missing_ground_station_is_no_warning() -> None:
     assert [item.level for item in ours.tick(40.0) if isinstance(item, Notice)] == ["info"]
 
 
+def test_where_only_this_machine_can_send_a_missing_ground_station_is_no_news() -> None:
+    ours = listener(address="udp:127.0.0.1:14445")
+    list(ours.hear(received(heartbeat()), 19.0))
+    list(ours.hear(received(heartbeat()), 39.0))
+    assert texts(ours.tick(40.0)) == []
+
+
 def test_only_the_first_vehicle_that_triggers_is_followed() -> None:
     choice = VehicleChoice()
     first, second = listener(choice), listener(choice)
