@@ -36,7 +36,7 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.tile_maker import Maker
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
-from gcs_mosaic.stitch.transaction import Kept
+from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 logger = logging.getLogger(__name__)
 
@@ -114,6 +114,10 @@ class Canvas(Kept):
         self._work: _Fold | _Making | None = None
         self._changes = 0
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
+
+    def saved(self) -> Snapshot:
+        """Which originals are gone. All else follows from the painted frames: see `resume`."""
+        return {"gone": self.gone}
 
     def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
         """Add a frame; returns the tiles that may look different now (all levels).

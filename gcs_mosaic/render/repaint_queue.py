@@ -17,13 +17,14 @@ from gcs_mosaic.render.display import Display, display_of
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.levels import PaintingLevels
 from gcs_mosaic.render.painted import Painted, TileKey, brightness_apart
+from gcs_mosaic.render.pyramid import LoadTile
 from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import reduced_view
 from gcs_mosaic.stitch.features.extraction import Features, without_border
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.transaction import Kept
+from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 LoadImage = Callable[[str], Bands | None]
 
@@ -84,12 +85,13 @@ class Painter(Kept):
         scratch: Path | None = None,
         *,
         live: bool = True,
+        load_tile: LoadTile | None = None,
     ) -> None:
         self._settings = settings
         self._live = live
         self._record = record
         self._load_image = load_image
-        self.canvas = Canvas(load_image, settings.canvas, scratch=scratch)
+        self.canvas = Canvas(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
         self._painted: dict[str, Painted] = {}
         self._displays: dict[
             tuple[int, str], Display
@@ -102,6 +104,12 @@ class Painter(Kept):
         self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
         # Those that moved too far, and how far in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
+
+    def load(self, saved: Snapshot) -> None:
+        """The tiles that were written then are shown until they are painted anew."""
+        super().load(saved)
+        self.canvas.resume(self._painted.values())
+        self._changed.clear()
 
     @property
     def has_repaints(self) -> bool:

@@ -28,9 +28,10 @@ logger = logging.getLogger(__name__)
 T = TypeVar("T")
 
 CONTAINERS = (dict, list, set, OrderedDict, Counter, deque, np.ndarray, array)
+CALLBACKS = (FunctionType, BuiltinFunctionType, MethodType)
 VALUES = (
     *(type(None), bool, int, float, str, bytes, tuple, frozenset, np.generic, enum.Enum, PurePath, type),
-    *(FunctionType, BuiltinFunctionType, MethodType),
+    *CALLBACKS,
 )
 
 Snapshot = dict[str, Any]
@@ -53,6 +54,40 @@ class Kept:
         for name in vars(self).keys() - before.keys() - self.FIXED:
             delattr(self, name)
         _restore_all(partial(_put_back, self, name, value) for name, value in before.items())
+
+    def saved(self) -> Snapshot:
+        """What is kept, to be written to a file: no callbacks, nothing FIXED, and of parts what they have saved."""
+        kept = {name: value for name, value in vars(self).items() if name not in self.FIXED}
+        return {name: _saved(value) for name, value in kept.items() if not isinstance(value, CALLBACKS)}
+
+    def load(self, saved: Snapshot) -> None:
+        """Be as when this was saved. Made for an object that has just been made in the same way as that one."""
+        for name, value in saved.items():
+            part = getattr(self, name)
+            if isinstance(part, Kept):
+                part.load(value)
+            else:
+                setattr(self, name, value.array() if isinstance(value, Numbers) else value)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Numbers:
+    """An array that may change where it is kept, as it was; all others never change."""
+
+    kind: str
+    shape: tuple[int, ...]
+    data: bytes
+
+    def array(self) -> np.ndarray[Any, Any]:
+        return np.frombuffer(self.data, np.dtype(self.kind)).reshape(self.shape).copy()
+
+
+def _saved(value: object) -> object:
+    if isinstance(value, Kept):
+        return value.saved()
+    if isinstance(value, np.ndarray):
+        return Numbers(value.dtype.str, value.shape, value.tobytes())
+    return value
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

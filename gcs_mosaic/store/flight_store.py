@@ -1,13 +1,13 @@
 """A flight on the disk: frames are accepted, changes are noted, all is saved; a full disk is waited for in here.
 
-Changes are collected in memory and written by `save`, those of one moment together: tiles, ledger, documents.
+Changes are collected in memory and written by `save`, those of one moment together: ledger, tiles, documents.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
@@ -19,14 +19,22 @@ from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.stitch.transaction import Kept
+from gcs_mosaic.stitch.transaction import Kept, Snapshot
 from gcs_mosaic.store.documents import finite
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger, printable
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.store.originals import NotKept, Originals, OriginalsSettings, read_intact
-from gcs_mosaic.store.records import Accounts, CoveredRecord, Estimate, FlightRecord, FrameState, IslandRecord
+from gcs_mosaic.store.records import (
+    Accounts,
+    CoveredRecord,
+    Estimate,
+    FlightRecord,
+    FrameRecord,
+    FrameState,
+    IslandRecord,
+)
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
@@ -86,7 +94,9 @@ class Picture(Protocol):
 
 
 class FlightStore(Kept):
-    """Owns one output folder. Used by one thread. `published(revision, tiles)` is called when tiles are on disk.
+    """Owns one output folder, which holds nothing or a flight to go on with. Used by one thread.
+
+    `published(revision, tiles)` is called when tiles are on disk.
 
     `canvas`: how the flight is painted. `retry` is given all that writes, and may try it again; what it raises is raised.
     `utc` gives the time that is written into documents, in seconds since 1970. What is in the folder cannot be put back as it
@@ -108,8 +118,7 @@ class FlightStore(Kept):
     ) -> None:
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
-        self.flight = FlightRecord(name=out.resolve().name, started_utc=utc(), canvas=canvas or CanvasSettings())
-        self.ledger.begin_flight(self.flight)
+        self.flight = self.ledger.flight() or self._begin_flight(canvas or CanvasSettings(), utc())
         self.changes = Changes()
         self.taken_in = 0  # files, whatever became of them
         self.in_a_pause = False  # or at the end: there is time to list every frame, and nothing may come after it
@@ -125,6 +134,35 @@ class FlightStore(Kept):
         self._told: Accounts | None = None  # as the documents have them: events change them without any frame
         self._islands_known = 0
         self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
+
+    def _begin_flight(self, canvas: CanvasSettings, utc: float) -> FlightRecord:
+        flight = FlightRecord(name=self.out.resolve().name, started_utc=utc, canvas=canvas)
+        self.ledger.begin_flight(flight)
+        return flight
+
+    def saved(self) -> Snapshot:
+        """Nothing: the ledger has it all, see `resume`."""
+        return {}
+
+    def resume(self, processed: Collection[str], islands: int) -> list[Frame]:
+        """Go on with the flight that the folder holds, of which these frames were processed and so many islands found.
+
+        Returns the frames that are to be processed, as they are kept, in the order in which they came.
+        """
+        frames = self.ledger.frames()
+        known = [frame for frame in frames if frame.content_hash is not None and frame.state not in SET_ASIDE]
+        self.taken_in = len(frames)
+        self._orders = {frame.name: order for order, frame in enumerate(known)}
+        self._names = {frame.content_hash: frame.name for frame in known if frame.content_hash is not None}
+        kept = [_frame_of(frame, self.out) for frame in known]
+        self._places = {frame.name: (frame.path, frame.content_hash) for frame in kept}
+        self._islands_known = len(self.ledger.islands())
+        again = [frame for frame in kept if frame.name not in processed]
+        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], islands))
+        self.changes.sizes = {
+            f.name: (f.width, f.height) for f in known if f.width is not None and f.height is not None
+        }
+        return again
 
     @property
     def revision(self) -> int:
@@ -205,7 +243,8 @@ class FlightStore(Kept):
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]] = dict,
     ) -> None:
-        """Write all changes: tiles, then the ledger, then the documents, so that none names what is not there.
+        """Write all changes: the ledger, then the tiles, then the documents, so that a kill in between leaves no tile of which
+        the ledger does not know, and no document tells of what is not there.
 
         Whatever is raised on the way, they stay to be written by the next call.
         """
@@ -248,11 +287,11 @@ class FlightStore(Kept):
                 self._manifest.catch_up()
             return
         of = ", ".join(self.changes.states)
-        with stage("tiles", of):
-            self._tiles.write(set().union(*self.changes.tiles), picture.tile_later)
         with stage("ledger", of):
             estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
             self._save_ledger(islands, estimates)
+        with stage("tiles", of):
+            self._tiles.write(set().union(*self.changes.tiles), picture.tile_later)
         with stage("documents", of):
             self._tell(picture, islands, frames_on, held_out, estimates)
         self.changes = Changes()
@@ -322,6 +361,23 @@ class FlightStore(Kept):
                     merged_into=island.merged_into,
                     held_out=held_out.get(island.id),
                 )
+
+
+# Frames that were never to be placed.
+SET_ASIDE = (FrameState.DUPLICATE, FrameState.DROPPED, FrameState.DAMAGED)
+
+
+def _frame_of(record: FrameRecord, out: Path) -> Frame:
+    """A frame as it is kept, as it came when the program was told of it."""
+    assert record.content_hash is not None, "a frame has come whole"
+    return Frame(
+        name=record.name,
+        path=out / (record.original or record.name),
+        content_hash=record.content_hash,
+        size=record.size or 0,
+        received=record.received or 0.0,
+        modified=record.modified or 0.0,
+    )
 
 
 def estimate_of_placement(placement: Placement) -> Estimate:

@@ -137,6 +137,16 @@ class Ledger(LedgerFile):
         reason = None if reason is None else printable(reason)
         self.update("UPDATE frames SET state = ?, reason = ? WHERE name = ?", state, reason, stored(name))
 
+    def process_again(self, names: Iterable[str], islands: int) -> None:
+        """What became of these frames is forgotten, and islands of this number and above: they are to be processed anew."""
+        with self.transaction():
+            for name in names:
+                frame = self._frame_id(name)
+                for table in ("estimates", "painted", "covered"):
+                    self.write(f"DELETE FROM {table} WHERE frame = ?", frame)
+                self.update("UPDATE frames SET state = 'pending', reason = NULL WHERE id = ?", frame)
+            self.write("UPDATE islands SET merged_into = NULL WHERE id >= ? OR merged_into >= ?", islands, islands)
+
     def frames(self, state: FrameState | None = None) -> list[FrameRecord]:
         """All frames, or those in one state, in the order in which they came."""
         had_event = "EXISTS (SELECT 1 FROM events WHERE events.frame = frames.id) AS had_event"

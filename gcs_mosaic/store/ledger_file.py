@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from gcs_mosaic.store.disk import telling_disk_full
+from gcs_mosaic.store.disk import sync_file, telling_disk_full
 from gcs_mosaic.store.schema import connect, connect_for_reading
 
 
@@ -31,6 +31,15 @@ class LedgerFile:
 
     def close(self) -> None:
         self._connection.close()
+
+    def make_durable(self) -> None:
+        """Bring to the disk what has been committed; from any thread. Raises DiskFull and OSError.
+
+        With `synchronous = NORMAL` SQLite itself does so only when it moves its write-ahead log into the file.
+        """
+        log = self.path.with_name(f"{self.path.name}-wal")
+        with telling_disk_full(self.path), suppress(FileNotFoundError):  # without a log all is in the file
+            sync_file(log)
 
     @contextmanager
     def transaction(self) -> Iterator[None]:

@@ -17,7 +17,7 @@ from gcs_mosaic.stitch.bundle.island import IslandTask, adjust_island, island_ta
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.worker import Failed, Worker
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
-from gcs_mosaic.stitch.transaction import EachWhole, Kept
+from gcs_mosaic.stitch.transaction import EachWhole, Kept, Snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +60,14 @@ class Upkeep(Kept):
         self._task: IslandTask | None = None  # what the worker is to be at
         self._frames_before = 0  # in the graph when that began
         self.problem: str | None = None  # what has last gone wrong in the background
+
+    def saved(self) -> Snapshot:
+        """An adjustment that is under way is due again."""
+        saved = super().saved() | {"_task": None, "_worker_failed": False, "problem": None}
+        if self._task is not None:
+            grown = self._grown.get(self._task.island, 0) + len(self._task.members)
+            saved["_grown"] = self._grown | {self._task.island: grown}
+        return saved
 
     def grow(self, island: int, frames: int = 1) -> None:
         """An island has gained frames."""

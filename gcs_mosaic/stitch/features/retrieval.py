@@ -52,6 +52,10 @@ class RetrievalIndex(Kept):
         rows = [row if len(row) == length else row[:length] for row, length in of_words]
         super().restore({**before, "_rows": rows})
 
+    def saved(self) -> Snapshot:
+        """Nothing: it is made anew by adding the same frames."""
+        return {}
+
     def add(self, features: Features) -> None:
         """Append a frame; one with fewer features than are wanted repeats them."""
         strongest = features.descriptors[:PER_FRAME]

@@ -21,7 +21,7 @@ from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 from gcs_mosaic.stitch.graph.waiting import WaitingFrames
 from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
-from gcs_mosaic.stitch.transaction import Kept
+from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 Array = NDArray[np.float64]
 CameraNumber = int  # frames of one size were taken by one camera
@@ -124,6 +124,11 @@ class ViewGraph(Kept):
         self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
+
+    def load(self, saved: Snapshot) -> None:
+        super().load(saved)
+        for frame in self.frames:
+            self.retrieval.add(frame.features)
 
     def append(self, name: str, features: Features) -> int:
         """Take in a frame, not yet placed; a size not seen before is a camera of its own."""

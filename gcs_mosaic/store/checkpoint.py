@@ -1,0 +1,301 @@
+"""What a flight knows between two frames, on the disk, so that it can be resumed without doing anything twice.
+
+Two files: `checkpoint` is written anew each time and refers to `checkpoint.values`, to which every large value (the features
+of a frame, the matches of a pair) is only appended once, because such values never change. A checkpoint is never ahead of the
+ledger: that reaches the disk first. What came after it is in the ledger, and is done again.
+
+The files are pickles, which could name any code; so they are read by a reader that knows numbers, containers and the plain
+records of this program, and refuses everything else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import math
+import os
+import pickle
+import struct
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, is_dataclass
+from enum import Enum
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gcs_mosaic.store.disk import sync_folder, telling_disk_full, write_beside
+from gcs_mosaic.store.stages import stage
+
+logger = logging.getLogger(__name__)
+
+NAME, VALUES_NAME = "checkpoint", "checkpoint.values"
+FORMAT = 1
+MAGIC = b"gcs-mosaic checkpoint\n"
+HEAD = struct.Struct("<I16s16sq")  # format, digest of what follows, which values these are, how many bytes of them
+LARGE = 1024  # bytes of a value that is worth to be written apart
+SHARE = 0.05  # of the time, at most, that may go into checkpoints
+# What may be made of a pickle, besides this program's own records.
+KNOWN = {
+    ("builtins", "set"),
+    ("builtins", "frozenset"),
+    ("builtins", "complex"),
+    ("collections", "OrderedDict"),
+    ("collections", "Counter"),
+    ("collections", "deque"),
+    ("numpy", "ndarray"),
+    ("numpy", "dtype"),
+    ("numpy.core.multiarray", "_reconstruct"),
+    ("numpy.core.multiarray", "scalar"),
+    ("numpy.core.numeric", "_frombuffer"),
+    ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy._core.multiarray", "scalar"),
+    ("numpy._core.numeric", "_frombuffer"),
+    ("pathlib", "PosixPath"),
+    ("pathlib", "WindowsPath"),
+    ("pathlib", "PurePosixPath"),
+}
+OURS = "gcs_mosaic."
+
+
+@dataclass(frozen=True, slots=True)
+class Unusable:
+    """Why a flight cannot be resumed from its checkpoint, as the end of a sentence."""
+
+    reason: str
+
+
+class Checkpoints:
+    """Writes the checkpoints of one output folder; `close` waits for the last. Used by one thread.
+
+    `large`: kinds of values that are written once and referred to. `ledger_durable()` is called, from another thread, before
+    a checkpoint counts: it must bring to the disk all that the ledger knows.
+    """
+
+    def __init__(self, out: Path, large: tuple[type, ...], ledger_durable: Callable[[], None]) -> None:
+        self._path, self._values = out / NAME, _Values(out / VALUES_NAME, large)
+        self._ledger_durable = ledger_durable
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="checkpoint")
+        self._writing: Future[None] | None = None
+        self._due = -math.inf  # monotonic seconds
+        self.problem: str | None = None  # why the last one could not be written
+
+    def load(self) -> Any:
+        """What the last checkpoint holds, or `Unusable`. To be called before anything is written, if at all."""
+        try:
+            data = self._path.read_bytes()
+            return self._loaded(data)
+        except FileNotFoundError:
+            return Unusable("it has no checkpoint")
+        except Exception as error:  # whatever a damaged file makes of its reader
+            logger.warning("the checkpoint cannot be read", exc_info=True)
+            return Unusable(f"its checkpoint cannot be read ({error!r})")
+
+    def write(self, state: Callable[[], object], *, at_once: bool = False) -> None:
+        """Write what `state` returns, if it is time or `at_once`. What fails is logged and tried again with the next."""
+        if not at_once and (time.monotonic() < self._due or (self._writing and not self._writing.done())):
+            return
+        self._wait()
+        start = time.monotonic()
+        with stage("checkpoint", ""):
+            self._values.begin()
+            data = self._pickled(state())
+            new = self._values.end()
+        self._writing = self._pool.submit(self._write, data, new)
+        now = time.monotonic()
+        self._due = now + (now - start) / SHARE
+        if at_once:
+            self._wait()
+
+    def close(self) -> None:
+        """Wait for what is being written."""
+        self._wait()
+        self._pool.shutdown()
+        self._values.close()
+
+    def _wait(self) -> None:
+        if self._writing is None:
+            return
+        error = self._writing.exception()
+        self._writing = None
+        if error is None:
+            self.problem = None
+            return
+        self._values.take_back()
+        if self.problem is None:
+            logger.warning("the checkpoint could not be written", exc_info=error)
+        self.problem = f"the checkpoint could not be written ({error})"
+
+    def _pickled(self, state: object) -> bytes:
+        target = io.BytesIO()
+        _Pickler(target, self._values.refer, self._values.large).dump(state)
+        return target.getvalue()
+
+    def _write(self, data: bytes, new: bytes) -> None:
+        end = self._values.append(new)
+        self._ledger_durable()
+        head = HEAD.pack(FORMAT, _digest(data), self._values.name, end)
+        write_beside(self._path, MAGIC + head + data, durable=True)
+
+    def _loaded(self, data: bytes) -> Any:
+        start = len(MAGIC) + HEAD.size
+        if not data.startswith(MAGIC) or len(data) < start:
+            return Unusable("its checkpoint is none of ours")
+        format_, digest, name, end = HEAD.unpack(data[len(MAGIC) : start])
+        if format_ != FORMAT:
+            return Unusable(f"its checkpoint is of another version ({format_}, this program writes {FORMAT})")
+        if _digest(data[start:]) != digest:
+            return Unusable("its checkpoint is damaged")
+        self._values.open(name, end)
+        try:
+            return _Reader(io.BytesIO(data[start:]), self._values.value).load()
+        finally:
+            self._values.loaded()
+
+
+class _Values:
+    """The file of large values: a name of 16 bytes, then each value with its length before it."""
+
+    LENGTH = struct.Struct("<q")
+
+    def __init__(self, path: Path, large: tuple[type, ...]) -> None:
+        self.large = large
+        self.name = b""  # of this file: a checkpoint refers to one of that name only
+        self._path = path
+        self._file: BinaryIO | None = None
+        self._end = 0  # of the values, also of those that are still to be appended
+        self._sure = 0  # of those that are on the disk
+        self._known: dict[
+            int, tuple[object, int]
+        ] = {}  # where values are, by identity; they are held, so that it is theirs
+        self._seen: dict[int, tuple[object, int]] = {}  # those that the checkpoint in the making refers to
+        self._new: list[bytes] = []
+        self._read: dict[int, object] = {}
+
+    def begin(self) -> None:
+        """A checkpoint is being made."""
+        self._seen, self._new = {}, []
+
+    def refer(self, value: object) -> int:
+        """Where the value is, or will be when what is new is appended."""
+        known = self._seen.get(id(value)) or self._known.get(id(value))
+        if known is None:
+            data = pickle.dumps(value, protocol=5)
+            known = value, self._end
+            self._new += [self.LENGTH.pack(len(data)), data]
+            self._end += self.LENGTH.size + len(data)
+        self._seen[id(value)] = known
+        return known[1]
+
+    def end(self) -> bytes:
+        """The checkpoint is made; returns what is new. What it does not refer to is not held any longer."""
+        self._known, self._seen = self._seen, {}
+        return b"".join(self._new)
+
+    def append(self, new: bytes) -> int:
+        """Bring what is new to the disk; returns the end of the file."""
+        with telling_disk_full(self._path):
+            if self._file is None:
+                self._file = self._begun()
+            start = len(self.name) + self._sure
+            self._file.truncate(start)  # of an earlier attempt
+            self._file.seek(start)
+            self._file.write(new)
+            os.fsync(self._file.fileno())
+            self._sure += len(new)
+            return len(self.name) + self._sure
+
+    def take_back(self) -> None:
+        """What was to be appended last may be there or not."""
+        self._end = self._sure
+        self._known = {key: known for key, known in self._known.items() if known[1] < self._sure}
+
+    def open(self, name: bytes, end: int) -> None:
+        """Go on with a file of this name after so many bytes. Raises ValueError and OSError."""
+        file = self._path.open("r+b", buffering=0)
+        if file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
+            file.close()
+            raise ValueError(f"{self._path} is not what the checkpoint refers to")
+        self._file, self.name = file, name
+        self._end = self._sure = end - len(name)
+
+    def value(self, place: int) -> object:
+        """The value at a place."""
+        if place not in self._read:
+            assert self._file is not None, "opened before it is read"
+            self._file.seek(len(self.name) + place)
+            (length,) = self.LENGTH.unpack(self._file.read(self.LENGTH.size))
+            value = self._read[place] = _Reader(io.BytesIO(self._file.read(length)), _no_values).load()
+            self._known[id(value)] = value, place
+        return self._read[place]
+
+    def loaded(self) -> None:
+        """All has been read."""
+        self._read = {}
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _begun(self) -> BinaryIO:
+        self.name = os.urandom(16)
+        file = self._path.open("wb", buffering=0)
+        file.write(self.name)
+        sync_folder(self._path.parent)
+        return file
+
+
+class _Pickler(pickle.Pickler):
+    def __init__(self, target: BinaryIO, refer: Callable[[object], int], large: tuple[type, ...]) -> None:
+        super().__init__(target, protocol=5)
+
+        def apart(value: object) -> tuple[Any, ...]:
+            return _reference, (refer(value),)
+
+        def array_apart(array: np.ndarray[Any, Any]) -> Any:
+            return apart(array) if array.nbytes >= LARGE else array.__reduce_ex__(5)
+
+        self.dispatch_table = {
+            **dict.fromkeys(large, apart),
+            np.ndarray: array_apart,
+            MappingProxyType: lambda mapping: (_read_only, (dict(mapping),)),
+        }
+
+
+class _Reader(pickle.Unpickler):
+    def __init__(self, source: BinaryIO, value: Callable[[int], object]) -> None:
+        super().__init__(source)
+        self._value = value
+
+    def find_class(self, module: str, name: str) -> Any:
+        if module == __name__ and name in (_reference.__name__, _read_only.__name__):
+            return self._value if name == _reference.__name__ else _read_only
+        if (module, name) in KNOWN:
+            return super().find_class(module, name)
+        if module.startswith(OURS):
+            found = super().find_class(module, name)
+            if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum | tuple)):
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name} does not belong into a checkpoint")
+
+
+def _reference(place: int) -> object:
+    """Stands for a value of the other file; the reader puts its own in its place."""
+    raise TypeError(f"value {place} is read by a checkpoint's reader only")
+
+
+def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(mapping)
+
+
+def _no_values(place: int) -> object:
+    raise pickle.UnpicklingError("a value refers to no other value")
+
+
+def _digest(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=16).digest()
