@@ -1,14 +1,14 @@
-"""A camera over a plane: where the pixels of a frame lie on the canvas, and back.
+"""Camera over a plane: from frame pixels to the canvas and back.
 
-Conventions, used everywhere in this package:
+Conventions, used throughout this package:
 
-* Frame pixels: OpenCV's rule, the centre of the top-left pixel is (0, 0), x right, y down.
+* Frame pixels: OpenCV's convention, the centre of the top-left pixel is (0, 0), x right, y down.
 * Canvas: x right, y down; the ground is the canvas plane. One unit is one full-resolution pixel of an island's first frame.
 * Camera axes: x right, y down, z forward. A frame with yaw = pitch = roll = 0 looks straight down, its x along the canvas' x.
-* Lens: two radial terms in OpenCV's sense, `distorted = undistorted * (1 + k1 * r**2 + k2 * r**4)`, radii in focal lengths
-  from the principal point (Brown, Photogrammetric Engineering 37(8), 1971).
-* Transforms are named target_from_source; points are (n, 2) float64 arrays, and NaN stands for "nowhere"
-  (behind the camera, above the horizon, outside what the lens can see).
+* Lens: two radial terms as in OpenCV, `distorted = undistorted * (1 + k1 * r**2 + k2 * r**4)`, radii in focal lengths from the
+  principal point (Brown, Photogrammetric Engineering 37(8), 1971).
+* Transforms are named target_from_source; points are (n, 2) float64 arrays; NaN means "nowhere" (behind the camera, above the
+  horizon, outside the lens model's range).
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-UNDISTORT_STEPS = 8  # Newton's method on the radius; 5 reach 1e-9 for |k1| <= 0.3, the rest is margin
-LEAST_SLOPE = 0.02  # of the lens' radius curve; where it is flatter, Newton's step is held back
-HORIZON_COSINE = 0.02  # rays closer to the horizon than about 1 degree hit the ground nowhere useful
+UNDISTORT_STEPS = 8  # Newton iterations on the radius; 5 reach 1e-9 for |k1| <= 0.3, the rest is margin
+LEAST_SLOPE = 0.02  # of the lens' radius curve; where it is flatter, the Newton step is limited
+HORIZON_COSINE = 0.02  # rays within about 1 degree of the horizon meet the ground too far away to be useful
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """What the frames of one camera share; all but the size is estimated from matches, never given.
+    """Intrinsics shared by all frames of one camera; all but the size is estimated from matches, never given.
 
-    Lengths are in half-diagonals, so that they do not depend on the frame's size.
+    Lengths are in half-diagonals, independent of the frame's size.
     """
 
     width: int  # px
@@ -52,12 +52,12 @@ class Camera:
 
     @property
     def centre(self) -> Array:
-        """The middle of the frame in pixels."""
+        """Centre of the frame in pixels, (2,)."""
         return np.array([(self.width - 1) / 2, (self.height - 1) / 2])
 
     @property
     def principal_point(self) -> Array:
-        """Where the optical axis meets the frame, in pixels."""
+        """Principal point in pixels, (2,)."""
         return self.centre + np.array([self.shift_x, self.shift_y]) * self.half_diagonal
 
     @property
@@ -66,7 +66,7 @@ class Camera:
 
     @property
     def reach(self) -> float:
-        """Radius (undistorted, in focal lengths) at which the lens would begin to fold the picture back; often infinite."""
+        """Radius (undistorted, in focal lengths) at which the distortion would fold the image back; often infinite."""
         return float(lens_reach(np.array([self.k1]), np.array([self.k2]))[0])
 
 
@@ -74,8 +74,8 @@ class Camera:
 class Pose:
     """Where a frame was taken from.
 
-    `x`, `y`: the canvas point straight below the camera. `log_gsd`: natural log of the ground sampling distance there
-    (canvas units per pixel), so height = exp(log_gsd) * focal_px. Angles in radians; rotation = Rz(yaw) Ry(pitch) Rx(roll).
+    `x`, `y`: the canvas point at the camera's nadir. `log_gsd`: natural log of the ground sampling distance there (canvas units
+    per pixel), so height = exp(log_gsd) * focal_px. Angles in radians; rotation = Rz(yaw) Ry(pitch) Rx(roll).
     """
 
     x: float
@@ -103,7 +103,7 @@ def rotation_matrix(yaw: float, pitch: float, roll: float) -> Array:
 
 
 def canvas_from_pixels(pose: Pose, camera: Camera, pixels: Array) -> Array:
-    """Canvas places (n, 2) of frame pixels (n, 2); NaN for those that see no ground."""
+    """Canvas places (n, 2) of frame pixels (n, 2); NaN where no ground is seen."""
     rays = np.column_stack([undistort(camera, normalised(camera, pixels)), np.ones(len(pixels))]) @ pose.rotation().T
     height = math.exp(pose.log_gsd) * camera.focal_px
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -123,7 +123,7 @@ def pixels_from_canvas(pose: Pose, camera: Camera, places: Array) -> Array:
 
 
 def reduced_view(pose: Pose, camera: Camera, width: int, height: int) -> tuple[Pose, Camera]:
-    """Pose and camera of the same frame as a picture of another size (same shape): what it shows lies where it lay."""
+    """Pose and camera of the same frame resized (same aspect ratio): its content stays where it was."""
     reduced = replace(camera, width=width, height=height)
     factor = camera.width / width
     focal = camera.focal_px / factor / reduced.half_diagonal
@@ -136,7 +136,7 @@ def normalised(camera: Camera, pixels: Array) -> Array:
 
 
 def lens_reach(k1: Array, k2: Array) -> Array:
-    """The smallest radius (n,) at which `r * (1 + k1 * r**2 + k2 * r**4)` stops growing; infinite where it never does."""
+    """Smallest radius (n,) at which `r * (1 + k1 * r**2 + k2 * r**4)` stops growing; infinite where it never does."""
     root = np.sqrt(np.maximum(9 * k1**2 - 20 * k2, 0))
     with np.errstate(divide="ignore", over="ignore"):
         squared = np.where((root - 3 * k1 > 0) & (9 * k1**2 >= 20 * k2), 2 / np.maximum(root - 3 * k1, 0), np.inf)
@@ -144,9 +144,9 @@ def lens_reach(k1: Array, k2: Array) -> Array:
 
 
 def distort(camera: Camera, undistorted: Array) -> Array:
-    """Apply the lens; NaN beyond the radius where it would fold the picture back."""
+    """Apply lens distortion to (n, 2); NaN beyond the radius where it would fold the image back."""
     r2 = (undistorted**2).sum(axis=1, keepdims=True)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is almost behind the camera
+    with np.errstate(over="ignore", invalid="ignore"):  # rays almost perpendicular to the axis
         distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
     return np.asarray(np.where(r2 < camera.reach**2, distorted, np.nan))
 
@@ -165,7 +165,7 @@ def undistort(camera: Camera, distorted: Array) -> Array:
 def undistorted_radius(
     distorted: Array, k1: Array | float, k2: Array | float, reach: Array | float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Radii (n,) before the lens, and for which of them there is one (those beyond `reach` are kept just inside it)."""
+    """Undistorted radii (n,), and which of them exist (those beyond `reach` are clamped just inside it)."""
     r = np.minimum(distorted, 0.99 * reach)
     for _ in range(UNDISTORT_STEPS):
         r2 = r**2
@@ -176,7 +176,7 @@ def undistorted_radius(
 
 
 def pixel_grid(camera: Camera, columns: int, rows: int) -> Array:
-    """A regular grid over the frame's pixel centres, row by row, (rows * columns, 2)."""
+    """Regular grid over the frame's pixel centres, row by row, (rows * columns, 2)."""
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, columns), np.linspace(0, camera.height - 1, rows))
     return np.column_stack([x.ravel(), y.ravel()])
 
@@ -190,12 +190,12 @@ def frame_border(camera: Camera, per_side: int) -> Array:
 
 
 def footprint(pose: Pose, camera: Camera, per_side: int = 8) -> Array:
-    """Outline of the frame on the canvas, (4 * per_side, 2); NaN where the outline is above the horizon."""
+    """Footprint of the frame on the canvas, (4 * per_side, 2); NaN where its outline is above the horizon."""
     return canvas_from_pixels(pose, camera, frame_border(camera, per_side))
 
 
 def ground_sampling_distance(pose: Pose, camera: Camera, pixels: Array) -> Array:
-    """Canvas units per pixel around each pixel (n,): the square root of the area a pixel covers; NaN above the horizon."""
+    """Canvas units per pixel at each pixel, (n,): square root of the area a pixel covers; NaN above the horizon."""
     right, down = np.array([0.5, 0.0]), np.array([0.0, 0.5])
     dx = canvas_from_pixels(pose, camera, pixels + right) - canvas_from_pixels(pose, camera, pixels - right)
     dy = canvas_from_pixels(pose, camera, pixels + down) - canvas_from_pixels(pose, camera, pixels - down)
@@ -203,7 +203,7 @@ def ground_sampling_distance(pose: Pose, camera: Camera, pixels: Array) -> Array
 
 
 def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
-    """The homography (3x3, frame pixels to canvas) that fits the pose and lens best over the frame's visible ground."""
+    """Homography (3x3, frame pixels to canvas) that best fits pose and lens over the frame's visible ground."""
     pixels = pixel_grid(camera, 17, 13)
     places = canvas_from_pixels(pose, camera, pixels)
     seen = np.isfinite(places).all(axis=1)
@@ -216,7 +216,7 @@ def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
 
 
 def pinhole_homography(pose: Pose, camera: Camera) -> Array:
-    """The homography (3x3, frame pixels to canvas) of the pose without its lens, scaled so that H[2, 2] = 1 where it can be."""
+    """Homography (3x3, frame pixels to canvas) of the pose ignoring its distortion, scaled to H[2, 2] = 1 where possible."""
     height = math.exp(pose.log_gsd) * camera.focal_px
     axis_x, axis_y = camera.principal_point
     ray_from_pixel = np.array([[1, 0, -axis_x], [0, 1, -axis_y], [0, 0, camera.focal_px]])
@@ -226,10 +226,10 @@ def pinhole_homography(pose: Pose, camera: Camera) -> Array:
 
 
 def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
-    """The pose whose pinhole homography (frame pixels to canvas) is nearest to this one; None if none is near.
+    """The pose whose pinhole homography (frame pixels to canvas) is closest to this one; None if none is close.
 
-    With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and R's last row, and
-    the others follow; R is made a rotation by its polar decomposition.
+    With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and the last row of R,
+    and the rest follows; R is projected onto the rotations by polar decomposition.
     """
     axis_x, axis_y = camera.principal_point
     pixel_from_ray = np.array([[camera.focal_px, 0, axis_x], [0, camera.focal_px, axis_y], [0, 0, 1]])
@@ -247,7 +247,7 @@ def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
     return Pose(float(x), float(y), math.log(height / camera.focal_px), yaw, pitch, roll)
 
 
-LEAST_LIKENESS = 0.5  # how much a rotation may be squeezed by noise before it counts as none
+LEAST_LIKENESS = 0.5  # smallest singular value that still counts as a rotation distorted by noise
 
 
 def similarity_between(source: Array, target: Array) -> tuple[float, float, Array]:
@@ -265,7 +265,7 @@ def similarity_between(source: Array, target: Array) -> tuple[float, float, Arra
 
 
 def moved_by_similarity(pose: Pose, scale: float, angle: float, shift: Array) -> Pose:
-    """The pose after the canvas it lies on is moved by a similarity; the frame's view does not change."""
+    """The pose after its canvas is transformed by a similarity; the frame's view does not change."""
     c, s = math.cos(angle), math.sin(angle)
     x = scale * (c * pose.x - s * pose.y) + float(shift[0])
     y = scale * (s * pose.x + c * pose.y) + float(shift[1])

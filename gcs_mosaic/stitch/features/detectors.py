@@ -1,7 +1,7 @@
-"""Feature points and descriptors by name: SIFT, ORB, SURF.
+"""Keypoints and descriptors by name: SIFT, ORB, SURF.
 
-SIFT: Lowe, IJCV 60(2), 2004. ORB: Rublee et al., ICCV 2011. SURF: Bay et al., CVIU 110(3), 2008; OpenCV's wheels come without
-it, mahotas has it.
+SIFT: Lowe, IJCV 60(2), 2004. ORB: Rublee et al., ICCV 2011. SURF: Bay et al., CVIU 110(3), 2008; from mahotas, as OpenCV's
+wheels do not include it.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 FeatureKind = Literal["sift", "orb", "surf"]
 
 ORB_SCALE = 1.2  # between the levels of ORB's pyramid
-SURF_DESCRIPTOR = 6  # first of its columns in mahotas' rows: y, x, scale, score, laplacian, angle, 64 of descriptor
+SURF_DESCRIPTOR = 6  # first descriptor column in mahotas' rows: y, x, scale, score, laplacian, angle, 64 of descriptor
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Features of a picture, strongest first: points (n, 2) in its pixels, descriptors (n, d) as the detector gives them.
+    """Features of an image, strongest first: points (n, 2) in its pixels, descriptors (n, d) as the detector returns them.
 
-    SIFT: float32, d = 128, whole numbers from 0 to 255. ORB: uint8, d = 32, 256 bits. SURF: float32, d = 64, unit length.
+    SIFT: float32, d = 128, integers from 0 to 255. ORB: uint8, d = 32, 256 bits. SURF: float32, d = 64, unit length.
     """
 
     points: NDArray[np.float64]
@@ -33,7 +33,7 @@ class Found:
 
 
 def detect(grey: NDArray[np.uint8], kind: FeatureKind, count: int, contrast: float) -> Found:
-    """At most `count` features, the strongest, of a grey picture (h, w). `contrast` is SIFT's threshold, for SIFT alone.
+    """The strongest features of a grey image (h, w), at most `count`. `contrast`: SIFT's threshold, ignored by the others.
 
     ModuleNotFoundError where `is_available` is False.
     """
@@ -43,7 +43,7 @@ def detect(grey: NDArray[np.uint8], kind: FeatureKind, count: int, contrast: flo
 
 
 def is_available(kind: FeatureKind) -> bool:
-    """Whether the library that finds these features is installed."""
+    """Whether the library that provides this detector is installed."""
     return kind != "surf" or find_spec("mahotas") is not None
 
 
@@ -51,7 +51,7 @@ Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]  # points (
 
 
 def _sift(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
-    # Without precise upscaling OpenCV's SIFT puts every point a quarter of a pixel off, which shows between two headings.
+    # Without precise upscaling OpenCV's SIFT shifts every point by a quarter pixel, which shows between two headings.
     sift = cv2.SIFT.create(nfeatures=count, contrastThreshold=contrast, enable_precise_upscale=True)
     keypoints, descriptors = sift.detectAndCompute(grey, None)
     if descriptors is None:
@@ -63,7 +63,7 @@ def _orb(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
     keypoints, descriptors = cv2.ORB.create(nfeatures=count, scaleFactor=ORB_SCALE).detectAndCompute(grey, None)
     if descriptors is None:
         return _nothing(32, np.uint8)
-    # OpenCV multiplies places by the level's nominal scale; levels have whole sides, and meet at the edge of their pixels.
+    # OpenCV scales points by the level's nominal factor; levels have integer sides and are aligned at their pixels' edges.
     nominal = ORB_SCALE ** np.array([k.octave for k in keypoints])[:, None]
     size = np.array(grey.shape[::-1])
     points = (np.array([k.pt for k in keypoints]) / nominal + 0.5) * (size / np.rint(size / nominal)) - 0.5
