@@ -1,7 +1,7 @@
-"""Points of the ground that several frames have seen: which matches show the same one, and how high it lies.
+"""Ground points seen by several frames: tracks of matches, and their heights.
 
-The poses are given, so a point is found by intersecting its rays, one small linear problem each. Most ground is flat, and
-two frames taken close together say little of heights: a prior holds a point on the plane as far as its rays leave it open.
+With poses given, a point is the intersection of its rays, one small linear problem each. Most ground is flat, and two frames
+taken close together say little about height: a prior keeps a point on the plane as far as its rays leave it open.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ROUNDS = 5  # of reweighting
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
-    """Features that show the same point, m in all: `nodes` (m,) as they were given, `track` (m,) the point's number."""
+    """Features of the same point, m in all: `nodes` (m,) as given, `track` (m,) the point's number."""
 
     nodes: Indices
     track: Indices
@@ -30,7 +30,7 @@ class Tracks:
 def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
     """Tracks from matched pairs (k, 2) of nodes 0 to n-1, whose frames are (n,).
 
-    What is connected is one point; a track that meets a frame twice contradicts itself and is left out.
+    A connected component is one point; a track that contains a frame twice is inconsistent and dropped.
     """
     n = len(frame_of_node)
     links = sparse.coo_matrix((np.ones(len(matches), np.int8), (matches[:, 0], matches[:, 1])), shape=(n, n))
@@ -43,11 +43,11 @@ def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
 
 
 def triangulate(places: Array, by_height: Array, deviations: Array, track: Indices, height_sigma: float) -> Array:
-    """Places (t, 2) of the points straight below which they stand, from one ray per observation.
+    """Nadir places (t, 2) of the points on the plane, from one ray per observation.
 
-    places (m, 2): where the rays meet the plane; by_height (m, 2): how they move across it per unit of height;
-    deviations (m,): what an observation may be off, canvas units; height_sigma: of the points' heights about the plane.
-    Robust (Cauchy): a wrong observation does not carry its point away.
+    places (m, 2): intersections of the rays with the plane; by_height (m, 2): their shift per unit of height; deviations (m,):
+    standard deviation of an observation, canvas units; height_sigma: of the points' heights about the plane. Robust (Cauchy): a
+    wrong observation does not displace its point.
     """
     weight = 1 / deviations**2
     robust = np.ones(len(track))
