@@ -1,4 +1,4 @@
-"""How painted frames come to agree in brightness: what two of them see of the same ground, and the gains that follow."""
+"""Exposure agreement between painted frames: overlaps of thumbnails, and the gains that follow."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixels_from_canvas
 
-Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, what they see of each other
+Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
 
 
 def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> OverlapMeans | None:
-    """What two frames see of the same ground, told from their thumbnails (h, w, bands) in grey levels; None if nothing."""
+    """Overlap of two frames in their thumbnails (h, w, bands) in grey levels; None if empty."""
     scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
 
     def j_from_i(pixels: Array) -> Array:
@@ -40,15 +40,15 @@ def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Over
 
 
 def _is_alive(dead: DeadBorder, pixels: Array, thumbnail: Levels) -> NDArray[np.bool_]:
-    """Which pixels (n, 2) of a thumbnail, or places between them, are mixed of living ones alone."""
+    """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels only."""
     return dead.spares(pixels, thumbnail.shape[1], thumbnail.shape[0])
 
 
 def agreed_gains(
     frames: Iterable[Painted], overlaps: Sequence[Overlap], curves: Mapping[str, Vignetting], settings: ExposureSettings
 ) -> dict[str, Gain]:
-    """The gain of each frame by all that is known; `curves`: the vignetting of each, by name."""
-    kinds: dict[Display, list[Painted]] = {}  # frames of different kinds tell nothing of each other's exposure
+    """The gain of each frame from all overlaps; `curves`: vignetting by name."""
+    kinds: dict[Display, list[Painted]] = {}  # frames of different kinds are not comparable in exposure
     for painted in frames:
         kinds.setdefault(painted.display, []).append(painted)
     gains: dict[str, Gain] = {}

@@ -1,4 +1,4 @@
-"""Two pictures in shares."""
+"""Weighted mixing of two images."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from gcs_mosaic.stitch.camera.bands import Bands
 
 Image = NDArray[np.uint8]
 
-LEAST_WEIGHT = 1e-3  # keeps ratios of weights finite at borders
+LEAST_WEIGHT = 1e-3  # keeps weight ratios finite at borders
 
 
 def mix(shown: Layer, new: Layer, new_share: Lattice) -> Layer:
-    """Both pictures by the new one's share (0 to 1) at the lattice points; where only one covers, that one alone."""
+    """Mix both layers by the new one's share (0 to 1) at the lattice points; where only one covers, that one alone."""
     share = upscale(np.rint(new_share * 255).astype(np.float32)).astype(np.uint8)
     return mix_pixels(shown, new, share)
 
 
 def mix_pixels(shown: Layer, new: Layer, share: Image) -> Layer:
-    """Both pictures by the new one's share (256, 256), 0 to 255, which is changed to what only one of them covers."""
+    """Mix both layers by the new one's share (256, 256), 0 to 255, which is modified where only one of them covers."""
     if not shown.is_full:
         share[shown.coverage == 0] = 255
     if not new.is_full:
@@ -40,20 +40,20 @@ def mix_pixels(shown: Layer, new: Layer, share: Image) -> Layer:
 
 
 def _mixed_bands(shown: Layer, new: Layer, share: Image) -> Bands | None:
-    """The bands of both in the shares that their colours have; None if nobody wants them."""
+    """Both layers' bands mixed like their colours; None if they are not kept."""
     if shown.bands is None or new.bands is None:
         return None
     return blended_bands(new.bands, shown.bands, share)
 
 
 def blended_bands(a: Bands, b: Bands, share_a: Image) -> Bands:
-    """(a * share + b * (255 - share)) / 255, rounded, of any number of bands (h, w, bands)."""
+    """(a * share + b * (255 - share)) / 255, rounded, for any number of bands (h, w, bands)."""
     of_a = share_a[..., None].astype(np.uint32)
     return np.asarray((a * of_a + b * (255 - of_a) + 127) // 255).astype(a.dtype)
 
 
 def blended(a: Image, b: Image, share_a: Image) -> Image:
-    """The same of colours (h, w, 3), rounded exactly, in integers: half the time of cv2.blendLinear."""
+    """As above for colours (h, w, 3), rounded exactly, in integers: half the time of cv2.blendLinear."""
     share = np.asarray(cv2.merge([share_a] * 3), dtype=np.uint8)
     total = np.multiply(a, share, dtype=np.uint16)
     total += np.multiply(b, ~share, dtype=np.uint16)

@@ -1,4 +1,4 @@
-"""How far frames are painted from where they lie now."""
+"""Displacement of painted frames from their present poses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gcs_mosaic.stitch.graph.placement import Placement
 
 
 def displacement(painted: Painted, placement: Placement) -> float:
-    """How far the frame is painted from where it should be, at most, in the frame's own pixels."""
+    """Maximum displacement of the painted frame from its placement, in the frame's own pixels."""
     if painted.island != placement.island:
         return np.inf
     there = _places(painted.pose, painted.camera, painted.relief)
@@ -21,8 +21,8 @@ def displacement(painted: Painted, placement: Placement) -> float:
 
 
 def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Array:
-    """Canvas places of points all over the frame, (n, 2); NaN above the horizon. They are parts of the frame, whatever the size
-    of its picture."""
+    """Canvas places of points all over the frame, (n, 2); NaN above the horizon. They are fixed fractions of the frame,
+    independent of the image size."""
     x, y = np.meshgrid(np.linspace(0, 1, 9) * camera.width - 0.5, np.linspace(0, 1, 7) * camera.height - 0.5)
     pixels = np.stack([x.ravel(), y.ravel()], axis=1)
     return canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
