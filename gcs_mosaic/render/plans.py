@@ -1,4 +1,4 @@
-"""What each tile is to be made of: which frames show on it, where, and in which tone."""
+"""Plan of each tile: which frames show on it, where, and with which tone."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.pixels import Part
 from gcs_mosaic.render.tone import SQUARES, Shifts
 
-Recipe = tuple[bytes, tuple[Painted, ...]]  # all that a tile's pixels follow from, but for the originals
+Recipe = tuple[bytes, tuple[Painted, ...]]  # everything a tile's pixels depend on, except the originals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Of one tile: the parts by the frames' names, in capture order."""
+    """Plan of one tile: the parts by frame name, in capture order."""
 
     recipe: Recipe
     parts: Mapping[str, Part]
@@ -32,8 +32,7 @@ def planned(
     frames_on: Callable[[TileKey], Mapping[int, Painted]],
     sharp: bool,
 ) -> dict[TileKey, Plan]:
-    """Plans of tiles that lie within the window, with one tile more on each side. `frames_on`: of a tile, by number, in capture
-    order."""
+    """Plans of tiles within the window less one tile on each side. `frames_on`: frames of a tile, by number, in capture order."""
     return {key: _plan(key, _patch(owned, window, key), window, shifts, frames_on(key), sharp) for key in keys}
 
 
@@ -52,7 +51,7 @@ def _plan(
 ) -> Plan:
     parts: dict[str, Part] = {}
     digest = hashlib.blake2b(digest_size=16)
-    # A frame from beside a tile reaches a little onto it, but where nobody shows there is no tile.
+    # A neighbouring tile's frame extends a little onto this one, but without any owner there is no tile.
     anybody = bool((owned.first[1:-1, 1:-1] != NOBODY).any())
     there = _values(owned.first) | _values(owned.second) if anybody else set()
     for number, painted in frames.items():
@@ -73,7 +72,7 @@ def _values(numbers: Numbers) -> set[int]:
 
 
 def _shift_on(key: TileKey, shift: tuple[Window, Shifts] | None) -> Shifts | None:
-    """What of a frame's shift lies on a tile and the squares around; None if that is nothing."""
+    """The part of a frame's shift on a tile and the squares around; None if zero."""
     if shift is None:
         return None
     window, values = shift
