@@ -1,4 +1,4 @@
-"""Pictures of frames: two beside each other with what they have in common, and many with what relief shifts in them."""
+"""Pictures of frames: pairs with their matches, and panels with relief displacements."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ FRAME_WIDTH = 800  # px of either frame of a pair
 GAP, HEAD = 12, 44
 PANEL_WIDTH, PANELS_ACROSS = 380, 4
 ARROW_GRID = (13, 10)  # arrows across and down a frame
-PALE = 0.45  # how much of a frame is left where arrows are to be seen on it
+PALE = 0.45  # remaining contrast of a frame under arrows
 
 
 @dataclass(frozen=True, slots=True)
 class PairSeen:
-    """Two frames that were compared: some of the `agreeing` pixels (m, 2), full resolution, and why they are not believed."""
+    """Two frames that were compared: a selection of the `agreeing` pixels (m, 2), full resolution, and why they are rejected."""
 
     a: str
     b: str
@@ -32,11 +32,11 @@ class PairSeen:
     pixels_b: Array
     agreeing: int
     inliers: int  # independent ones
-    doubt: str  # empty if it is believed
+    doubt: str  # empty if accepted
 
 
 def draw_matches(pair: PairSeen, image_a: Image, image_b: Image) -> Image:
-    """Two frames (h, w, 3) side by side, what agrees connected; coloured by height in the first one, to tell lines apart."""
+    """Two frames (h, w, 3) side by side, matches connected; coloured by y in the first one, to tell lines apart."""
     left, right = _at_width(image_a, FRAME_WIDTH), _at_width(image_b, FRAME_WIDTH)
     sheet = Sheet(2 * FRAME_WIDTH + GAP, HEAD + max(left.shape[0], right.shape[0]))
     said = f"refused: {pair.doubt}" if pair.doubt else "believed"
@@ -55,7 +55,7 @@ def draw_matches(pair: PairSeen, image_a: Image, image_b: Image) -> Image:
 
 
 def draw_relief(frames: Sequence[tuple[Placement, Image]]) -> Image:
-    """Frames with arrows that tell where heights (or what else is no plane) shift what they show, all to one scale."""
+    """Frames with arrows for relief displacements (and other smooth model errors), all to one scale."""
     panels = [(placement, _at_width(image, PANEL_WIDTH)) for placement, image in frames]
     height = max(image.shape[0] for _, image in panels)
     down = -(-len(panels) // PANELS_ACROSS)
@@ -92,7 +92,7 @@ def _draw_panel(sheet: Sheet, placement: Placement, image: Image, corner: tuple[
 
 
 def _shifts(placement: Placement) -> tuple[Array, Array]:
-    """Pixels (n, 2) over a frame and by how much relief shifts them (n, 2)."""
+    """Pixels (n, 2) over a frame and their relief shifts (n, 2)."""
     columns, rows = ARROW_GRID
     camera = placement.camera
     x, y = np.meshgrid(
@@ -103,7 +103,7 @@ def _shifts(placement: Placement) -> tuple[Array, Array]:
 
 
 def _ranks(values: Array) -> Array:
-    """0 for the least of the values (n,), 1 for the largest, evenly spread between."""
+    """Ranks (n,) of the values (n,), scaled from 0 for the smallest to 1 for the largest."""
     return np.asarray(np.argsort(np.argsort(values)) / max(len(values) - 1, 1))
 
 

@@ -1,4 +1,4 @@
-"""A flight's map made anew from its ledger and its originals, with all bands of the frames on its tiles."""
+"""Rebuilding a flight's map from its ledger and originals, with all bands of the frames on its tiles."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.originals import is_intact
 from gcs_mosaic.store.records import FrameRecord
 
-KEPT_TILES = 128  # tiles at hand while holes are filled from around and above: 2 MB each with eight bands of 16 bits
+KEPT_TILES = 128  # tiles in memory while holes are filled: 2 MB each with eight bands of 16 bits
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What an island is made anew from. Left out are frames of another kind (bands, depth) than most, and those whose originals
-    are gone."""
+    """Inputs for rebuilding an island. Frames of another kind (bands, depth) than most, and those whose originals are gone, are
+    left out."""
 
     frames: Sequence[Painted]
     originals: dict[str, Path]  # by frame name
@@ -47,7 +47,7 @@ class Source:
 
 
 class RebuiltTiles:
-    """The tiles of an island, as `flight.filling.Tiles`."""
+    """The tiles of an island, as `hole_filling.Tiles`."""
 
     def __init__(self, canvas: Canvas, island: int, extent: Extent) -> None:
         self.island, self.extent = island, extent
@@ -62,7 +62,7 @@ class RebuiltTiles:
 
 
 def source_of(flight: Path, island: int) -> Source:
-    """What the ledger knows of an island. UsageError if none of its frames can be read."""
+    """An island's data from the ledger. UsageError if none of its frames can be read."""
     with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
         painted, record = ledger.painted(island), ledger.flight()
         frames = {frame.name: frame for frame in ledger.frames()}
@@ -101,7 +101,7 @@ def rebuilt(source: Source, keep_bands: KeepBands, scratch: Path) -> Iterator[Re
 
 
 def _is_there(flight: Path, frame: FrameRecord) -> bool:
-    """Whether the frame's original is what came."""
+    """Whether the frame's original is present and intact."""
     if frame.original is None or frame.content_hash is None:
         return False
     return is_intact(flight / frame.original, frame.content_hash)
