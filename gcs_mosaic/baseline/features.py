@@ -9,13 +9,11 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, ImageGrey
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
 from gcs_mosaic.stitch.features.extraction import Features, reduced_grey
 
-Image = NDArray[np.uint8]
 Span = tuple[int, int]  # first pixel, and the one after the last
 
 MOST_FEATURES = 10_000  # per frame; the paper's own counts are 6,704 (SIFT), 3,927 (SURF) and 9,973 (ORB)
@@ -35,7 +33,7 @@ def frame_features(image: Bands, kind: FeatureKind, reduction: int) -> Features:
     return Features(points, found.descriptors, width, height, float(reduction))
 
 
-def region_features(picture: Image, coverage: Image, kind: FeatureKind) -> Found:
+def region_features(picture: ImageBGR, coverage: Coverage, kind: FeatureKind) -> Found:
     """Features of a part of the mosaic (h, w, 3) where covered (`coverage` (h, w), 0 or 255), in its pixels."""
     grey = _grey(picture)
     parts = [
@@ -53,7 +51,7 @@ def _spans(side: int) -> list[Span]:
     return list(zip(starts, [*starts[1:], side], strict=True))
 
 
-def _block_features(grey: Image, columns: Span, rows: Span, kind: FeatureKind) -> Found:
+def _block_features(grey: ImageGrey, columns: Span, rows: Span, kind: FeatureKind) -> Found:
     """Features of a block, described with its surroundings in view."""
     left, top = max(0, columns[0] - MARGIN), max(0, rows[0] - MARGIN)
     found = detect(grey[top : rows[1] + MARGIN, left : columns[1] + MARGIN], kind, MOST_FEATURES, CONTRAST)
@@ -63,5 +61,5 @@ def _block_features(grey: Image, columns: Span, rows: Span, kind: FeatureKind) -
     return Found(points[own], found.descriptors[own])
 
 
-def _grey(image: Image) -> Image:
+def _grey(image: ImageBGR) -> ImageGrey:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

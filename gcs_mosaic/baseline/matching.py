@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import Descriptors, IndexPairsNx2
 
 
-def ratio_matches(frame: NDArray[Any], region: NDArray[Any], ratio: float) -> NDArray[np.intp]:
+def ratio_matches(frame: Descriptors, region: Descriptors, ratio: float) -> IndexPairsNx2:
     """Index pairs (m, 2) of descriptors (n, d) and (k, d) as the detector returns them.
 
     ratio: maximum ratio of the distances to the nearest and the second-nearest descriptor of the region.

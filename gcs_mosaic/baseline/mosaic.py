@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.baseline.blending import blend, border_distance
 from gcs_mosaic.baseline.features import frame_features, region_features
@@ -22,7 +21,7 @@ from gcs_mosaic.baseline.matching import ratio_matches
 from gcs_mosaic.baseline.raster import Raster, Window
 from gcs_mosaic.render.display import Display, display_of
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, FloatImage, ImageBGR, Matrix3x3, Points32Nx2, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found
 from gcs_mosaic.stitch.features.extraction import Features
@@ -31,9 +30,6 @@ from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.stitch.transaction import Kept, transaction
-
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +60,7 @@ class PaperMosaic(Kept):
         self.seconds: dict[str, float] = {}
         self._reduction = reduction
         self._placed: dict[str, Placement] = {}
-        self._homographies: dict[str, Array] = {}  # mosaic_from_frame, both reduced
+        self._homographies: dict[str, Matrix3x3] = {}  # mosaic_from_frame, both reduced
         self._last: Window | None = None  # box of the frame stitched last
         self._region: Found | None = None  # features of its region of interest, in pixels of the mosaic
         self._moved: list[Placement] = []
@@ -168,7 +164,7 @@ class PaperMosaic(Kept):
         self._moved.append(placement)
         return placement
 
-    def _blend(self, image: Image, mosaic_from_frame: Array, box: Window) -> None:
+    def _blend(self, image: ImageBGR, mosaic_from_frame: Matrix3x3, box: Window) -> None:
         shown, coverage = self.raster.part(box)
         size = box.right - box.left, box.bottom - box.top
         box_from_frame = np.array([[1, 0, -box.left], [0, 1, -box.top], [0, 0, 1]]) @ mosaic_from_frame
@@ -179,14 +175,14 @@ class PaperMosaic(Kept):
         mixed = blend(shown, self._weight_shown(box), np.asarray(new, np.uint8), covered)
         self.raster.put(box, mixed, np.maximum(coverage, covered))
 
-    def _shown(self, image: Bands) -> Image:
+    def _shown(self, image: Bands) -> ImageBGR:
         """The frame as displayed, with the display of the first frame of its kind."""
         kind = image.shape[2], str(image.dtype)
         if kind not in self._displays:
             self._displays[kind] = display_of(image)
         return self._displays[kind].picture(image)
 
-    def _weight_shown(self, box: Window) -> NDArray[np.float32]:
+    def _weight_shown(self, box: Window) -> FloatImage:
         """Distance of each pixel of a frame's box to the mosaic's border; exact up to half the box, a frame's maximum weight."""
         wide, high = (box.right - box.left) // 2, (box.bottom - box.top) // 2
         around = Window(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(
@@ -196,7 +192,7 @@ class PaperMosaic(Kept):
         top, left = box.top - around.top, box.left - around.left
         return distance[top : top + box.bottom - box.top, left : left + box.right - box.left]
 
-    def _reduced(self, points: NDArray[np.float32]) -> Array:
+    def _reduced(self, points: Points32Nx2) -> PointsNx2:
         return np.asarray((points.astype(np.float64) + 0.5) / self._reduction - 0.5)
 
     @contextmanager
@@ -245,7 +241,7 @@ class PaperMosaic(Kept):
         return []
 
 
-def footprint_window(mosaic_from_frame: Array, width: int, height: int) -> Window | None:
+def footprint_window(mosaic_from_frame: Matrix3x3, width: int, height: int) -> Window | None:
     """The pixels of the mosaic that a frame touches; None if it extends beyond its horizon or is mirrored."""
     corners = np.array(
         [[-0.5, -0.5, 1], [width - 0.5, -0.5, 1], [width - 0.5, height - 0.5, 1], [-0.5, height - 0.5, 1]]
@@ -264,7 +260,7 @@ def footprint_window(mosaic_from_frame: Array, width: int, height: int) -> Windo
 MOST_PIXELS_AWAY = 2**20  # the tile grid ends at 2**21 for frames at a quarter of their size
 
 
-def level_pose(homography: Array, camera: Camera) -> Pose:
+def level_pose(homography: Matrix3x3, camera: Camera) -> Pose:
     """The level pose whose view at the frame's centre best matches the homography (full-resolution pixels)."""
     x, y, depth = homography @ [*camera.centre, 1]
     u, v = x / depth, y / depth

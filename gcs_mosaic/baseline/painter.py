@@ -11,7 +11,7 @@ from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.repaint_queue import Step
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
@@ -26,9 +25,9 @@ from gcs_mosaic.render.tile_grid import (
     pixel_size,
     tiles_over,
 )
+from gcs_mosaic.stitch.arrays import Coverage, FloatImage, ImageBGR
 from gcs_mosaic.stitch.transaction import Kept
 
-Image = NDArray[np.uint8]
 Place = tuple[slice, slice]  # rows, columns
 
 
@@ -58,7 +57,7 @@ class Raster(Kept):
         self.level = BASE_LEVEL - (reduction.bit_length() - 1)
         self.window = Window(0, 0, 0, 0)
         # Colour and coverage of non-empty tiles, by left and top; replaced, never modified in place.
-        self._tiles: dict[tuple[int, int], tuple[Image, Image]] = {}
+        self._tiles: dict[tuple[int, int], tuple[ImageBGR, Coverage]] = {}
         self._top = self.level  # the coarsest level reported so far
 
     def window_with(self, added: Window) -> Window:
@@ -68,7 +67,7 @@ class Raster(Kept):
         up = (-TILE_SIZE * (-value // TILE_SIZE) for value in outer[2:])
         return Window(*down, *up)
 
-    def part(self, window: Window) -> tuple[Image, Image]:
+    def part(self, window: Window) -> tuple[ImageBGR, Coverage]:
         """Colour (h, w, 3) and coverage (h, w), 0 or 255, of a window; a copy, zero where the mosaic is empty."""
         shape = window.bottom - window.top, window.right - window.left
         colour, coverage = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
@@ -78,7 +77,7 @@ class Raster(Kept):
                 colour[there], coverage[there] = (picture[here] for picture in self._tiles[corner])
         return colour, coverage
 
-    def put(self, window: Window, colour: Image, coverage: Image) -> None:
+    def put(self, window: Window, colour: ImageBGR, coverage: Coverage) -> None:
         """Replace the contents of a window; the mosaic grows as needed."""
         new = {}
         for corner in _corners(window):
@@ -126,7 +125,7 @@ class Raster(Kept):
         colour[place], coverage[place] = np.rint(filled).clip(0, 255), seen
         return TilePicture(colour, coverage)
 
-    def _reduced(self, window: Window, side: int) -> tuple[NDArray[np.float32], Image]:
+    def _reduced(self, window: Window, side: int) -> tuple[FloatImage, Coverage]:
         """Mean colour and coverage of each `side` by `side` pixels of a window of whole tiles."""
         size = TILE_SIZE // side
         shape = (window.bottom - window.top) // side, (window.right - window.left) // side

@@ -8,12 +8,10 @@ from pathlib import PurePosixPath
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.debug.sheet import BAD, GOOD, INK, Image, Sheet, nice_length, rainbow
+from gcs_mosaic.debug.sheet import BAD, GOOD, INK, Sheet, nice_length, rainbow
+from gcs_mosaic.stitch.arrays import ImageBGR, PointsNx2, Vector
 from gcs_mosaic.stitch.graph.placement import Placement
-
-Array = NDArray[np.float64]
 
 FRAME_WIDTH = 800  # px of either frame of a pair
 GAP, HEAD = 12, 44
@@ -28,14 +26,14 @@ class PairSeen:
 
     a: str
     b: str
-    pixels_a: Array
-    pixels_b: Array
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
     agreeing: int
     inliers: int  # independent ones
     doubt: str  # empty if accepted
 
 
-def draw_matches(pair: PairSeen, image_a: Image, image_b: Image) -> Image:
+def draw_matches(pair: PairSeen, image_a: ImageBGR, image_b: ImageBGR) -> ImageBGR:
     """Two frames (h, w, 3) side by side, matches connected; coloured by y in the first one, to tell lines apart."""
     left, right = _at_width(image_a, FRAME_WIDTH), _at_width(image_b, FRAME_WIDTH)
     sheet = Sheet(2 * FRAME_WIDTH + GAP, HEAD + max(left.shape[0], right.shape[0]))
@@ -54,7 +52,7 @@ def draw_matches(pair: PairSeen, image_a: Image, image_b: Image) -> Image:
     return sheet.picture()
 
 
-def draw_relief(frames: Sequence[tuple[Placement, Image]]) -> Image:
+def draw_relief(frames: Sequence[tuple[Placement, ImageBGR]]) -> ImageBGR:
     """Frames with arrows for relief displacements (and other smooth model errors), all to one scale."""
     panels = [(placement, _at_width(image, PANEL_WIDTH)) for placement, image in frames]
     height = max(image.shape[0] for _, image in panels)
@@ -78,8 +76,8 @@ def draw_relief(frames: Sequence[tuple[Placement, Image]]) -> Image:
     return sheet.picture()
 
 
-def _draw_panel(sheet: Sheet, placement: Placement, image: Image, corner: tuple[int, int], pixels: Array, shifts: Array,
-                longest: float) -> None:  # fmt: skip
+def _draw_panel(sheet: Sheet, placement: Placement, image: ImageBGR, corner: tuple[int, int], pixels: PointsNx2,
+                shifts: PointsNx2, longest: float) -> None:  # fmt: skip
     x, y = corner
     sheet.paste(_pale(image), x, y)
     scale = PANEL_WIDTH / placement.camera.width
@@ -91,7 +89,7 @@ def _draw_panel(sheet: Sheet, placement: Placement, image: Image, corner: tuple[
     sheet.words((x, y + image.shape[0] + 20), f"{_stem(placement.name)}: {size_px:.1f} px", INK, 13)
 
 
-def _shifts(placement: Placement) -> tuple[Array, Array]:
+def _shifts(placement: Placement) -> tuple[PointsNx2, PointsNx2]:
     """Pixels (n, 2) over a frame and their relief shifts (n, 2)."""
     columns, rows = ARROW_GRID
     camera = placement.camera
@@ -102,21 +100,21 @@ def _shifts(placement: Placement) -> tuple[Array, Array]:
     return pixels, placement.relief.at(camera, pixels) if placement.relief else np.zeros_like(pixels)
 
 
-def _ranks(values: Array) -> Array:
+def _ranks(values: Vector) -> Vector:
     """Ranks (n,) of the values (n,), scaled from 0 for the smallest to 1 for the largest."""
     return np.asarray(np.argsort(np.argsort(values)) / max(len(values) - 1, 1))
 
 
-def _on_sheet(pixels: Array, image: Image, left: int) -> Array:
+def _on_sheet(pixels: PointsNx2, image: ImageBGR, left: int) -> PointsNx2:
     return np.asarray((pixels + 0.5) * FRAME_WIDTH / image.shape[1] - 0.5 + [left, HEAD])
 
 
-def _at_width(image: Image, width: int) -> Image:
+def _at_width(image: ImageBGR, width: int) -> ImageBGR:
     height = max(1, round(image.shape[0] * width / image.shape[1]))
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _pale(image: Image) -> Image:
+def _pale(image: ImageBGR) -> ImageBGR:
     grey = cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     return np.asarray(255 - (255 - grey.astype(np.float32)) * PALE, np.uint8)
 

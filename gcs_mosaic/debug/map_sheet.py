@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Image, Sheet, nice_length, rainbow
+from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Sheet, nice_length, rainbow
+from gcs_mosaic.stitch.arrays import ImageBGR, PointsNx2
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
-
-Array = NDArray[np.float64]
 
 LONGER_SIDE = 1600  # px of the map on the sheet
 MARGIN, HEAD = 40, 64  # px around the map, and above it for text
@@ -41,11 +39,11 @@ class MapSheet:
         """Canvas units per pixel of the sheet."""
         return 1 / self._scale
 
-    def at(self, places: Array) -> Array:
+    def at(self, places: PointsNx2) -> PointsNx2:
         """Sheet positions (n, 2) of canvas places (n, 2)."""
         return np.asarray((places - self._low) * self._scale + [MARGIN, MARGIN + HEAD])
 
-    def middles(self) -> Array:
+    def middles(self) -> PointsNx2:
         """Sheet positions (n, 2) of the frames' centres; NaN above the horizon."""
         return np.concatenate(
             [self.at(geometry.canvas_from_pixels(p.pose, p.camera, p.camera.centre[None])) for p in self.placements]
@@ -56,7 +54,7 @@ class MapSheet:
         self.sheet.words((MARGIN, 62), words, size=14)
 
 
-def draw_footprints(placements: Sequence[Placement]) -> Image:
+def draw_footprints(placements: Sequence[Placement]) -> ImageBGR:
     """All footprints of an island, coloured by flight order, numbered, with the links between their centres."""
     island = MapSheet(placements, f"{len(placements)} footprints, from the first (blue) to the last (red)")
     links = _links(placements)
@@ -74,7 +72,7 @@ def draw_footprints(placements: Sequence[Placement]) -> Image:
     return island.sheet.picture()
 
 
-def draw_residuals(placements: Sequence[Placement], residuals: Sequence[Residuals]) -> Image:
+def draw_residuals(placements: Sequence[Placement], residuals: Sequence[Residuals]) -> ImageBGR:
     """Match residuals of an island: magnified arrows from a point's place in one frame to that in another."""
     places = np.concatenate([frame.places for frame in residuals])
     misses = np.concatenate([frame.misses for frame in residuals])
@@ -102,7 +100,7 @@ def _links(placements: Sequence[Placement]) -> list[tuple[int, int]]:
     return sorted((a, b) for a, b in pairs if a < b)
 
 
-def _number(island: MapSheet, middles: Array, colours: Sequence[Colour]) -> None:
+def _number(island: MapSheet, middles: PointsNx2, colours: Sequence[Colour]) -> None:
     every = -(-len(middles) // MOST_NAMES)
     for number, (middle, colour, placement) in enumerate(
         zip(middles, colours, island.placements, strict=True), start=1

@@ -21,13 +21,13 @@ import numpy as np
 
 from gcs_mosaic.debug.frame_sheet import PairSeen, draw_matches, draw_relief
 from gcs_mosaic.debug.map_sheet import draw_footprints, draw_residuals
-from gcs_mosaic.debug.sheet import Image
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 
-LoadImage = Callable[[str], Image | None]
+LoadImage = Callable[[str], ImageBGR | None]
 
 MOST_BELIEVED, MOST_REFUSED = 40, 20  # pairs drawn
 MOST_LINES = 150  # matches kept and drawn per pair: more would be unreadable
@@ -140,6 +140,6 @@ def _make_empty(folder: Path) -> None:
         raise UsageError(f"--debug {str(folder)!r} is not empty; give a new folder, nothing in it is overwritten.")
 
 
-def _write(path: Path, picture: Image) -> None:
+def _write(path: Path, picture: ImageBGR) -> None:
     quality = [cv2.IMWRITE_JPEG_QUALITY, 88] if path.suffix == ".jpg" else []
     path.write_bytes(cv2.imencode(path.suffix, picture, quality)[1].tobytes())

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import ImageBGR, PointsNx2, Vector, Vector2
+
 Colour = tuple[float, float, float]
 Anchor = Literal["left", "middle", "right"]
 
@@ -37,11 +37,11 @@ class Sheet:
         self.width, self.height = width, height
         self._pixels = np.full((height * OVERSAMPLING, width * OVERSAMPLING, 3), paper, np.uint8)
 
-    def picture(self) -> Image:
+    def picture(self) -> ImageBGR:
         """(height, width, 3) BGR."""
         return np.asarray(cv2.resize(self._pixels, (self.width, self.height), interpolation=cv2.INTER_AREA), np.uint8)
 
-    def lines(self, points: Array, colour: Colour, width: float = 1.0, *, closed: bool = False) -> None:
+    def lines(self, points: PointsNx2, colour: Colour, width: float = 1.0, *, closed: bool = False) -> None:
         """A polyline through points (n, 2); NaN breaks it."""
         seen = np.isfinite(points).all(axis=1)
         if closed and seen.all():
@@ -52,7 +52,7 @@ class Sheet:
             if len(part) > 1:
                 self._polylines(part, colour, width, closed=False)
 
-    def fill(self, outline: Array, colour: Colour, opacity: float) -> None:
+    def fill(self, outline: PointsNx2, colour: Colour, opacity: float) -> None:
         """A tinted polygon (n, 2)."""
         corners = _fixed(outline)
         left, top, width, height = cv2.boundingRect(corners >> FRACTION_BITS)
@@ -64,7 +64,7 @@ class Sheet:
             cv2.fillPoly(tinted, [inside], colour, cv2.LINE_AA, FRACTION_BITS)
             part[:] = cv2.addWeighted(tinted, opacity, part, 1 - opacity, 0)
 
-    def arrow(self, start: Array, end: Array, colour: Colour, width: float = 1.0) -> None:
+    def arrow(self, start: Vector2, end: Vector2, colour: Colour, width: float = 1.0) -> None:
         """An arrow from start (2,) to end (2,); nothing if either is NaN."""
         if not np.isfinite([start, end]).all():
             return
@@ -73,7 +73,7 @@ class Sheet:
         self._polylines(np.array([start, end]), colour, width, closed=False)
         self._polylines(np.array([end - along + across, end, end - along - across]), colour, width, closed=False)
 
-    def dot(self, at: Array, radius: float, colour: Colour) -> None:
+    def dot(self, at: Vector2, radius: float, colour: Colour) -> None:
         x, y = _fixed(at[None])[0].tolist()
         cv2.circle(self._pixels, (x, y), round(radius * OVERSAMPLING * 2**FRACTION_BITS), colour, cv2.FILLED, cv2.LINE_AA,
                    FRACTION_BITS)  # fmt: skip
@@ -90,7 +90,7 @@ class Sheet:
             cv2.putText(self._pixels, said, foot, FONT, scale, halo, 3 * weight, cv2.LINE_AA)
         cv2.putText(self._pixels, said, foot, FONT, scale, colour, weight, cv2.LINE_AA)
 
-    def paste(self, image: Image, x: int, y: int) -> None:
+    def paste(self, image: ImageBGR, x: int, y: int) -> None:
         """An image (h, w, 3) with its top left corner at (x, y); it must lie within the sheet."""
         height, width = (side * OVERSAMPLING for side in image.shape[:2])
         enlarged = cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR)
@@ -98,12 +98,12 @@ class Sheet:
             enlarged
         )
 
-    def _polylines(self, points: Array, colour: Colour, width: float, *, closed: bool) -> None:
+    def _polylines(self, points: PointsNx2, colour: Colour, width: float, *, closed: bool) -> None:
         thickness = max(1, round(width * OVERSAMPLING))
         cv2.polylines(self._pixels, [_fixed(points)], closed, colour, thickness, cv2.LINE_AA, FRACTION_BITS)
 
 
-def rainbow(shares: Array) -> list[Colour]:
+def rainbow(shares: Vector) -> list[Colour]:
     """A colour for each share (n,) from 0 (blue) to 1 (red), neither too light for the paper nor too dark for the ink."""
     steps = np.clip(15 + np.nan_to_num(shares) * 225, 15, 240).astype(np.uint8)
     colours = cv2.applyColorMap(steps.reshape(-1, 1), cv2.COLORMAP_TURBO).reshape(-1, 3) * 0.85
@@ -116,7 +116,7 @@ def nice_length(longest: float) -> float:
     return float(next(step * power for step in (5, 2, 1) if step * power <= longest * (1 + 1e-9)))
 
 
-def _fixed(points: Array) -> NDArray[np.int32]:
+def _fixed(points: PointsNx2) -> NDArray[np.int32]:
     """Positions in OpenCV's fixed-point coordinates; the centre of the first pixel is 0."""
     fine = ((points + 0.5) * OVERSAMPLING - 0.5) * 2**FRACTION_BITS
     return np.asarray(np.rint(np.clip(fine, -1e8, 1e8)), np.int32)

@@ -13,7 +13,8 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.tile_reader import level_within, picture, pixel_bounds
-from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.arrays import PointsNx2
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.documents import Document, write_json
@@ -58,7 +59,7 @@ def warp(estimate: Estimate) -> Document:
     }
 
 
-def _places(estimate: Estimate, pixels: Array) -> Array:
+def _places(estimate: Estimate, pixels: PointsNx2) -> PointsNx2:
     """Canvas places (n, 2) of a frame's pixels (n, 2)."""
     if estimate.homography is not None:
         return np.asarray(cv2.perspectiveTransform(pixels[None], np.array(estimate.homography))[0], dtype=np.float64)

@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, FloatImage, Mask, Matrix2x3
 from gcs_mosaic.store.tiles import read_mask, read_tile
 
-Image = NDArray[np.uint8]
-Opacity = NDArray[np.float32]
 DEEPEST = 8  # levels between a tile and the ancestor it is filled from: there one pixel fills it
 FADE = 24  # px from the edge of the finer image to where it is opaque
 
@@ -32,7 +29,7 @@ class Tiles(Protocol):
     def picture(self, tile: Tile) -> TilePicture | None:
         """A displayed tile; None if empty."""
 
-    def mask(self, tile: Tile) -> Image | None:
+    def mask(self, tile: Tile) -> Coverage | None:
         """Its coverage, `full_coverage(256)` itself if full; None if there is no tile."""
 
 
@@ -46,7 +43,7 @@ class WrittenTiles:
     def picture(self, tile: Tile) -> TilePicture | None:
         return read_tile(self.root, self.island, tile)
 
-    def mask(self, tile: Tile) -> Image | None:
+    def mask(self, tile: Tile) -> Coverage | None:
         return read_mask(self.root, self.island, tile)
 
 
@@ -59,7 +56,7 @@ def filled_picture(tiles: Tiles, tile: Tile) -> TilePicture | None:
     return shown if shown is not None and shown.coverage.any() else None
 
 
-def fade(tiles: Tiles, tile: Tile) -> Opacity | None:
+def fade(tiles: Tiles, tile: Tile) -> FloatImage | None:
     """Opacity of a tile towards places seen only at a coarser level, including its neighbours': 0 there, 1 from `FADE` px on;
     None if 1 everywhere."""
     around = [Tile(tile.z, tile.x + dx, tile.y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
@@ -86,14 +83,14 @@ def _layers(tiles: Tiles, tile: Tile) -> list[tuple[int, TilePicture]]:
     return layers
 
 
-def _opacity(tiles: Tiles, tile: Tile, level: int) -> Opacity | None:
+def _opacity(tiles: Tiles, tile: Tile, level: int) -> FloatImage | None:
     at_level = fade(tiles, ancestor(tile, level))
     if at_level is None or level == tile.z:
         return at_level
     return _resampled(at_level, coarse_from_tile(tile, level))
 
 
-def _known_coarser_only(tiles: Tiles, tile: Tile, mask: Image | None) -> NDArray[np.bool_]:
+def _known_coarser_only(tiles: Tiles, tile: Tile, mask: Coverage | None) -> Mask:
     """Where a tile has a hole that one of the two levels above does not have."""
     holes = np.ones((TILE_SIZE, TILE_SIZE), dtype=bool) if mask is None else mask == 0
     coarser = np.zeros((TILE_SIZE, TILE_SIZE), dtype=bool)
@@ -106,7 +103,7 @@ def _known_coarser_only(tiles: Tiles, tile: Tile, mask: Image | None) -> NDArray
     return holes & coarser
 
 
-def _nine(parts: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+def _nine(parts: list[Mask]) -> Mask:
     """Nine tiles, in column order, joined and cropped to the middle one with `FADE` px around it."""
     whole = np.hstack([np.vstack(parts[i : i + 3]) for i in (0, 3, 6)])
     cut = slice(TILE_SIZE - FADE, 2 * TILE_SIZE + FADE)
@@ -130,16 +127,14 @@ def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
     return TilePicture(enlarged(coarse.colour), coverage, None if coarse.bands is None else enlarged(coarse.bands))
 
 
-def coarse_from_tile(tile: Tile, level: int) -> NDArray[np.float64]:
+def coarse_from_tile(tile: Tile, level: int) -> Matrix2x3:
     """Pixels of the ancestor at a level from pixels of a tile (2x3); integer coordinates are pixel centres, as in OpenCV."""
     up = 1 << (tile.z - level)
     x, y = ((i % up) * TILE_SIZE / up + 0.5 / up - 0.5 for i in (tile.x, tile.y))
     return np.array([[1 / up, 0, x], [0, 1 / up, y]])
 
 
-def _resampled(
-    image: NDArray[Any], source_from_target: NDArray[np.float64], interpolation: int = cv2.INTER_LINEAR
-) -> NDArray[Any]:
+def _resampled(image: AnyImage, source_from_target: Matrix2x3, interpolation: int = cv2.INTER_LINEAR) -> AnyImage:
     """An image (h, w[, bands]) resampled to a tile, of the same type."""
     flags = interpolation | cv2.WARP_INVERSE_MAP
     size = TILE_SIZE, TILE_SIZE
@@ -149,7 +144,7 @@ def _resampled(
     return np.asarray(cv2.warpAffine(image, source_from_target, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _over(picture: TilePicture, below: TilePicture, opacity: Opacity | None) -> TilePicture:
+def _over(picture: TilePicture, below: TilePicture, opacity: FloatImage | None) -> TilePicture:
     """An image over another: opaque where it alone covers, else with its coverage limited by `opacity`."""
     share = picture.coverage / np.float32(255)
     share = share if opacity is None else np.minimum(share, opacity)

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import tifffile
-from numpy.typing import NDArray
 
 from gcs_mosaic.export.hole_filling import Tiles, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.stitch.arrays import Bands
 
 BIG = 3_900_000_000  # bytes before compression beyond which 32-bit offsets might not suffice
 GDAL_NODATA = 42113  # tag: the nodata value, as text
@@ -55,7 +55,7 @@ def write_raster(
     )
 
 
-def _tiles(tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
+def _tiles(tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any]) -> Iterator[Bands]:
     """(256, 256, bands + 1) each, row by row."""
     opaque = np.iinfo(kind).max // 255
     nothing = np.zeros((TILE_SIZE, TILE_SIZE, bands + 1), kind)

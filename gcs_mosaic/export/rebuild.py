@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable, load_image
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
@@ -19,7 +16,7 @@ from gcs_mosaic.render.painted import Extent, Painted
 from gcs_mosaic.render.pixels import KeepBands
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, Coverage
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.originals import is_intact
@@ -56,7 +53,7 @@ class RebuiltTiles:
     def picture(self, tile: Tile) -> TilePicture | None:
         return self._picture(tile)
 
-    def mask(self, tile: Tile) -> NDArray[np.uint8] | None:
+    def mask(self, tile: Tile) -> Coverage | None:
         picture = self._picture(tile)
         return None if picture is None else picture.coverage
 

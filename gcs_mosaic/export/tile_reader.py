@@ -13,15 +13,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.export.hole_filling import WrittenTiles, fade, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
+from gcs_mosaic.stitch.arrays import ImageBGRA
 from gcs_mosaic.store.tiles import encode, encode_jpeg, mask_path, tile_path
 
 logger = logging.getLogger(__name__)
 
-Image = NDArray[np.uint8]
 FILLED_QUALITY = 90  # JPEG and WebP; tiles made here are displayed and discarded
 
 
@@ -49,7 +48,7 @@ def filled(root: Path, island: int, tile: Tile) -> EncodedTile | None:
     return EncodedTile(encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp")
 
 
-def picture(root: Path, island: int, bounds: Box, level: int) -> Image:
+def picture(root: Path, island: int, bounds: Box, level: int) -> ImageBGRA:
     """A canvas box as one image at a level, BGRA (h, w, 4), transparent where nothing was seen.
 
     It needs memory for its result and one tile. `level_within` finds a level within a limit.

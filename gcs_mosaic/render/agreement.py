@@ -5,22 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.exposure import (
-    ExposureSettings,
-    Gain,
-    Levels,
-    Observation,
-    OverlapMeans,
-    overlap_means,
-    solve_gains,
-)
+from gcs_mosaic.render.exposure import ExposureSettings, Gain, Observation, OverlapMeans, overlap_means, solve_gains
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting
+from gcs_mosaic.stitch.arrays import Levels, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
-from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
 Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
 
@@ -29,7 +21,7 @@ def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Over
     """Overlap of two frames in their thumbnails (h, w, bands) in grey levels; None if empty."""
     scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
 
-    def j_from_i(pixels: Array) -> Array:
+    def j_from_i(pixels: PointsNx2) -> PointsNx2:
         places = canvas_from_pixels(i.pose, i.camera, (pixels + 0.5) * scale_i - 0.5)
         there = (pixels_from_canvas(j.pose, j.camera, places) + 0.5) / scale_j - 0.5
         alive = _is_alive(i.dead.scaled(1 / scale_i), pixels, small_i)
@@ -39,7 +31,7 @@ def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Over
     return overlap_means(small_i, small_j, j_from_i)
 
 
-def _is_alive(dead: DeadBorder, pixels: Array, thumbnail: Levels) -> NDArray[np.bool_]:
+def _is_alive(dead: DeadBorder, pixels: PointsNx2, thumbnail: Levels) -> Mask:
     """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels only."""
     return dead.spares(pixels, thumbnail.shape[1], thumbnail.shape[0])
 

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render import edges, seams
 from gcs_mosaic.render.cells import OPEN, PARTLY, Cells, Owned, Seen, Window
@@ -15,9 +14,7 @@ from gcs_mosaic.render.looks import Of, Sight
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.sampling import CUT, inside, lattice_part
 from gcs_mosaic.render.seam_path import hard
-from gcs_mosaic.render.warp_grid import Lattice
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import ImageBGR, Lattice
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +31,7 @@ class Mode:
     see: Callable[[PlacedFrame, Sight | None, Window], Seen]
     decide: Callable[[Cells, Seen], Lattice]
     own: Callable[[Cells], Owned]
-    look: Callable[[Image, Of], Sight] | None = None
+    look: Callable[[ImageBGR, Of], Sight] | None = None
     planes: int = 0
     admit: Admit | None = None
     toned: bool = False

@@ -6,9 +6,10 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
-from gcs_mosaic.render.exposure import ExposureSettings, Gain, Levels, OverlapMeans, gain_beside, is_false_colour
+from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept
 

@@ -34,7 +34,7 @@ from gcs_mosaic.render.territory import Territory
 from gcs_mosaic.render.tile_cache import Layer, Store
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.tile_maker import Maker
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept
 

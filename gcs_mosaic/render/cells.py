@@ -8,23 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.painted import TileKey
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
-from gcs_mosaic.render.warp_grid import FrameLattice, Lattice
+from gcs_mosaic.render.warp_grid import FrameLattice
+from gcs_mosaic.stitch.arrays import AnyArray, CellFlags, FrameNumbers, Lattice, Mask, Planes, Share
 
 CELL = 8  # tile px
 CELLS = TILE_SIZE // CELL  # along a tile's side
 NOBODY = -1  # in place of a frame's number
 PARTLY, WHOLLY = 1, 2  # how far a frame covers a cell; 0: not at all
 OPEN = 1.4  # log ratio: where one frame is at most four times better, the seam may be moved
-
-Image = NDArray[np.uint8]
-Numbers = NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,15 +30,15 @@ class Cells:
     of the decision for the first, infinite without another; `score` of the first; `inside` (2, h, w): how far each covers the
     cell; `planes` (k, h, w): what the mode keeps of both."""
 
-    first: Numbers
-    second: Numbers
+    first: FrameNumbers
+    second: FrameNumbers
     lead: Lattice
     score: Lattice
-    inside: Image
-    planes: Image
+    inside: Planes
+    planes: Planes
 
     @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[AnyArray, ...]:
         return self.first, self.second, self.lead, self.score, self.inside, self.planes
 
     @property
@@ -54,12 +51,12 @@ class Owned:
     """Which frames the cells (h, w) show: `first` with its `share` (255: alone), `second` with the rest. If the first has all,
     the second shows where the first does not cover the cell; it is `NOBODY` where it does."""
 
-    first: Numbers
-    second: Numbers
-    share: Image
+    first: FrameNumbers
+    second: FrameNumbers
+    share: Share
 
     @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[AnyArray, ...]:
         return self.first, self.second, self.share
 
     @property
@@ -74,9 +71,9 @@ T = TypeVar("T", Cells, Owned)
 class Seen:
     """A new frame's contribution to cells (h, w): how far it covers them (`inside`), its score, and its planes (k, h, w)."""
 
-    inside: Image
+    inside: CellFlags
     score: Lattice
-    planes: Image
+    planes: Planes
 
 
 class Window(NamedTuple):
@@ -201,7 +198,7 @@ def alike(one: T, other: T) -> bool:
     return all(np.array_equal(a, b) for a, b in zip(one.arrays, other.arrays, strict=True))
 
 
-def touched(cells: NDArray[np.bool_], window: Window) -> set[TileKey]:
+def touched(cells: Mask, window: Window) -> set[TileKey]:
     """The tiles of a window that contain any true cell (h, w)."""
     rows, columns = cells.shape[0] // CELLS, cells.shape[1] // CELLS
     tiles = cells.reshape(rows, CELLS, columns, CELLS).any(axis=(1, 3))
@@ -210,7 +207,7 @@ def touched(cells: NDArray[np.bool_], window: Window) -> set[TileKey]:
     }
 
 
-def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[Cells, NDArray[np.bool_]]:
+def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[Cells, Mask]:
     """One step of the fold: a frame over the present cells; `decided` is above 0 where it is to show instead of the first.
 
     Cells keep all planes of the first, and the last few of the second. Also returns which cells (h, w) have changed.
@@ -220,13 +217,11 @@ def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[C
     return laid(cells, seen, number, decided, wins, follows), wins | follows
 
 
-def laid(
-    cells: Cells, seen: Seen, number: int, decided: Lattice, wins: NDArray[np.bool_], follows: NDArray[np.bool_]
-) -> Cells:
+def laid(cells: Cells, seen: Seen, number: int, decided: Lattice, wins: Mask, follows: Mask) -> Cells:
     """The cells with a frame as their first where it `wins` (h, w), as their second where it `follows`."""
     known = cells.first != NOBODY
 
-    def second(of_first: NDArray[Any], of_second: NDArray[Any], new: NDArray[Any] | np.int32) -> NDArray[Any]:
+    def second(of_first: AnyArray, of_second: AnyArray, new: AnyArray | np.int32) -> AnyArray:
         return np.where(wins, of_first, np.where(follows, new, of_second))
 
     of_all, of_both = len(seen.planes), len(cells.planes) - len(seen.planes)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gcs_mosaic.render.painted import Painted
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, canvas_from_pixels
+from gcs_mosaic.stitch.arrays import PointsNx2
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
 
@@ -20,7 +21,7 @@ def displacement(painted: Painted, placement: Placement) -> float:
     return float(np.nanmax(off)) if np.isfinite(off).any() else np.inf
 
 
-def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> Array:
+def _places(pose: Pose, camera: Camera, relief: ReliefDisplacement | None) -> PointsNx2:
     """Canvas places of points all over the frame, (n, 2); NaN above the horizon. They are fixed fractions of the frame,
     independent of the image size."""
     x, y = np.meshgrid(np.linspace(0, 1, 9) * camera.width - 0.5, np.linspace(0, 1, 7) * camera.height - 0.5)

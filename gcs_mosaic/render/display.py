@@ -12,11 +12,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import Band, Bands, FloatImage, ImageBGR, ImageGrey, Levels, LookupTable
 
 SAMPLE = 200_000  # maximum number of pixels sampled for a stretch
 DARK, BRIGHT = 0.005, 0.995  # quantiles; beyond them are dead pixels, glints and fires
@@ -48,7 +45,7 @@ class Display:
         """Whether the image (h, w, bands) has the expected number of bands."""
         return image.ndim == 3 and image.shape[2] == len(self.black)
 
-    def picture(self, image: Bands) -> Image:
+    def picture(self, image: Bands) -> ImageBGR:
         """BGR image (h, w, 3) of a frame (h, w, bands), before `lightened`; the frame itself if it is one already."""
         if self.is_plain and image.dtype == np.uint8:
             return image
@@ -63,7 +60,7 @@ class Display:
         bands = [table.astype(image.dtype)[image[..., band]] for band, table in enumerate(tables)]
         return np.stack(bands, axis=-1)
 
-    def times(self, image: Bands, factor: NDArray[np.float32]) -> Bands:
+    def times(self, image: Bands, factor: FloatImage) -> Bands:
         """All bands (h, w, bands) with a factor (h, w, bands) applied above black, at their own depth."""
         black = np.array(self.black, np.float32)
         counts = black + (image - black) * factor
@@ -74,20 +71,20 @@ class Display:
         blue, green, red = self.shown
         return gain[blue], gain[green], gain[red]
 
-    def levels(self, image: Bands) -> NDArray[np.uint8] | NDArray[np.float32]:
+    def levels(self, image: Bands) -> Levels:
         """All bands (h, w, bands) in grey levels, neither rounded nor clipped: 0 is black, 255 white."""
         if self.is_plain and image.dtype == np.uint8:
             return image
         black, white = np.array(self.black, np.float32), np.array(self.white, np.float32)
         return np.asarray((image.astype(np.float32) - black) * (255 / (white - black)), dtype=np.float32)
 
-    def lightened(self, picture: Image) -> Image:
+    def lightened(self, picture: ImageBGR) -> ImageBGR:
         """An image (h, w, 3) with the final brightening."""
         if (self.factor, self.gamma) == (1, 1):
             return picture
         return np.asarray(cv2.LUT(picture, _table(self.factor, self.gamma)), np.uint8)
 
-    def _level(self, band: Bands, number: int) -> Image:
+    def _level(self, band: Band, number: int) -> ImageGrey:
         if (self.black[number], self.white[number]) == (0, 255) and band.dtype == np.uint8:
             return band
         counts = np.arange(np.iinfo(band.dtype).max + 1, dtype=np.float64)
@@ -99,7 +96,7 @@ PLAIN = Display()  # of an 8-bit colour image, displayed as it is
 
 
 @cache
-def _table(factor: float, gamma: float) -> Image:
+def _table(factor: float, gamma: float) -> LookupTable:
     return np.rint(255 * np.minimum(factor * np.linspace(0, 1, 256), 1) ** gamma).astype(np.uint8)
 
 
@@ -120,7 +117,7 @@ def display_of(image: Bands, chosen: Sequence[int] = (), *, lighten: bool = Fals
     return display
 
 
-def _light(picture: Image) -> tuple[float, float]:
+def _light(picture: ImageBGR) -> tuple[float, float]:
     """Factor and gamma that map the median of a dark image (h, w, 3) to MIDDLE. The factor uses the headroom above the highlights
     as far as needed; gamma does the rest without brightening the highlights."""
     median = max(float(np.median(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))), 1.0)
@@ -147,7 +144,7 @@ def _shown(count: int, chosen: Sequence[int]) -> tuple[int, int, int]:
     return (0, 1, 2) if count >= 3 else (0, 0, 0)
 
 
-def _stretch(band: Bands) -> tuple[int, int]:
+def _stretch(band: Band) -> tuple[int, int]:
     """Black and white of one band. Black is the sensor's zero unless the counts are far above it, as from thermal cameras: then
     most of the range would be unused."""
     if band.dtype == np.uint8:

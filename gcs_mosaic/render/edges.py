@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import NOBODY, PARTLY, WHOLLY, Cells, Owned, Seen, Window
@@ -17,9 +16,7 @@ from gcs_mosaic.render.looks import Of, Sight
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.warp import shrunk
-from gcs_mosaic.render.warp_grid import Lattice
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, Lattice
 
 EDGE_PIXELS = 750_000  # image size for edge detection; finer edges are noise and grass
 STRONGEST = 0.1  # share of a frame's pixels that may start an edge: lighting varies too much for fixed thresholds
@@ -31,7 +28,7 @@ BOOST = 1.3  # factor on the new frame's weight where edges are dense
 SOFT, STEEP = 4.0, 32.0  # exponents of the weight ratio on smooth ground and where edges are dense
 
 
-def edge_density(look: Image) -> NDArray[np.float32]:
+def edge_density(look: ImageBGR) -> FloatImage:
     """Edge density around each place of a frame, 0 to 1, (h, w, 1), at a quarter of the width of the ~0.75 MP image it is
     computed from."""
     small = shrunk(look, EDGE_PIXELS)
@@ -44,14 +41,14 @@ def edge_density(look: Image) -> NDArray[np.float32]:
     return np.asarray(np.minimum(share / (255 * DENSE), 1), dtype=np.float32)[..., None]
 
 
-def _edges(grey: Image) -> Image:
+def _edges(grey: ImageGrey) -> ImageGrey:
     dx, dy = cv2.Sobel(grey, cv2.CV_16S, 1, 0), cv2.Sobel(grey, cv2.CV_16S, 0, 1)
     some = np.abs(dx[::4, ::4]).astype(np.int32) + np.abs(dy[::4, ::4])
     high = max(float(np.quantile(some, 1 - STRONGEST)), LEAST_GRADIENT)
     return np.asarray(cv2.Canny(dx, dy, high / 2.5, high), dtype=np.uint8)
 
 
-def look_for_edges(look: Image, of: Of) -> Sight:
+def look_for_edges(look: ImageBGR, of: Of) -> Sight:
     """What is kept of a frame's image: its edge density."""
     density = edge_density(look)
     return Sight(of, (np.asarray(np.rint(density * 255), np.uint8),))

@@ -13,16 +13,13 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
 from gcs_mosaic.render.vignetting import NO_SUMS, RadialSums, Vignetting, log_brightness, radial_sums, radii
 from gcs_mosaic.render.warp import warped
+from gcs_mosaic.stitch.arrays import ImageBGR, Levels, Mask, PointsNx2, Vector
 
-Image = NDArray[np.uint8]
-Levels = NDArray[np.uint8] | NDArray[np.float32]
-Array = NDArray[np.float64]
 Gain = tuple[float, ...]  # one per band
 
 # Colours of a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
@@ -67,7 +64,7 @@ class OverlapMeans:
 Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, their overlap
 
 
-def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], Array]) -> OverlapMeans | None:
+def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx2], PointsNx2]) -> OverlapMeans | None:
     """Means over the overlap of two thumbnails (h, w, bands) in grey levels; None if their bands differ or no unclipped pixels
     are shared.
 
@@ -140,7 +137,7 @@ def is_false_colour(small: Levels) -> bool:
     return float(np.median(np.ptp(colours, axis=1))) > PALETTE_SATURATION and spread > PALETTE_SPREAD
 
 
-def apply_gain(image: Image, gain: Gain) -> Image:
+def apply_gain(image: ImageBGR, gain: Gain) -> ImageBGR:
     """The image (h, w, 3) with its channels multiplied and clipped; the same array for gains of 1."""
     if gain == (1.0, 1.0, 1.0):
         return image
@@ -149,7 +146,7 @@ def apply_gain(image: Image, gain: Gain) -> Image:
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 
 
-def _unclipped(image: Levels) -> NDArray[np.bool_]:
+def _unclipped(image: Levels) -> Mask:
     return np.asarray(((image >= DARKEST) & (image <= BRIGHTEST)).all(axis=-1))
 
 
@@ -161,10 +158,10 @@ def _trust(means: OverlapMeans, settings: ExposureSettings) -> float:
     return means.count / (means.count + settings.full_trust) / settings.overlap_sigma**2
 
 
-def _log_ratio(means: OverlapMeans) -> Array:
+def _log_ratio(means: OverlapMeans) -> Vector:
     """log gain_i - log gain_j for which the two means agree."""
     return np.asarray(np.log(np.array(means.mean_j) / np.array(means.mean_i)), dtype=np.float64)
 
 
-def _bounded(log_gain: Array, settings: ExposureSettings) -> Gain:
+def _bounded(log_gain: Vector, settings: ExposureSettings) -> Gain:
     return tuple(np.clip(np.exp(log_gain), settings.least_gain, settings.most_gain).tolist())

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 from gcs_mosaic.render.blend_modes import Mode
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.looks import LOOK_PIXELS, Image, Of, Sight
+from gcs_mosaic.render.looks import LOOK_PIXELS, Of, Sight
 from gcs_mosaic.render.originals import LoadImage, Originals
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, frame_picture
 from gcs_mosaic.render.placed import PlacedFrame, placed
 from gcs_mosaic.render.tile_cache import Store
 from gcs_mosaic.render.warp import shrunk
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, ImageBGR
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
 LOOKS_AHEAD = 2  # frames analysed in the background while others are placed
@@ -161,7 +161,7 @@ class Gallery:
     def _looked(self, painted: Painted, picture: FramePicture) -> Sight:
         return self._seen(picture.image, (painted.display, painted.dead))
 
-    def _seen(self, image: Image, of: Of) -> Sight:
+    def _seen(self, image: ImageBGR, of: Of) -> Sight:
         assert self._mode.look is not None
         return self._mode.look(shrunk(image, LOOK_PIXELS), of)
 

@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Image, Window, laid, part
+from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Window, laid, part
 from gcs_mosaic.render.looks import AT_ONCE, Sight, contrasts_around
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.placed import PlacedFrame
@@ -22,6 +21,7 @@ from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import at_middles
 from gcs_mosaic.render.seams import FAR, LOOK, SALIENT, THINGS, beyond, contrasts_at, decide, only, see
 from gcs_mosaic.render.warp_grid import LATTICE
+from gcs_mosaic.stitch.arrays import Mask, Planes
 
 # A frame and its look on a window of tiles, by number; None if it is not there.
 Seer = Callable[[Window, int], tuple[PlacedFrame, Sight] | None]
@@ -41,7 +41,7 @@ class Things:
 
     painted: Painted
     window: Window
-    planes: Image
+    planes: Planes
 
     @property
     def nbytes(self) -> int:
@@ -72,7 +72,7 @@ def admit(cells: Cells, window: Window, guest: Things, number: int, seer: Seer) 
     return cells
 
 
-def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple[Window, NDArray[np.bool_]]]:
+def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple[Window, Mask]]:
     """Parts of a window as large as the guest's own tiles, with a mask of their cells (h, w): where a quick check, one per square
     between lattice points, finds guest things that the host lacks."""
     finer = window.level - guest.window.level
@@ -90,7 +90,7 @@ def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple
         yield above.part(y, x).below(finer), there.repeat(side, axis=0).repeat(side, axis=1)
 
 
-def _with_guest(cells: Cells, window: Window, there: NDArray[np.bool_], number: int, seer: Seer) -> Cells | None:
+def _with_guest(cells: Cells, window: Window, there: Mask, number: int, seer: Seer) -> Cells | None:
     """The cells of a window with the guest shown on some of the cells `there`; None if on none."""
     known = seer(window, number)
     assert known is not None, "it has been seen there"
@@ -113,7 +113,7 @@ def _with_guest(cells: Cells, window: Window, there: NDArray[np.bool_], number: 
     return laid(cells, seen, number, decided, wins, np.zeros_like(wins)) if wins.any() else None
 
 
-def _seen_coarsely(frame: PlacedFrame, sight: Sight, window: Window, coarser: float) -> Image:
+def _seen_coarsely(frame: PlacedFrame, sight: Sight, window: Window, coarser: float) -> Planes:
     """Salience far around the cells of a window in a frame at `coarser` times lower resolution, by kind of contrast."""
     here = frame.window.common(window)
     assert here is not None, "it is seen there"

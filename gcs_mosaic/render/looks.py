@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.saliency import LEAST_CONTRAST, POOL, REACH, TALL, greatest_contrast, saliency
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
-Image = NDArray[np.uint8]
 Map = NDArray[np.float16]  # half the memory; three digits suffice
 Of = tuple[Display, DeadBorder]  # the fields of `Painted` that a look depends on
 
@@ -40,7 +40,7 @@ class Sight:
     """
 
     of: Of
-    planes: tuple[Image, ...]
+    planes: tuple[PlaneStack, ...]
     detail: Map | None = None
     tone: Map | None = None
 
@@ -52,11 +52,11 @@ class Sight:
         return self.of == (painted.display, painted.dead)
 
 
-def grouped_planes(planes: Sequence[Image]) -> tuple[Image, ...]:
+def grouped_planes(planes: Sequence[ImageGrey]) -> tuple[PlaneStack, ...]:
     return tuple(np.dstack(planes[k : k + AT_ONCE]) for k in range(0, len(planes), AT_ONCE))
 
 
-def contrasts(look: Image) -> list[Image]:
+def contrasts(look: ImageBGR) -> list[ImageGrey]:
     """Contrast planes at a quarter of the look's width: of things, of anything near, of anything far, six kinds each; near and
     far scaled by BEYOND."""
     things, near, far = saliency(look)
@@ -66,7 +66,7 @@ def contrasts(look: Image) -> list[Image]:
     return [np.asarray(one, np.uint8) for one in found]
 
 
-def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[Image, ...]:
+def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[PlaneStack, ...]:
     """Far contrasts of a frame at `coarser` times lower resolution, scaled by BEYOND: planes in groups. `colours`: position of
     the small look among the planes."""
     planes = [one for group in sight.planes for one in cv2.split(group)][colours]
@@ -75,22 +75,22 @@ def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[Imag
     return grouped_planes([np.asarray(one, np.uint8) for one in cv2.split(found)])
 
 
-def _in_least_ones(maps: NDArray[np.float32], times: float) -> Image:
+def _in_least_ones(maps: FloatImage, times: float) -> PlaneStack:
     """Contrasts (h, w, `WAYS`) in the units kept."""
     return np.clip(np.rint(maps * (times * LEAST / LEAST_CONTRAST)), 0, 255).astype(np.uint8)
 
 
-def small_look(look: Image, shape: tuple[int, ...]) -> list[Image]:
+def small_look(look: ImageBGR, shape: tuple[int, ...]) -> list[ImageGrey]:
     """Its colours as three planes of this shape."""
     small = cv2.resize(look, shape[1::-1], interpolation=cv2.INTER_AREA)
     return [np.asarray(one, np.uint8) for one in cv2.split(small)]
 
 
-def coarse_size(look: Image) -> tuple[int, int]:
+def coarse_size(look: ImageBGR) -> tuple[int, int]:
     return max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
 
 
-def detail_of(look: Image) -> Map:
+def detail_of(look: ImageBGR) -> Map:
     """Local amount of detail; the same ground has more of it in a sharper frame."""
     grey = cv2.cvtColor(look, cv2.COLOR_BGR2GRAY)
     fine = cv2.absdiff(grey, cv2.blur(grey, (DETAIL, DETAIL)))
@@ -99,7 +99,7 @@ def detail_of(look: Image) -> Map:
     return np.asarray(cv2.blur(mean, (around, around)), dtype=np.float16)
 
 
-def tone_of(look: Image, things: Sequence[Image]) -> Map:
+def tone_of(look: ImageBGR, things: Sequence[ImageGrey]) -> Map:
     """Local mean colour of the ground (of things only where there is nothing else), and log2 of 1 + the greatest contrast of a
     thing, in units of the minimum."""
     size, box, side = coarse_size(look), (TONE_BLUR, TONE_BLUR), TONE_SHRINK * TONE_BLUR // POOL | 1

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import mix
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.render.warp_grid import LATTICE
-from gcs_mosaic.stitch.camera.bands import Bands, resized
+from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage
+from gcs_mosaic.stitch.camera.bands import resized
 
 # Weight (fraction of the way from a frame's border to its centre) from which the finer image is opaque: some ten pixels.
 FEATHER = 0.02
@@ -66,7 +65,7 @@ def composite(own: Layer | None, finer: Layer | None) -> Layer | None:
     return mix(own, finer, np.minimum(finer.weight / FEATHER, 1))
 
 
-def _shrunk_bands(bands: Bands, coverage: NDArray[np.uint8] | None) -> Bands:
+def _shrunk_bands(bands: Bands, coverage: Coverage | None) -> Bands:
     """Mean of each 2 x 2 pixels over covered ones (None: all), as for colours."""
     half = len(bands) // 2, len(bands) // 2
     if coverage is None:
@@ -76,6 +75,6 @@ def _shrunk_bands(bands: Bands, coverage: NDArray[np.uint8] | None) -> Bands:
     return np.asarray(np.rint(mean), dtype=bands.dtype)
 
 
-def _halved(picture: NDArray[Any]) -> NDArray[Any]:
+def _halved(picture: AnyImage) -> AnyImage:
     size = picture.shape[1] // 2, picture.shape[0] // 2
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))

@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import blended, blended_bands
 from gcs_mosaic.render.cells import CELL
@@ -17,12 +16,10 @@ from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
-from gcs_mosaic.render.tone import FINE, Shifts
+from gcs_mosaic.render.tone import FINE
 from gcs_mosaic.render.warp import tile_picture, upscale
-from gcs_mosaic.render.warp_grid import Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, ImageBGR, Lattice, Mask, Share, ToneShifts
 
-Image = NDArray[np.uint8]
 Place = tuple[slice, slice]
 
 KeepBands = Literal["none", "raw", "gained"]  # frames' bands kept on tiles: none, raw counts, or with gains
@@ -40,12 +37,12 @@ class Part:
     255; `needed` (34, 34), where it is made; `shift` (3, 18, 18) of its tone on the squares of the tile and around, None if
     zero."""
 
-    share: Image
-    needed: NDArray[np.bool_]
-    shift: Shifts | None
+    share: Share
+    needed: Mask
+    shift: ToneShifts | None
     sharp: bool = False  # narrowest possible transition between cells
 
-    def at_pixels(self) -> Image:
+    def at_pixels(self) -> Share:
         """The share (256, 256)."""
         share = enlarged(self.share)
         return np.asarray(cv2.LUT(share, STEEP) if self.sharp else share, np.uint8)
@@ -67,8 +64,8 @@ class Piece:
     """A frame's pixels on a part of a tile; `coverage` None: full."""
 
     place: Place
-    colour: Image
-    coverage: Image | None
+    colour: ImageBGR
+    coverage: Coverage | None
     bands: Bands | None
     weight: Lattice
 
@@ -81,7 +78,7 @@ class Piece:
 class FramePicture:
     """A frame's image (h, w, 3) before gain and, if kept, all its bands."""
 
-    image: Image
+    image: ImageBGR
     bands: Bands | None
 
 
@@ -126,14 +123,14 @@ def piece(
     return Piece(place, colour, coverage, bands, frame.lattice.weight[window].copy())
 
 
-def enlarged(patch: NDArray[Any]) -> NDArray[Any]:
+def enlarged(patch: AnyImage) -> AnyImage:
     """Values (n + 2, n + 2[, k]) at the centres of a tile's n * n parts and those around, at its pixels (256, 256[, k])."""
     step = TILE_SIZE // (len(patch) - 2)
     wide = cv2.resize(patch, (TILE_SIZE + 2 * step, TILE_SIZE + 2 * step), interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide)[step:-step, step:-step]
 
 
-def _lit(colour: Image, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> Image:
+def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> ImageBGR:
     """An image (h, w, 3) times its gains and a factor (h, w, 3), plus a shift (h, w, 3)."""
     lit: Any = colour
     if bright is not None:

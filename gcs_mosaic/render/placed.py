@@ -13,7 +13,8 @@ from gcs_mosaic.render.sampling import at_cells, lattice_part
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.vignetting import FLAT, brightening
 from gcs_mosaic.render.warp import refined
-from gcs_mosaic.render.warp_grid import FrameLattice, Lattice, frame_lattice
+from gcs_mosaic.render.warp_grid import FrameLattice, frame_lattice
+from gcs_mosaic.stitch.arrays import Lattice
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.render.cells import NOBODY, Numbers, Owned, Window
+from gcs_mosaic.render.cells import NOBODY, Owned, Window
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.pixels import Part
-from gcs_mosaic.render.tone import SQUARES, Shifts
+from gcs_mosaic.render.tone import SQUARES
+from gcs_mosaic.stitch.arrays import FrameNumbers, ToneShifts
 
 Recipe = tuple[bytes, tuple[Painted, ...]]  # everything a tile's pixels depend on, except the originals
 
@@ -28,7 +29,7 @@ def planned(
     keys: Iterable[TileKey],
     owned: Owned,
     window: Window,
-    shifts: Mapping[int, tuple[Window, Shifts]],
+    shifts: Mapping[int, tuple[Window, ToneShifts]],
     frames_on: Callable[[TileKey], Mapping[int, Painted]],
     sharp: bool,
 ) -> dict[TileKey, Plan]:
@@ -45,7 +46,7 @@ def _plan(
     key: TileKey,
     owned: Owned,
     window: Window,
-    shifts: Mapping[int, tuple[Window, Shifts]],
+    shifts: Mapping[int, tuple[Window, ToneShifts]],
     frames: Mapping[int, Painted],
     sharp: bool,
 ) -> Plan:
@@ -66,12 +67,12 @@ def _plan(
     return Plan((digest.digest(), tuple(frames[n] for n in frames if frames[n].name in parts)), parts)
 
 
-def _values(numbers: Numbers) -> set[int]:
+def _values(numbers: FrameNumbers) -> set[int]:
     least = int(numbers.min())
     return {least} if least == int(numbers.max()) else set(np.unique(numbers).tolist())
 
 
-def _shift_on(key: TileKey, shift: tuple[Window, Shifts] | None) -> Shifts | None:
+def _shift_on(key: TileKey, shift: tuple[Window, ToneShifts] | None) -> ToneShifts | None:
     """The part of a frame's shift on a tile and the squares around; None if zero."""
     if shift is None:
         return None

@@ -10,18 +10,16 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.overviews import assemble, composite, shrink
 from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.spread import spread
 from gcs_mosaic.render.tile_cache import Layer, Store, make_layer
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over
-from gcs_mosaic.render.warp_grid import LATTICE, Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.render.warp_grid import LATTICE
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, Lattice
 from gcs_mosaic.stitch.transaction import Kept
 
-Image = NDArray[np.uint8]
 T = TypeVar("T")
 
 AT_ONCE = 64  # tiles taken from the store together, 25 MB: enough to keep every thread busy
@@ -33,8 +31,8 @@ class TilePicture:
     """A tile as displayed: `colour` (256, 256, 3) BGR and `coverage` (256, 256), from 0, nothing seen, to 255, fully covered;
     `bands` (256, 256, bands) if the canvas keeps them."""
 
-    colour: Image
-    coverage: Image
+    colour: ImageBGR
+    coverage: Coverage
     bands: Bands | None = None
 
 

@@ -18,7 +18,7 @@ from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.levels import PaintingLevels
 from gcs_mosaic.render.painted import Painted, TileKey, brightness_apart
 from gcs_mosaic.render.vignetting import VignettingSettings
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import reduced_view
 from gcs_mosaic.stitch.features.extraction import Features, without_border

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
-Map = NDArray[np.float32]
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
 
 # All lengths are pixels of the analysed image (see `looks.LOOK_PIXELS`).
 CENTRE = 3  # smaller is noise
@@ -30,7 +28,7 @@ POOL = 4  # pixels a side that share a value
 WAYS = len(LEAST_CONTRAST)  # kinds of contrast
 
 
-def saliency(look: Image) -> tuple[Map, Map, Map]:
+def saliency(look: ImageBGR) -> tuple[FloatImage, FloatImage, FloatImage]:
     """Of an image (h, w, 3), at a quarter of the width, `WAYS` channels each: contrast of the salient thing at or beside a place,
     else 0; and the greatest contrast, of a thing or not, anywhere near and far around it.
 
@@ -48,35 +46,35 @@ def saliency(look: Image) -> tuple[Map, Map, Map]:
     return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED), _greatest(contrast, REACH + TALL)
 
 
-def greatest_contrast(look: Image, reach: int) -> Map:
+def greatest_contrast(look: ImageBGR, reach: int) -> FloatImage:
     """Greatest contrast, of a thing or not, within `reach` px in an image (h, w, 3), at a quarter of the width, `WAYS`
     channels."""
     return _greatest(_contrast(*_centre_and_surround(look)), reach)
 
 
-def _centre_and_surround(look: Image) -> tuple[Image, Image]:
+def _centre_and_surround(look: ImageBGR) -> tuple[PlaneStack, PlaneStack]:
     lab = cv2.cvtColor(look, cv2.COLOR_BGR2Lab)
     centre, surround = (np.asarray(cv2.blur(lab, (side, side)), np.uint8) for side in (CENTRE, SURROUND))
     return centre, surround
 
 
-def _contrast(centre: Image, surround: Image) -> Image:
+def _contrast(centre: PlaneStack, surround: PlaneStack) -> PlaneStack:
     ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
     return np.dstack([_pooled(way) for way in ways])
 
 
-def _pooled(values: cv2.typing.MatLike) -> NDArray[np.uint8]:
+def _pooled(values: cv2.typing.MatLike) -> ImageGrey:
     """Maximum of all values around each fourth pixel."""
     size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
     widest = cv2.dilate(values, np.ones((POOL + 1, POOL + 1), np.uint8))
     return np.asarray(cv2.resize(widest, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
 
 
-def _quarter(values: cv2.typing.MatLike) -> Map:
+def _quarter(values: cv2.typing.MatLike) -> FloatImage:
     size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
     return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _greatest(values: NDArray[np.uint8], reach: int) -> Map:
+def _greatest(values: PlaneStack, reach: int) -> FloatImage:
     side = 2 * (reach // POOL) + 1
     return np.asarray(cv2.dilate(values, np.ones((side, side), np.uint8)), dtype=np.float32)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.cells import PARTLY, WHOLLY, Window
 from gcs_mosaic.render.warp import NOWHERE, refined
-from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice, Lattice
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice
+from gcs_mosaic.stitch.arrays import AnyImage, CellFlags, Lattice
 
 # Penalty on a frame's score where it only partly covers a cell: exceeds all else, so it shows only where no other frame does.
 CUT = 1000.0
@@ -44,7 +40,7 @@ def at_middles(values: Lattice) -> Lattice:
     return np.asarray((rows[:, :-1] + rows[:, 1:]) * np.float32(0.25))
 
 
-def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> Image:
+def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> CellFlags:
     """How far the cells (h, w) between these lattice points lie within the painted part of the frame: 0, `PARTLY` or `WHOLLY`.
 
     Frame pixels within a cell lie between those of its corners, so a cell with all corners inside is inside.
@@ -78,6 +74,6 @@ def places_in(pixels: Lattice, lattice: FrameLattice, shape: tuple[int, ...]) ->
     return np.asarray(np.nan_to_num((pixels + np.float32(0.5)) * scale - np.float32(0.5), nan=NOWHERE), np.float32)
 
 
-def sampled(values: NDArray[Any], places: Lattice) -> NDArray[Any]:
+def sampled(values: AnyImage, places: Lattice) -> AnyImage:
     """A map (rows, columns[, up to 4]) at places (h, w, 2) in it, bilinear. Independent of where a window of places begins."""
     return np.asarray(cv2.remap(values, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))  # type: ignore

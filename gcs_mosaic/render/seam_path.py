@@ -13,15 +13,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells, Numbers, Owned
-from gcs_mosaic.render.warp_grid import Lattice
+from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells, Owned
+from gcs_mosaic.stitch.arrays import FrameNumbers, Indices, Lattice, Mask, Planes, Vector32
 
-Image = NDArray[np.uint8]
-Places = NDArray[np.intp]
-Steady = list[Lattice]
-Pulls = list[tuple[Places, Lattice, Lattice]]
+Steady = list[Vector32]
+Pulls = list[tuple[Indices, Vector32, Vector32]]
 
 USUAL = 6.0  # grey levels; usual difference of images of the same ground: noise, residual exposure and pose errors
 MOST = 400.0  # maximum strength of the coupling of two cells, relative to uniform ground
@@ -30,7 +27,7 @@ STEPS = 20  # of relaxation, each updating every second cell from its neighbours
 assert BAND + STEPS < CELLS, "a tile's owners follow from the tiles around it"
 
 
-def least_seen(cells: Cells, looks: tuple[Image, Image]) -> Owned:
+def least_seen(cells: Cells, looks: tuple[Planes, Planes]) -> Owned:
     """The frames to show, with hard seams; `looks` (3, h, w) of the first and the second. Invalid within a tile of the rim,
     unless the map ends there."""
     free = (cells.lead < OPEN) & (cells.inside[1] == WHOLLY) & _beside_seams(cells.first)
@@ -39,7 +36,7 @@ def least_seen(cells: Cells, looks: tuple[Image, Image]) -> Owned:
     return hard(cells, taken)
 
 
-def _beside_seams(first: Numbers) -> NDArray[np.bool_]:
+def _beside_seams(first: FrameNumbers) -> Mask:
     """Which cells (h, w) are near a seam."""
     seams = np.zeros(first.shape, np.uint8)
     seams[1:] |= first[1:] != first[:-1]
@@ -47,14 +44,14 @@ def _beside_seams(first: Numbers) -> NDArray[np.bool_]:
     return np.asarray(cv2.dilate(seams, np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)) > 0)
 
 
-def hard(cells: Cells, taken: NDArray[np.bool_]) -> Owned:
+def hard(cells: Cells, taken: Mask) -> Owned:
     """The first everywhere, or the second where `taken`; the other one where that covers only a part."""
     first, second = np.where(taken, cells.second, cells.first), np.where(taken, cells.first, cells.second)
     cut = np.where(taken, cells.inside[1], cells.inside[0]) != WHOLLY
     return Owned(first, np.where(cut, second, np.int32(NOBODY)), np.full(first.shape, 255, np.uint8))
 
 
-def _relaxed(held: Lattice, free: NDArray[np.bool_], cells: Cells, looks: tuple[Image, Image]) -> Lattice:
+def _relaxed(held: Lattice, free: Mask, cells: Cells, looks: tuple[Planes, Planes]) -> Lattice:
     """Probability of each cell to show its first, starting from `held`. Only free cells are updated, contiguous in memory, as
     they are few. In checkerboard order: updated all at once, two strongly coupled cells would oscillate."""
     wide = np.pad(held, 1)
@@ -69,8 +66,8 @@ def _relaxed(held: Lattice, free: NDArray[np.bool_], cells: Cells, looks: tuple[
 
 
 def _pulls(
-    here: Places, width: int, strength: Lattice, first: Numbers, second: Numbers
-) -> tuple[Places, Steady, Pulls]:
+    here: Indices, width: int, strength: Vector32, first: FrameNumbers, second: FrameNumbers
+) -> tuple[Indices, Steady, Pulls]:
     """Couplings of these cells to their first and second: constant parts, and coefficients of the neighbours' probabilities."""
     mine, steady, pulls = (first[here], second[here]), [np.zeros(here.shape, np.float32) for _ in range(2)], []
     for step in (-width, width, -1, 1):
@@ -83,7 +80,7 @@ def _pulls(
     return here, steady, pulls
 
 
-def _relax(p: Lattice, here: Places, steady: Steady, pulls: Pulls) -> None:
+def _relax(p: Vector32, here: Indices, steady: Steady, pulls: Pulls) -> None:
     """Update these cells of `p` from their neighbours."""
     to_first, to_second = steady[0].copy(), steady[1].copy()
     for there, for_first, for_second in pulls:
@@ -94,7 +91,7 @@ def _relax(p: Lattice, here: Places, steady: Steady, pulls: Pulls) -> None:
     p[here] = np.where(total > 0, to_first / np.maximum(total, np.float32(1e-6)), p[here])
 
 
-def _strength(looks: tuple[Image, Image]) -> Lattice:
+def _strength(looks: tuple[Planes, Planes]) -> Lattice:
     """Coupling strength of the cells."""
     one, other = looks
     apart = np.max(np.maximum(one, other) - np.minimum(one, other), axis=0).astype(np.float32)

@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import PARTLY, Cells, Owned, Seen, Window
@@ -27,9 +26,7 @@ from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.seam_path import least_seen
-from gcs_mosaic.render.warp_grid import Lattice
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, PlaneStack
 
 # Planes seen of a frame and kept of the one that shows; the last ones also of the next best.
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
@@ -45,7 +42,7 @@ SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lack
 ELSEWHERE = 1.0
 
 
-def look_for_seams(look: Image, of: Of) -> Sight:
+def look_for_seams(look: ImageBGR, of: Of) -> Sight:
     """What is kept of a frame's image: contrasts, colours, detail, tone."""
     found = contrasts(look)
     planes = grouped_planes([*found, *small_look(look, found[0].shape)])
@@ -71,8 +68,8 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
 
 
 def contrasts_at(
-    frame: PlacedFrame, groups: Sequence[Image], window: Window, at: Callable[[Lattice], Lattice] = at_cells
-) -> Image:
+    frame: PlacedFrame, groups: Sequence[PlaneStack], window: Window, at: Callable[[Lattice], Lattice] = at_cells
+) -> Planes:
     """Grouped contrast planes as (k, h, w), at the cells of a window, or at other places between lattice points."""
     pixels = at(frame.lattice.pixels[lattice_part(frame.lattice, window)])
     planes = _at_places(groups, places_in(pixels, frame.lattice, groups[0].shape))
@@ -80,7 +77,7 @@ def contrasts_at(
     return np.stack([times(one, gain) for one in planes])
 
 
-def _at_places(groups: Sequence[Image], places: Lattice) -> list[Image]:
+def _at_places(groups: Sequence[PlaneStack], places: Lattice) -> list[ImageGrey]:
     return [np.asarray(one, np.uint8) for group in groups for one in cv2.split(sampled(group, places))]
 
 
@@ -89,7 +86,7 @@ def _light(blue: Lattice | np.float32, green: Lattice | np.float32, red: Lattice
     return np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
 
 
-def times(plane: NDArray[np.uint8], factor: Lattice | np.float32) -> Image:
+def times(plane: ImageGrey, factor: Lattice | np.float32) -> ImageGrey:
     """A plane (h, w) times a factor, clipped to 8 bit."""
     if isinstance(factor, np.ndarray):
         return np.asarray(cv2.multiply(plane, factor, dtype=cv2.CV_8U), np.uint8)
@@ -104,13 +101,13 @@ def decide(cells: Cells, seen: Seen) -> Lattice:
     return np.asarray(seen.score - cells.score + SALIENT * nowhere + ELSEWHERE * not_here, np.float32)
 
 
-def only(one: Image, other: Image, reach: slice) -> Lattice:
+def only(one: Planes, other: Planes, reach: slice) -> Lattice:
     """(h, w): 1 where one has a thing that exceeds any contrast of the other within reach; 0 where not, with a narrow ramp
     between."""
     return beyond(one[THINGS], other[reach])
 
 
-def beyond(things: Image, around: Image) -> Lattice:
+def beyond(things: Planes, around: Planes) -> Lattice:
     """By how much (h, w) things exceed the contrasts around, over all kinds of contrast: 0 to 1."""
     most = np.zeros(things.shape[1:], np.uint8)
     for thing, other in zip(things, around, strict=True):

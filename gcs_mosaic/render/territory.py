@@ -33,7 +33,8 @@ from gcs_mosaic.render.painted import GUEST_LEVELS, Painted, PaintedFrames, Tile
 from gcs_mosaic.render.placed import PlacedFrame, on_level
 from gcs_mosaic.render.plans import Plan, planned
 from gcs_mosaic.render.tile_cache import Store
-from gcs_mosaic.render.tone import REACH, Shifts, shifts
+from gcs_mosaic.render.tone import REACH, shifts
+from gcs_mosaic.stitch.arrays import ToneShifts
 from gcs_mosaic.stitch.transaction import Kept
 
 
@@ -169,7 +170,7 @@ class Territory(Kept):
         put_together(owned := unowned(window.shape), known, window)
         return owned
 
-    def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, Shifts]]:
+    def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, ToneShifts]]:
         return shifts(owned.first, window, partial(self._seer, window))
 
     def _things(self, painted: Painted) -> Things | None:

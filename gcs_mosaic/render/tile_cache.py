@@ -14,22 +14,19 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.render.warp_grid import Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, Lattice
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 logger = logging.getLogger(__name__)
 
-Image = NDArray[np.uint8]
 Key = Hashable
 
 ROOM = 4096  # bytes; slots in the scratch file are multiples of it, so that they can be reused
 
 
 @cache
-def full_coverage(side: int) -> Image:
+def full_coverage(side: int) -> Coverage:
     """The one array that stands for "everywhere", so that full layers need no mask of their own."""
     coverage = np.full((side, side), 255, dtype=np.uint8)
     coverage.setflags(write=False)
@@ -45,8 +42,8 @@ class Layer:
     the colour, only if kept (for an export).
     """
 
-    colour: Image
-    coverage: Image
+    colour: ImageBGR
+    coverage: Coverage
     weight: Lattice
     bands: Bands | None = None
 
@@ -68,7 +65,9 @@ class Layer:
         return make_layer, (self.colour, None if self.is_full else self.coverage, self.weight, self.bands)
 
 
-def make_layer(colour: Image, coverage: Image | None, weight: Lattice, bands: Bands | None = None) -> Layer | None:
+def make_layer(
+    colour: ImageBGR, coverage: Coverage | None, weight: Lattice, bands: Bands | None = None
+) -> Layer | None:
     """A layer of these parts (`coverage` None: full); None if nothing is covered."""
     side = colour.shape[0]
     if coverage is None or int(coverage.min()) == 255:

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import Array, PointsNx2
 
 TILE_SIZE = 256  # px
 BASE_LEVEL = 16  # one tile pixel per canvas unit
@@ -21,7 +22,6 @@ HALF_SPAN = 2.0**23  # canvas units from the centre of the grid to its edge
 RESOLUTION_LOSS = 0.2  # of a frame's linear resolution, sacrificed rather than painting four times the pixels
 SAME_HEIGHT = 1.15  # tolerance of a frame's ground sampling distance for the level of others
 
-Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 
@@ -78,7 +78,7 @@ def tile_box(tile: Tile) -> Box:
     return left, top, right, bottom
 
 
-def box_of(places: Array) -> Box | None:
+def box_of(places: PointsNx2) -> Box | None:
     """Bounding box of points (n, 2), ignoring NaN; None if no point is left."""
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):

@@ -11,16 +11,13 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
-from gcs_mosaic.render.cells import CELLS, Numbers, Window
+from gcs_mosaic.render.cells import CELLS, Window
 from gcs_mosaic.render.looks import Sight
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.sampling import at_middles, lattice_part, places_in, sampled
-from gcs_mosaic.render.warp_grid import Lattice
-
-Shifts = NDArray[np.int8]
+from gcs_mosaic.stitch.arrays import FrameNumbers, Lattice, Mask, ToneShifts
 
 # Tones are computed on squares of two by two cells; number along a tile's side.
 SQUARES = CELLS // 2
@@ -31,7 +28,7 @@ MOST_SHIFT = 12.0  # grey levels; maximum shift, as larger differences are thing
 FINE = 8  # steps of a shift per grey level, finer than visible
 
 
-def wide(shown: NDArray[np.bool_]) -> Lattice:
+def wide(shown: Mask) -> Lattice:
     """Weight of the ground shown around each square (h / 2, w / 2), from cells (h, w), in integers: so it is independent of where
     the window begins."""
     rows = shown[::2].astype(np.float32) + shown[1::2]
@@ -56,7 +53,7 @@ def tone(frame: PlacedFrame, sight: Sight, window: Window) -> tuple[Lattice, Lat
 Seer = Callable[[int], tuple[PlacedFrame, Sight] | None]
 
 
-def shifts(first: Numbers, window: Window, seer: Seer) -> dict[int, tuple[Window, Shifts]]:
+def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[Window, ToneShifts]]:
     """Tone shifts of the frames that show on a window's cells (h, w), in 1 / `FINE` grey levels: (3, rows, columns) for the
     squares of a part of the window, by frame number. Invalid within `REACH` of the rim, unless the map ends there.
 
@@ -92,7 +89,7 @@ def squares(cells: tuple[slice, slice]) -> tuple[slice, slice]:
     return rows, columns
 
 
-def shown_boxes(first: Numbers, window: Window) -> dict[int, Window]:
+def shown_boxes(first: FrameNumbers, window: Window) -> dict[int, Window]:
     """By number of the frames that show on these cells: the tiles containing each one's cells."""
     found = {}
     for number, box in enumerate(find_objects(first + 1)):
@@ -103,7 +100,7 @@ def shown_boxes(first: Numbers, window: Window) -> dict[int, Window]:
     return found
 
 
-def _shift(common: Lattice, weight: Lattice, place: tuple[slice, slice], values: Lattice) -> Shifts:
+def _shift(common: Lattice, weight: Lattice, place: tuple[slice, slice], values: Lattice) -> ToneShifts:
     """Shift from a frame's tone to the common one, as far as exposure explains the difference: the same thing may have up to
     twice the contrast in one frame as in the other, not four times."""
     rows, columns = place

@@ -12,15 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import Lattice, Matrix, PointsNx2, RowsNx3, Vector
+
 Curve = tuple[float, float, float]  # a, b, c
 Vignetting = tuple[Curve, ...]  # one per band
 
 FLAT: Vignetting = ()  # for any number of bands
-OUTWARDS: Array = np.linspace(0, 1, 33)[:, None] ** [1, 2, 4]  # `radii` from the centre to a corner
-USUAL: Array = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0])  # their mean over a disc
+OUTWARDS: RowsNx3 = np.linspace(0, 1, 33)[:, None] ** [1, 2, 4]  # `radii` from the centre to a corner
+USUAL: Vector = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0])  # their mean over a disc
 UNLIKE = 0.25  # log brightness; pixels that deviate more from the overlap's median show something else
 
 
@@ -71,17 +71,17 @@ class VignettingEstimate:
         return _curves(np.linalg.solve(np.array(self.products) + prior, np.array(self.wanted).T).T)
 
 
-def _curves(rows: Array) -> tuple[Curve, ...]:
+def _curves(rows: RowsNx3) -> tuple[Curve, ...]:
     return tuple((a, b, c) for a, b, c in rows.tolist())
 
 
-def radii(pixels: Array, width: int, height: int) -> Array:
+def radii(pixels: PointsNx2, width: int, height: int) -> RowsNx3:
     """r, r**2 and r**4 (n, 3) of pixels (n, 2) of a frame."""
     squared = (((pixels - [(width - 1) / 2, (height - 1) / 2]) / (np.hypot(width, height) / 2)) ** 2).sum(axis=1)
     return np.stack([np.sqrt(squared), squared, squared**2], axis=1)
 
 
-def radial_sums(at_i: Array, at_j: Array, log_ratio: Array) -> RadialSums:
+def radial_sums(at_i: RowsNx3, at_j: RowsNx3, log_ratio: Matrix) -> RadialSums:
     """Statistics of pixels shared by two frames: `radii` (n, 3) in each, and log brightness of i minus that of j (n, bands)."""
     grey = log_ratio.mean(axis=1)
     alike = np.abs(grey - np.median(grey)) < UNLIKE
@@ -92,14 +92,14 @@ def radial_sums(at_i: Array, at_j: Array, log_ratio: Array) -> RadialSums:
     return RadialSums(mean_i, mean_j, _curves(apart.T @ apart), _curves(wanted))
 
 
-def log_brightness(vignetting: Vignetting, at: Array) -> Array:
+def log_brightness(vignetting: Vignetting, at: RowsNx3) -> Matrix:
     """Log brightness (n, bands), or (n, 1) for all bands, at places with these `radii` (n, 3). Relative to the mean of each band
     over a frame, so that colours are kept, and then to the brightest place, so that nothing is darkened."""
     curves = np.array(vignetting or [(0.0, 0.0, 0.0)]).T
     return np.asarray((at - USUAL) @ curves - ((OUTWARDS - USUAL) @ curves).max())
 
 
-def brightening(vignetting: Vignetting, pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
+def brightening(vignetting: Vignetting, pixels: Lattice, width: int, height: int) -> Lattice:
     """Factor (h, w, bands) that removes the vignetting at pixels (h, w, 2) of a frame; 1 where nowhere (NaN)."""
     at = log_brightness(vignetting, radii(pixels.reshape(-1, 2).astype(np.float64), width, height))
     factors = np.nan_to_num(np.exp(-np.clip(at, -1, 1)), nan=1.0).astype(np.float32)

@@ -7,17 +7,14 @@ import threading
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
-from gcs_mosaic.render.warp_grid import LATTICE, LATTICE_STEP, FrameLattice, Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.render.warp_grid import LATTICE, LATTICE_STEP, FrameLattice
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, Lattice
 
 NOWHERE = -1e4  # px; outside every frame, and within the fixed-point range of cv2.remap
 
 AT_ONCE = 4  # bands per call of cv2.remap
-
-Image = NDArray[np.uint8]
 
 
 class _Scratch(threading.local):
@@ -56,7 +53,7 @@ def refined(values: Lattice) -> Lattice:
     return fine
 
 
-def shrunk(image: Image, pixels: int) -> Image:
+def shrunk(image: ImageBGR, pixels: int) -> ImageBGR:
     """The image (h, w, 3) reduced to about so many pixels by area averaging; unchanged if it has no more."""
     shrink = math.sqrt(pixels / (image.shape[0] * image.shape[1]))
     if shrink >= 1:
@@ -67,7 +64,7 @@ def shrunk(image: Image, pixels: int) -> Image:
 
 def tile_picture(
     lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int, place: tuple[slice, slice] = np.s_[:, :]
-) -> tuple[Bands, Image | None]:
+) -> tuple[Bands, Coverage | None]:
     """A frame's part of a tile, or of some rows and columns of it: its bands (h, w, bands), 0 where uncovered, and coverage (h,
     w), 0 or 255, None if full. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is an OpenCV flag."""
     window = lattice.window(tile)
@@ -82,7 +79,7 @@ def tile_picture(
 
 def _coverage(
     lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice], place: tuple[slice, slice]
-) -> Image | None:
+) -> Coverage | None:
     if _well_inside(lattice, window):
         return None
     coverage = cv2.inRange(pixels, *lattice.limits)
@@ -112,7 +109,7 @@ def warped(image: Bands, pixels: Lattice, interpolation: int) -> Bands:
     return out
 
 
-def _masked(bands: Bands, coverage: Image) -> Bands:
+def _masked(bands: Bands, coverage: Coverage) -> Bands:
     if bands.shape[2] == 3:
         return np.asarray(cv2.copyTo(bands, coverage), dtype=bands.dtype)
     bands[coverage == 0] = 0

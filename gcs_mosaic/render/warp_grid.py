@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.tile_grid import (
     RESOLUTION_LOSS,
@@ -25,6 +24,7 @@ from gcs_mosaic.render.tile_grid import (
     pixel_size,
     tile_range,
 )
+from gcs_mosaic.stitch.arrays import Lattice, Mask, Matrix
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import (
     Camera,
@@ -44,9 +44,6 @@ RIM = 1.5  # lattice steps inside a frame's border where its weight reaches 0, s
 OBLIQUE_SHARE = 0.8  # a frame's level resolves this much of its root mean square ground sampling distance, and no finer
 COARSE = 8  # lattice steps; sampling of the initial guess for relief
 MOST_TILES_PER_PIXEL = 20 / TILE_SIZE**2  # far above what any plausible pose needs at its own level
-
-Array = NDArray[np.float64]
-Lattice = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +73,7 @@ class FrameLattice:
         y, x = ((i - first) * (LATTICE - 1) for i, first in ((tile.y, self.first.y), (tile.x, self.first.x)))
         return slice(y, y + LATTICE), slice(x, x + LATTICE)
 
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Mask:
         """Which lattice points lie within the painted area of the frame."""
         least, most = self.limits
         within = np.logical_and(self.pixels > least, self.pixels < most).all(axis=-1)
@@ -166,7 +163,7 @@ def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | Non
     return as_seen(relief, camera, planar.reshape(-1, 2), guess.reshape(-1, 2)).reshape(planar.shape).astype(np.float32)
 
 
-def _between(count: int) -> Array:
+def _between(count: int) -> Matrix:
     """Linear interpolation matrix from every `COARSE`th lattice point in a row to all of them."""
     at = np.arange((count - 1) * COARSE + 1)[:, None] / COARSE
     return np.asarray(np.maximum(1 - np.abs(at - np.arange(count)), 0))

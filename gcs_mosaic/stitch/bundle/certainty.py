@@ -7,13 +7,13 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Vector
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 
-def note_adjusted(graph: ViewGraph, island: int, members: Sequence[int], deviations_px: NDArray[np.float64]) -> None:
+def note_adjusted(graph: ViewGraph, island: int, members: Sequence[int], deviations_px: Vector) -> None:
     """After the adjustment of a whole island: record its members' deviations and their hops to the root."""
     hops = hops_from(graph, graph.roots[island])
     for frame, deviation_px in zip(members, deviations_px.tolist(), strict=True):

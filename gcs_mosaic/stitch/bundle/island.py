@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, PairValues, PointsNx2, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.certainty import note_adjusted
 from gcs_mosaic.stitch.bundle.lens import expected
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens
@@ -22,12 +22,11 @@ from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
 
-Array = NDArray[np.float64]
 Key = tuple[int, int]
 View = tuple[Pose, Camera]
 
 
-def level_pose_over(camera: Camera, pixels: Array, places: Array) -> Pose:
+def level_pose_over(camera: Camera, pixels: PointsNx2, places: PointsNx2) -> Pose:
     """The level pose that best fits pixels (m, 2) to these canvas places (m, 2)."""
     level = Pose(*camera.centre)
     return moved_by_similarity(level, *similarity_between(canvas_from_pixels(level, camera, pixels), places))
@@ -76,11 +75,11 @@ class IslandTask:
 class AdjustedIsland:
     """Result of adjusting n frames; residuals in pixels of the feature picture, NaN without matches."""
 
-    poses: Array  # (n, 6)
-    lenses: Array  # (c, 5)
-    lens_information: Array | None  # (c, 5, 5), None if the matches leave a degree of freedom open
-    residuals: Array  # (n,) median over a frame's matches
-    deviations_px: Array  # (n,) of the least certain corner, full-resolution pixels
+    poses: PosesNx6  # (n, 6)
+    lenses: LensesNx5  # (c, 5)
+    lens_information: Matrices | None  # (c, 5, 5), None if the matches leave a degree of freedom open
+    residuals: Vector  # (n,) median over a frame's matches
+    deviations_px: Vector  # (n,) of the least certain corner, full-resolution pixels
     reliefs: list[ReliefDisplacement | None]
 
 
@@ -177,7 +176,7 @@ def _carry_along(graph: ViewGraph, before: dict[int, View], task: IslandTask) ->
         note_relief(graph, frame, task.settings.relief)
 
 
-def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
+def _residuals_by_frame(problem: Problem, residuals: PairValues) -> Vector:
     """Median (n,) over each frame's matches, of residuals (p, k); NaN without matches."""
     order = np.argsort(problem.pairs.ravel(), kind="stable")
     ends = np.searchsorted(problem.pairs.ravel()[order], np.arange(len(problem.poses) + 1))
@@ -198,7 +197,7 @@ def _problem(
     frames: Sequence[int],
     poses: list[Pose],
     keys: list[Key],
-    free: NDArray[np.bool_],
+    free: Mask,
     settings: AdjustmentSettings,
 ) -> tuple[Problem, list[Camera]]:
     """The adjustment of these frames on an island by these links, and its cameras; `free` (n,): frames that may move."""
@@ -226,7 +225,7 @@ def _problem(
     return problem, cameras
 
 
-def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
+def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Matrix:
     """Prior mean and standard deviation of a camera's lens on an island, (2, 5).
 
     Islands with fewer of its frames learn from the one with most, never the other way round, so that no information returns to
@@ -244,7 +243,7 @@ def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: A
 
 def _matches(
     graph: ViewGraph, keys: list[Key], camera: dict[int, int], cameras: list[Camera], most: int
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Mask]:
     """Matches of all links in the adjustment's units, (2, p, k, 2), and which are present, (p, k)."""
     links = [graph.links[key] for key in keys]
     present = np.arange(most) < np.array([len(link.pixels_a) for link in links])[:, None]
@@ -275,7 +274,7 @@ def _aligned_to_held(graph: ViewGraph, members: list[int], poses: list[Pose], ca
     return [moved_by_similarity(pose, *similarity) for pose in poses]
 
 
-def _inner_corners(views: list[View]) -> Array:
+def _inner_corners(views: list[View]) -> PointsNx2:
     """Canvas places of four points of each frame, half-way from the centre to the corners, (4 * n, 2)."""
     if not views:
         return np.empty((0, 2))

@@ -6,11 +6,9 @@ Lenses are rows as in `projection.lens_row`: log focal, k1, k2, shift_x, shift_y
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import LensesNx5, SquareMatrix, Vector
 from gcs_mosaic.stitch.camera.geometry import lens_reach
-
-Array = NDArray[np.float64]
 
 # Half-diagonals. A fisheye of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.24.
 SHORTEST_FOCAL, LONGEST_FOCAL = 0.5, 6.5
@@ -23,7 +21,7 @@ DOUBT = 3.0
 LEAST_SIGMA = np.array([0.03, 0.01, 0.01, 0.005, 0.005])  # the camera may have zoomed or refocused in between
 
 
-def believable(lenses: Array) -> Array:
+def believable(lenses: LensesNx5) -> LensesNx5:
     """The nearest lenses (c, 5) that a camera can have; unchanged where already possible."""
     found = lenses.copy()
     found[:, 0] = np.clip(found[:, 0], np.log(SHORTEST_FOCAL), np.log(LONGEST_FOCAL))
@@ -40,7 +38,9 @@ def believable(lenses: Array) -> Array:
 FOLDING_STEPS = 20  # each removes a fifth of the distortion: what remains folds nothing
 
 
-def expected(general_mean: Array, general_sigma: Array, found: Array, information: Array) -> tuple[Array, Array]:
+def expected(
+    general_mean: Vector, general_sigma: Vector, found: Vector, information: SquareMatrix
+) -> tuple[Vector, Vector]:
     """Mean and standard deviation (5,) of a lens, given another island's estimate.
 
     general_mean, general_sigma: (5,) of any lens; found (5,) and information (5, 5), the inverse of its covariance.

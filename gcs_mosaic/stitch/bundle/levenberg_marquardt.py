@@ -15,17 +15,15 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, PairValues, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.lens import believable
 from gcs_mosaic.stitch.bundle.normal_equations import Normal, assembled, solve, unknowns
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import parts, weighed, whitenings
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +46,9 @@ class AdjustmentSettings:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    poses: Array  # (n, 6)
-    lenses: Array  # (c, 5)
-    residuals_px: Array  # (p, k), the larger of both directions, pixels of the feature picture; NaN without a match
+    poses: PosesNx6  # (n, 6)
+    lenses: LensesNx5  # (c, 5)
+    residuals_px: PairValues  # the larger of both directions, pixels of the feature picture; NaN without a match
     normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
     steps: int
 
@@ -96,7 +94,7 @@ def _descended(state: _State, settings: AdjustmentSettings) -> _State:
     return state
 
 
-def any_lens(settings: AdjustmentSettings) -> tuple[Array, Array]:
+def any_lens(settings: AdjustmentSettings) -> tuple[Vector, Vector]:
     """Prior mean and standard deviation of an unknown lens, (5,) each."""
     shift = settings.shift_prior_sigma
     sigma = [settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift]
@@ -134,8 +132,8 @@ class _State:
     whitenings: list[Array]  # of each of its parts; fixed for the whole adjustment, see `residuals.whitenings`
     cost: float
     normal: Normal  # over the free unknowns
-    gradient: Array
-    residuals_px: Array
+    gradient: Vector
+    residuals_px: PairValues
     steps: int = 0  # number of steps so far
     stopped_lens: bool = False  # whether the last step, or those rejected since, left the lens limits
 
@@ -154,14 +152,14 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tup
     return replace(state, stopped_lens=stopped), damping
 
 
-def _stepped(problem: Problem, step: Array) -> Problem:
+def _stepped(problem: Problem, step: Vector) -> Problem:
     _, pose_unknowns = unknowns(problem)
     poses, lenses = problem.poses.copy(), _lenses_after(problem, step)
     poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
     return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
 
 
-def _lenses_after(problem: Problem, step: Array) -> Array:
+def _lenses_after(problem: Problem, step: Vector) -> LensesNx5:
     """The lenses (c, 5) after a step, before clipping to the limits."""
     if not problem.lens_free:
         return problem.lenses
@@ -185,7 +183,7 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Arra
     )
 
 
-def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Array, Array]:
+def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Vector, Vector]:
     """Cost, diagonal and gradient of the priors: nearly level flight, an ordinary lens."""
     tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
     # Cauchy again: a truly oblique frame must be possible.

@@ -11,18 +11,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from gcs_mosaic.stitch.arrays import (
+    Counts,
+    FeaturePairsNx2,
+    IndexPairsNx2,
+    IndexRows,
+    Indices,
+    Matrix,
+    Points32Nx2,
+    PointsNx2,
+    ShiftGrid,
+    Vector,
+)
 from gcs_mosaic.stitch.bundle.relief_points import tracks, triangulate
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, pixels_from_canvas
 from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, ReliefSettings
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 ROUNDS = 4  # of reweighting
 SIGHTINGS_AT_ONCE = 4096  # projected at a time: what fits into the cache
@@ -33,12 +41,12 @@ FEWEST = 10  # points of a frame below which no grid is fitted
 class Matched:
     """All matches of p linked pairs among n frames, k in all, as stored; quick to gather. See `sightings`."""
 
-    pairs: Indices  # (p, 2) rows of the frames, 0 to n - 1
-    counts: Indices  # (p,) number of matches of each pair
-    features: NDArray[np.uint32]  # (k, 2) feature index in either frame
-    points: NDArray[np.float32]  # (f, 2) pixels of the features of all frames, frame by frame
-    lengths: Indices  # (n,) number of features of each frame
-    scales: Array  # (n,) full-resolution pixels per pixel of the frame's feature picture
+    pairs: IndexPairsNx2  # (p, 2) rows of the frames, 0 to n - 1
+    counts: Counts  # (p,) number of matches of each pair
+    features: FeaturePairsNx2  # (k, 2) feature index in either frame
+    points: Points32Nx2  # (f, 2) pixels of the features of all frames, frame by frame
+    lengths: Counts  # (n,) number of features of each frame
+    scales: Vector  # (n,) full-resolution pixels per pixel of the frame's feature picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +54,9 @@ class Sightings:
     """Observations of ground points by n frames, m in all."""
 
     row: Indices  # (m,) the frame, 0 to n - 1
-    pixels: Array  # (m, 2)
+    pixels: PointsNx2  # (m, 2)
     point: Indices  # (m,)
-    scales: Array  # (n,) as in `Matched`
+    scales: Vector  # (n,) as in `Matched`
 
 
 def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
@@ -106,7 +114,7 @@ def displacements(
     return found
 
 
-def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> Array:
+def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> PointsNx2:
     """Canvas places (t, 2) of the points; NaN for one seen above the horizon."""
     poses = np.array([pose_row(pose) for pose, _ in views])
     lenses = np.array([lens_row(camera) for _, camera in views])
@@ -125,7 +133,7 @@ def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: Rel
 
 
 def _displacement(
-    pose: Pose, camera: Camera, scale: float, pixels: Array, points: Array, settings: ReliefSettings
+    pose: Pose, camera: Camera, scale: float, pixels: PointsNx2, points: PointsNx2, settings: ReliefSettings
 ) -> ReliefDisplacement | None:
     """A frame's grid from ground points (m, 2) it sees at pixels (m, 2); None if there are too few."""
     shifts = pixels_from_canvas(pose, camera, points) - pixels
@@ -144,7 +152,7 @@ def grid_size(camera: Camera, cells: int) -> tuple[int, int]:
     return (max(2, round(cells * camera.width / longer) + 1), max(2, round(cells * camera.height / longer) + 1))
 
 
-def fitted_sheet(at: Array, values: Array, columns: int, rows: int, settings: ReliefSettings) -> Array:
+def fitted_sheet(at: PointsNx2, values: PointsNx2, columns: int, rows: int, settings: ReliefSettings) -> ShiftGrid:
     """Elastic sheet (rows, columns, 2) robustly fitted to values (m, 2) at places (m, 2), 0 to 1 along each side."""
     node, share = _corners(at, columns, rows)
     fixed = _membrane(columns, rows, settings)
@@ -167,7 +175,7 @@ def fitted_sheet(at: Array, values: Array, columns: int, rows: int, settings: Re
     return np.asarray(sheet).reshape(rows, columns, 2)
 
 
-def _corners(at: Array, columns: int, rows: int) -> tuple[Indices, Array]:
+def _corners(at: PointsNx2, columns: int, rows: int) -> tuple[IndexRows, Matrix]:
     """The four nodes (m, 4) around each place, ascending, and their bilinear weights (m, 4)."""
     cell = at * [columns - 1, rows - 1]
     first = np.clip(cell.astype(np.intp), 0, [columns - 2, rows - 2])
@@ -177,7 +185,7 @@ def _corners(at: Array, columns: int, rows: int) -> tuple[Indices, Array]:
     return nodes, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
 
 
-def _membrane(columns: int, rows: int, settings: ReliefSettings) -> Array:
+def _membrane(columns: int, rows: int, settings: ReliefSettings) -> Matrix:
     """Normal matrix (columns + 2, n) of the sheet alone, as lower diagonals."""
     band = np.zeros((columns + 2, columns * rows))
     band[0] = settings.tie

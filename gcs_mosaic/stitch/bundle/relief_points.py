@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, PointsNx2, Vector
 
 ROUNDS = 5  # of reweighting
 
@@ -27,7 +25,7 @@ class Tracks:
     track: Indices
 
 
-def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
+def tracks(matches: IndexPairsNx2, frame_of_node: Indices) -> Tracks:
     """Tracks from matched pairs (k, 2) of nodes 0 to n-1, whose frames are (n,).
 
     A connected component is one point; a track that contains a frame twice is inconsistent and dropped.
@@ -42,7 +40,9 @@ def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
     return Tracks(nodes, track)
 
 
-def triangulate(places: Array, by_height: Array, deviations: Array, track: Indices, height_sigma: float) -> Array:
+def triangulate(
+    places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
+) -> PointsNx2:
     """Nadir places (t, 2) of the points on the plane, from one ray per observation.
 
     places (m, 2): intersections of the rays with the plane; by_height (m, 2): their shift per unit of height; deviations (m,):
@@ -65,5 +65,5 @@ def triangulate(places: Array, by_height: Array, deviations: Array, track: Indic
     return points
 
 
-def _means(values: Array, weights: Array, track: Indices, total: Array) -> Array:
+def _means(values: PointsNx2, weights: Vector, track: Indices, total: Vector) -> PointsNx2:
     return np.stack([np.bincount(track, weights * values[:, k]) / total for k in (0, 1)], axis=1)

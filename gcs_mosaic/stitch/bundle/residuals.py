@@ -11,14 +11,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import (
+    Array,
+    Indices,
+    LensesNx5,
+    Mask,
+    Matrices,
+    Matrix,
+    PairValues,
+    PointsNx2,
+    PosesNx6,
+    Vector,
+)
 from gcs_mosaic.stitch.bundle.problem import COLUMNS, Problem
 from gcs_mosaic.stitch.bundle.robust_parallax import whitening
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS, product
-
-Array = NDArray[np.float64]
 
 
 def parts(problem: Problem) -> Iterator[Problem]:
@@ -42,9 +51,9 @@ class Weighed:
     """Contribution of p pairs: their cost, one block of normal matrix and gradient each, and their residuals."""
 
     cost: float
-    blocks: Array  # (p, COLUMNS, COLUMNS)
-    slopes: Array  # (p, COLUMNS)
-    residuals_px: Array  # (p, k)
+    blocks: Matrices  # (p, COLUMNS, COLUMNS)
+    slopes: Matrix  # (p, COLUMNS)
+    residuals_px: PairValues  # (p, k)
 
 
 def weighed(problem: Problem, whitening_by_way: Array, loss_px: float) -> Weighed:
@@ -73,7 +82,7 @@ def whitenings(problem: Problem) -> Array:
     return np.stack([whitening(_passage(problem, *way).by_height * problem.relief) for way in ((0, 1), (1, 0))])
 
 
-def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array, Mask]:
     """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, COLUMNS), and which exist (p, 2k).
 
     The two directions of a match are adjacent: a to b, then b to a.
@@ -96,10 +105,10 @@ def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array,
 class _Passage:
     """All matches projected from one side of their pairs to the plane and into the other side, (m, ...) in feature pixels."""
 
-    residual: Array  # (m, 2)
-    by_height: Array  # (m, 2), by height of the ground above the plane, per canvas unit
-    derivatives: list[tuple[slice, Array]]  # (m, 2, ...) by pose and lens of either side, with their columns
-    valid: NDArray[np.bool_]
+    residual: PointsNx2  # (m, 2)
+    by_height: PointsNx2  # (m, 2), by height of the ground above the plane, per canvas unit
+    derivatives: list[tuple[slice, Matrices]]  # (m, 2, ...) by pose and lens of either side, with their columns
+    valid: Mask
 
 
 def _passage(problem: Problem, source: int, target: int) -> _Passage:
@@ -123,6 +132,6 @@ def _passage(problem: Problem, source: int, target: int) -> _Passage:
     )
 
 
-def _of(problem: Problem, frames: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+def _of(problem: Problem, frames: Indices) -> tuple[PosesNx6, LensesNx5, Vector]:
     camera = problem.camera[frames]
     return problem.poses[frames], problem.lenses[camera], problem.half_diagonal[camera]

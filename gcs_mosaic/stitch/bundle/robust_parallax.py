@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import Matrices, PointsNx2
 
 
-def whitening(parallax: Array) -> Array:
+def whitening(parallax: PointsNx2) -> Matrices:
     """Whitening matrices (m, 2, 2) of residuals with covariance I + parallax parallax^T.
 
     A point that may lie above or below the plane is only known to fall on a line: along it, one standard deviation of height

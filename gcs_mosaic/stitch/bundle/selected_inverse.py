@@ -15,11 +15,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from gcs_mosaic.stitch.arrays import Indices, Matrices, Matrix, PointsNx2, SquareMatrix
 
 LEAF_FRAMES = 24  # frames eliminated together; half and twice as many take as long
 
@@ -28,12 +26,14 @@ LEAF_FRAMES = 24  # frames eliminated together; half and twice as many take as l
 class Covariances:
     """Selected inverse for n frames with u unknowns each and l unknowns common to all."""
 
-    of_frames: Array  # (n, u, u)
-    with_common: Array  # (n, u, l)
-    of_common: Array  # (l, l)
+    of_frames: Matrices  # (n, u, u)
+    with_common: Matrices  # (n, u, l)
+    of_common: SquareMatrix  # (l, l)
 
 
-def covariances(normal: sparse.csc_matrix, frame_unknowns: int, places: Array, known: Indices) -> Covariances | None:
+def covariances(
+    normal: sparse.csc_matrix, frame_unknowns: int, places: PointsNx2, known: Indices
+) -> Covariances | None:
     """Diagonal blocks of the inverse of a normal matrix with u unknowns per frame, followed by those common to all.
 
     `places` (n, 2): positions of the frames, only for the elimination order. `known` (k,): unknowns taken as exact; their
@@ -87,7 +87,7 @@ def _frame_graph(normal: sparse.csc_matrix, frame_unknowns: int, frames: int) ->
     return sparse.coo_matrix(linked, shape=(frames, frames)).tocsr()
 
 
-def _dissected(graph: sparse.csr_matrix, places: Array) -> _Part:
+def _dissected(graph: sparse.csr_matrix, places: PointsNx2) -> _Part:
     """Nested dissection: halve the map across its longer side, separate the frames that connect the halves, recurse."""
 
     def cut(frames: Indices) -> _Part:
@@ -113,10 +113,10 @@ class _Front:
 
     own: Indices
     border: Indices
-    inverse: Array  # (o, o), of the own block
-    gain: Array  # (o, b): own block inverse times border block
+    inverse: SquareMatrix  # (o, o), of the own block
+    gain: Matrix  # (o, b): own block inverse times border block
     below: list[_Front]
-    update: Array | None  # (b, b): Schur complement added to the border, until the parent front takes it
+    update: SquareMatrix | None  # (b, b): Schur complement added to the border, until the parent front takes it
 
 
 def _selected(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, common: int) -> Covariances:
@@ -171,7 +171,7 @@ def _front(matrix: sparse.csc_matrix, own: Indices, first: int, common: Indices,
     return _Front(own, border, inverse, gain, below, dense[o:, o:] - dense[o:, :o] @ gain)
 
 
-def _invert(front: _Front, of_border: Array, found: Covariances) -> None:
+def _invert(front: _Front, of_border: SquareMatrix, found: Covariances) -> None:
     """Invert down the tree from a front whose border block of the inverse (b, b) is known."""
     own, o = front.own, len(front.own)
     whole = np.empty((o + len(front.border),) * 2)

@@ -12,17 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from gcs_mosaic.stitch.arrays import Array, IndexRows, Indices, Matrices, PairValues, SquareMatrix, Vector
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import Solution
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.selected_inverse import Covariances, covariances
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 POSE = 6  # unknowns of a pose
 GAUGE = 4  # the first four of these: position, scale and heading
@@ -35,8 +32,8 @@ class IslandCertainty:
     of the frame, infinite where the matches do not determine the frame, and everywhere if the normal matrix is singular;
     `lens_information` (c, 5, 5), inverse covariance of each camera's lens terms, None in that case."""
 
-    deviations_px: Array
-    lens_information: Array | None = None
+    deviations_px: Vector
+    lens_information: Matrices | None = None
 
 
 def island_certainty(
@@ -61,7 +58,7 @@ def island_certainty(
     return IslandCertainty(deviations_px, _lens_information(factor * found.of_common, len(problem.lenses)))
 
 
-def _lens_information(covariance: Array, cameras: int) -> Array:
+def _lens_information(covariance: SquareMatrix, cameras: int) -> Matrices:
     """Inverses (c, terms, terms) of each camera's block of the joint lens covariance."""
     terms = len(covariance) // cameras
     of_each = [covariance[i : i + terms, i : i + terms] for i in range(0, len(covariance), terms)]
@@ -80,7 +77,7 @@ def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[C
     return float(worst_corner(shifts, covariance[None])[0] * problem.half_diagonal[problem.camera[0]])
 
 
-def variance_factor(residuals_px: Array, loss_px: float, unknowns: int) -> float:
+def variance_factor(residuals_px: PairValues, loss_px: float, unknowns: int) -> float:
     """Factor that turns the inverse normal matrix into a covariance.
 
     The normal matrix assumes residuals with a standard deviation of one feature pixel. This estimates the actual one under the
@@ -116,7 +113,7 @@ def corner_shifts(problem: Problem, solution: Solution, cameras: Sequence[Camera
     return shifts.reshape(len(sizes), 4, 2, -1)
 
 
-def worst_corner(shifts: Array, covariance: Array) -> Array:
+def worst_corner(shifts: Array, covariance: Matrices) -> Vector:
     """Standard deviation (n,) of each frame's least certain corner; infinite where no corner sees ground.
 
     `shifts` (n, 4, 2, u) by u unknowns with `covariance` (n, u, u).
@@ -126,13 +123,13 @@ def worst_corner(shifts: Array, covariance: Array) -> Array:
     return np.sqrt(np.where(np.isneginf(worst), np.inf, np.maximum(worst, 0)))
 
 
-def _lens_unknowns(problem: Problem) -> Indices:
+def _lens_unknowns(problem: Problem) -> IndexRows:
     """Indices (n, lens terms) of the unknowns of each frame's lens; empty if the lenses are fixed."""
     terms = problem.lenses.shape[1] if problem.lens_free else 0
     return np.asarray(POSE * len(problem.poses) + terms * problem.camera[:, None] + np.arange(terms))
 
 
-def _dependence_of_root(shifts: Array) -> Array | None:
+def _dependence_of_root(shifts: Array) -> SquareMatrix | None:
     """The root's pose and lens (u, u) with position, scale and heading as functions of the other unknowns.
 
     They are chosen so that the shifts of the root's corners (4, 2, u) contain no similarity. Simply fixing them would fix the
@@ -149,14 +146,14 @@ def _dependence_of_root(shifts: Array) -> Array | None:
     return dependence
 
 
-def _substitution(size: int, own: Indices, dependence: Array) -> sparse.csc_matrix:
+def _substitution(size: int, own: Indices, dependence: SquareMatrix) -> sparse.csc_matrix:
     """Identity (size, size) except for the root, whose unknowns are `own`."""
     substitution = sparse.identity(size, format="lil")
     substitution[np.ix_(own, own)] = dependence
     return substitution.tocsc()
 
 
-def _joint(found: Covariances, lens: Indices) -> Array:
+def _joint(found: Covariances, lens: IndexRows) -> Matrices:
     """Covariances (n, u, u) of each frame's pose and lens; `lens` (n, lens terms): indices into the common unknowns."""
     frames, terms = lens.shape
     joint = np.empty((frames, POSE + terms, POSE + terms))

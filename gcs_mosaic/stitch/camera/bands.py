@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Bands = NDArray[Any]  # (h, w, bands) uint8 or uint16; three bands are blue, green, red, others in the order of the file
+from gcs_mosaic.stitch.arrays import Band, ImageGrey
+from gcs_mosaic.stitch.arrays import Bands as Bands  # also imported from here, by `app`
 
 
 def resized(image: Bands, size: tuple[int, int]) -> Bands:
@@ -19,7 +17,7 @@ def resized(image: Bands, size: tuple[int, int]) -> Bands:
     return np.stack([cv2.resize(band, size, interpolation=cv2.INTER_AREA) for band in bands], axis=-1)
 
 
-def stretched(band: NDArray[Any], dark: float = 0.005, bright: float = 0.995) -> NDArray[np.uint8]:
+def stretched(band: Band, dark: float = 0.005, bright: float = 0.995) -> ImageGrey:
     """One band (h, w) as 8 bit, stretched between its `dark` and `bright` quantiles."""
     low, high = np.quantile(band, (dark, bright)).tolist()
     levels = (band.astype(np.float32) - np.float32(low)) * np.float32(255 / max(high - low, 1))

@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands, resized
+from gcs_mosaic.stitch.arrays import AnyImage, AnyPointsNx2, Bands, Mask
+from gcs_mosaic.stitch.camera.bands import resized
 
 FRAMES = 5  # frames that must agree before a border counts as dead
 MOST_FRAMES = 100  # frames examined; whatever is not known by then stays alive
@@ -53,7 +54,7 @@ class DeadBorder(NamedTuple):
         """Minimum and maximum (x, y) of the live area of a frame, to the outer edges of its pixels."""
         return (self.left - 0.5, self.top - 0.5), (width - self.right - 0.5, height - self.bottom - 0.5)
 
-    def spares(self, pixels: NDArray[Any], width: int, height: int, reach: float = 0.5) -> NDArray[np.bool_]:
+    def spares(self, pixels: AnyPointsNx2, width: int, height: int, reach: float = 0.5) -> Mask:
         """Which pixels (n, 2) are at least `reach` px from a dead side. Live sides impose no distance."""
         least, most = self.limits(width, height)
         low = np.where(np.array([self.left, self.top]) > 0, np.array(least) + reach, -np.inf)
@@ -168,7 +169,7 @@ class BorderWatch:
     def border(self) -> DeadBorder:
         return DeadBorder(*(side.dead for side in self._sides))
 
-    def after(self, image: Bands, levels: Callable[[Bands], NDArray[Any]]) -> BorderWatch:
+    def after(self, image: Bands, levels: Callable[[Bands], AnyImage]) -> BorderWatch:
         """After one more frame (h, w, bands); `levels` maps its bands to display levels, black 0, white 255."""
         left, top, right, bottom = (
             side if side.settled else side.after(_lines_along(image, number, levels))
@@ -177,7 +178,7 @@ class BorderWatch:
         return BorderWatch((left, top, right, bottom))
 
 
-def _lines_along(image: Bands, side: int, levels: Callable[[Bands], NDArray[Any]]) -> Lines:
+def _lines_along(image: Bands, side: int, levels: Callable[[Bands], AnyImage]) -> Lines:
     """Lines along one side (left, top, right or bottom), from the border inwards, as means of the bands' levels."""
     height, width = image.shape[:2]
     rows, columns = max(1, height // DEEPEST), max(1, width // DEEPEST)

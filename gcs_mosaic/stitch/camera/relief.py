@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import FloatImage, Mask, PointsNx2, ShiftGrid
 from gcs_mosaic.stitch.camera.geometry import Camera
-
-Array = NDArray[np.float64]
 
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
 CONVERGED_PX = 0.01  # a point is done once its last step was shorter; the next would be at most a quarter of it
@@ -47,7 +45,7 @@ class ReliefDisplacement:
     shifts: bytes
 
     @classmethod
-    def from_grid(cls, grid: Array) -> ReliefDisplacement:
+    def from_grid(cls, grid: ShiftGrid) -> ReliefDisplacement:
         """From shifts (rows, columns, 2) in half-diagonals; scaled down where they would fold the image."""
         rows, columns = grid.shape[:2]
         steepest = max(np.abs(np.diff(grid, axis=axis)).max(initial=0.0) for axis in (0, 1))
@@ -56,11 +54,11 @@ class ReliefDisplacement:
         return cls(columns, rows, grid.astype(np.float32).tobytes())
 
     @property
-    def grid(self) -> NDArray[np.float32]:
+    def grid(self) -> FloatImage:
         """The shifts (rows, columns, 2) in half-diagonals."""
         return np.frombuffer(self.shifts, np.float32).reshape(self.rows, self.columns, 2)
 
-    def at(self, camera: Camera, pixels: Array) -> Array:
+    def at(self, camera: Camera, pixels: PointsNx2) -> PointsNx2:
         """Shifts (n, 2) in pixels at pixels (n, 2); outside the frame, those of its border."""
         across, down = (
             np.clip(np.nan_to_num(pixels[:, k]) * ((nodes - 1) / max(size - 1, 1)), 0, nodes - 1)
@@ -78,12 +76,14 @@ class ReliefDisplacement:
         return np.asarray(shifts.view(np.float64).reshape(-1, 2))
 
 
-def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -> Array:
+def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx2) -> PointsNx2:
     """Where the camera would have seen the content of pixels (n, 2) if the ground were a plane."""
     return pixels if relief is None else pixels + relief.at(camera, pixels)
 
 
-def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array, guess: Array | None = None) -> Array:
+def as_seen(
+    relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx2, guess: PointsNx2 | None = None
+) -> PointsNx2:
     """Inverse of `on_plane`; NaN stays NaN. `guess` (n, 2): initial value, if known."""
     if relief is None:
         return pixels
@@ -99,6 +99,6 @@ def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array, gu
     return found
 
 
-def _far(points: Array, others: Array) -> NDArray[np.bool_]:
+def _far(points: PointsNx2, others: PointsNx2) -> Mask:
     apart = np.abs(points - others) > CONVERGED_PX
     return np.asarray(apart[:, 0] | apart[:, 1])

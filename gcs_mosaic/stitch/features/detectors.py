@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import Descriptors, ImageGrey, PointsNx2, Vector
 
 FeatureKind = Literal["sift", "orb", "surf"]
 
@@ -28,11 +29,11 @@ class Found:
     SIFT: float32, d = 128, integers from 0 to 255. ORB: uint8, d = 32, 256 bits. SURF: float32, d = 64, unit length.
     """
 
-    points: NDArray[np.float64]
-    descriptors: NDArray[Any]
+    points: PointsNx2
+    descriptors: Descriptors
 
 
-def detect(grey: NDArray[np.uint8], kind: FeatureKind, count: int, contrast: float) -> Found:
+def detect(grey: ImageGrey, kind: FeatureKind, count: int, contrast: float) -> Found:
     """The strongest features of a grey image (h, w), at most `count`. `contrast`: SIFT's threshold, ignored by the others.
 
     ModuleNotFoundError where `is_available` is False.
@@ -47,10 +48,10 @@ def is_available(kind: FeatureKind) -> bool:
     return kind != "surf" or find_spec("mahotas") is not None
 
 
-Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]  # points (n, 2), strength (n,), descriptors (n, d)
+Rows = tuple[PointsNx2, Vector, Descriptors]  # points (n, 2), strength (n,), descriptors (n, d)
 
 
-def _sift(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
+def _sift(grey: ImageGrey, count: int, contrast: float) -> Rows:
     # Without precise upscaling OpenCV's SIFT shifts every point by a quarter pixel, which shows between two headings.
     sift = cv2.SIFT.create(nfeatures=count, contrastThreshold=contrast, enable_precise_upscale=True)
     keypoints, descriptors = sift.detectAndCompute(grey, None)
@@ -59,7 +60,7 @@ def _sift(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
     return np.array([k.pt for k in keypoints]), np.array([k.response for k in keypoints]), descriptors
 
 
-def _orb(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
+def _orb(grey: ImageGrey, count: int, contrast: float) -> Rows:
     keypoints, descriptors = cv2.ORB.create(nfeatures=count, scaleFactor=ORB_SCALE).detectAndCompute(grey, None)
     if descriptors is None:
         return _nothing(32, np.uint8)
@@ -70,7 +71,7 @@ def _orb(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
     return points, np.array([k.response for k in keypoints]), descriptors
 
 
-def _surf(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
+def _surf(grey: ImageGrey, count: int, contrast: float) -> Rows:
     from mahotas.features import surf  # an optional extra
 
     found = surf.surf(np.ascontiguousarray(grey), max_points=count)
@@ -83,7 +84,7 @@ def _nothing(length: int, dtype: type) -> Rows:
     return np.empty((0, 2)), np.empty(0), np.empty((0, length), dtype)
 
 
-DETECTORS: dict[FeatureKind, Callable[[NDArray[np.uint8], int, float], Rows]] = {
+DETECTORS: dict[FeatureKind, Callable[[ImageGrey, int, float], Rows]] = {
     "sift": _sift,
     "orb": _orb,
     "surf": _surf,

@@ -11,19 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands, resized, stretched
+from gcs_mosaic.stitch.arrays import Band, Bands, Descriptors, FaintImage, FloatImage, FloatRows, ImageGrey, Points32Nx2
+from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
-from gcs_mosaic.stitch.features.faint import Faint, detect_faint, faint_picture, is_noise
+from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
 from gcs_mosaic.stitch.features.sharpness import sharpness
-
-Descriptors = NDArray[Any]  # (n, d) uint8 or int8, see Features
 
 REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px
 
@@ -51,12 +49,12 @@ class Features:
     excluded border, in full-resolution pixels.
     """
 
-    points: NDArray[np.float32]
+    points: Points32Nx2
     descriptors: Descriptors
     width: int
     height: int
     scale: float
-    faint: Faint | None = None
+    faint: FaintImage | None = None
     ordinary: int = 0
     dead: DeadBorder = NO_BORDER
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
@@ -87,7 +85,7 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     return replace(both, faint=faint, ordinary=len(features))
 
 
-def faint_features(standing_out: NDArray[Any], frame: Features, settings: FeatureSettings) -> Features:
+def faint_features(standing_out: Band, frame: Features, settings: FeatureSettings) -> Features:
     """Features of a frame's faint picture `standing_out` (h, w), with or without its fixed pattern removed."""
     found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, frame.width, frame.height, frame.scale)
@@ -112,7 +110,7 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
     return replace(features, points=points, descriptors=descriptors, ordinary=ordinary, dead=dead)
 
 
-def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> NDArray[np.uint8]:
+def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> ImageGrey:
     """Grey copy of an image (h, w[, bands]), reduced (never enlarged) to about so many megapixels: luminance of a colour image,
     else the selected band or the mean of all. 8-bit images with one or three bands are used unstretched."""
     return _grey(_reduced(image, megapixels, band), image)
@@ -136,7 +134,7 @@ def _reduced(image: Bands, megapixels: float, band: int) -> Bands:
     return resized(bands, size) if factor < 1 else bands
 
 
-def _grey(small: Bands, image: Bands) -> NDArray[np.uint8]:
+def _grey(small: Bands, image: Bands) -> ImageGrey:
     if small.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] in (1, 3)):
         return np.ascontiguousarray(small[..., 0])
     # A thermal scene may span a hundredth of the camera's range, and bands differ in brightness by factors.
@@ -144,7 +142,7 @@ def _grey(small: Bands, image: Bands) -> NDArray[np.uint8]:
     return alike[0] if len(alike) == 1 else np.asarray(np.rint(np.mean(alike, axis=0)), dtype=np.uint8)
 
 
-def _mean_of(small: Bands) -> NDArray[np.float32]:
+def _mean_of(small: Bands) -> FloatImage:
     """Mean (h, w) of bands, each normalised by its own range; not rounded, to keep 16-bit precision."""
     levels = small.astype(np.float32)
     if small.shape[2] > 1:
@@ -153,7 +151,7 @@ def _mean_of(small: Bands) -> NDArray[np.float32]:
     return np.asarray(levels.mean(axis=2), dtype=np.float32)
 
 
-def root_sift(descriptors: NDArray[Any]) -> NDArray[np.uint8]:
+def root_sift(descriptors: Descriptors) -> NDArray[np.uint8]:
     """SIFT descriptors (n, 128) as RootSIFT, unit length times 255 in bytes: a quarter of the memory, same matches."""
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
     return np.asarray(np.rint(255 * np.sqrt(descriptors / total)), dtype=np.uint8)
@@ -164,12 +162,12 @@ def signs(descriptors: NDArray[np.uint8]) -> NDArray[np.int8]:
     return np.unpackbits(descriptors, axis=1).astype(np.int8) * np.int8(2) - np.int8(1)
 
 
-def rounded(descriptors: NDArray[np.float32]) -> NDArray[np.int8]:
+def rounded(descriptors: FloatRows) -> NDArray[np.int8]:
     """Unit-length descriptors (n, d), times 127."""
     return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
 
 
-COMPARABLE: dict[FeatureKind, Callable[[NDArray[Any]], Descriptors]] = {
+COMPARABLE: dict[FeatureKind, Callable[[Descriptors], Descriptors]] = {
     "sift": root_sift,
     "orb": signs,
     "surf": rounded,

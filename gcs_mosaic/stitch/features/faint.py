@@ -6,16 +6,11 @@ filtered (vignetting, gradients), blurred until pixel noise is gone, and divided
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, ImageGrey
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
-
-Floats = NDArray[np.float32]
-Faint = NDArray[np.int8]  # (h, w) of the halved picture: what stands out from its surroundings, see `faint_picture`
 
 HALF = 2  # px of the feature picture per px of a faint one
 AROUND = 12.0  # px of the faint picture, sigma of the local mean that is subtracted
@@ -29,7 +24,7 @@ CONTRAST = 40  # grey levels per local deviation in the image features are detec
 NOISY = 2.0
 
 
-def faint_picture(grey: NDArray[Any]) -> Faint:
+def faint_picture(grey: Band) -> FaintImage:
     """A grey image (h, w) of any depth, halved and high-pass filtered, in 1 / PER_DEVIATION of its robust deviation."""
     size = max(1, grey.shape[1] // HALF), max(1, grey.shape[0] // HALF)
     small = cv2.resize(grey.astype(np.float32), size, interpolation=cv2.INTER_AREA)
@@ -39,7 +34,7 @@ def faint_picture(grey: NDArray[Any]) -> Faint:
     return np.asarray(np.clip(steps, -127, 127), dtype=np.int8)
 
 
-def detect_faint(standing_out: NDArray[Any], kind: FeatureKind, count: int, contrast: float) -> Found:
+def detect_faint(standing_out: Band, kind: FeatureKind, count: int, contrast: float) -> Found:
     """Features of a faint picture (h, w), with or without its fixed pattern; points in pixels of the feature picture."""
     blurred = blurred_faint(standing_out)
     local = np.sqrt(cv2.GaussianBlur(blurred * blurred, (0, 0), LOCAL))
@@ -49,13 +44,13 @@ def detect_faint(standing_out: NDArray[Any], kind: FeatureKind, count: int, cont
     return Found((found.points + 0.5) * HALF - 0.5, found.descriptors)
 
 
-def blurred_faint(standing_out: NDArray[Any]) -> Floats:
+def blurred_faint(standing_out: Band) -> FloatImage:
     """The faint picture without pixel noise and without the local mean that blurring leaves."""
     blurred = cv2.GaussianBlur(standing_out.astype(np.float32), (0, 0), BLUR)
     return np.asarray(blurred - cv2.GaussianBlur(blurred, (0, 0), AROUND), dtype=np.float32)
 
 
-def is_noise(grey: NDArray[np.uint8]) -> bool:
+def is_noise(grey: ImageGrey) -> bool:
     """Whether a grey image (h, w) is mostly pixel noise: far more of it than of structure some px wide."""
     levels = grey.astype(np.float32)
     finest = np.median(np.abs(levels - cv2.GaussianBlur(levels, (0, 0), 1))[1::3, 1::3])

@@ -8,16 +8,14 @@ over a hovering aircraft the mean would be the ground.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined
-from gcs_mosaic.stitch.features.faint import PER_DEVIATION, Faint, blurred_faint
+from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
 from gcs_mosaic.stitch.transaction import Kept
 
-Floats = NDArray[np.float32]
 Kind = tuple[int, int]  # width and height of a frame: each size is one camera
 
 LEAST_FRAMES = 6  # different frames before the mean is used: a sixth of each one's ground is left in it
@@ -35,9 +33,9 @@ class StillPattern(Kept):
     """The mean of many faint pictures, for each frame size."""
 
     def __init__(self) -> None:
-        self._patterns: dict[Kind, Floats] = {}
+        self._patterns: dict[Kind, FloatImage] = {}
         self._counts: dict[Kind, int] = {}
-        self._last: dict[Kind, Floats] = {}  # blurred faint picture of the frame counted last
+        self._last: dict[Kind, FloatImage] = {}  # blurred faint picture of the frame counted last
 
     def without(self, features: Features, settings: FeatureSettings) -> Features:
         """A frame's features, detected again without the fixed pattern once that is known; learns from the frame. Once per
@@ -54,7 +52,7 @@ class StillPattern(Kept):
             return found  # features of the unfiltered image may belong to the pattern
         return joined(_ordinary(features), found)
 
-    def _learn(self, kind: Kind, faint: Faint) -> None:
+    def _learn(self, kind: Kind, faint: FaintImage) -> None:
         blurred = blurred_faint(faint)
         last = self._last.get(kind)
         if last is not None and _correlation(blurred, last) > SAME_GROUND:
@@ -68,7 +66,7 @@ class StillPattern(Kept):
         self._last = self._last | {kind: blurred}
 
 
-def moving(a: Features, b: Features, matches: NDArray[np.intp]) -> NDArray[np.bool_]:
+def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
     """Which matches (k, 2) may be ground: all, unless the fixed pattern is still in both frames and they show different ground.
     Then matches that have not moved are the pattern."""
     if a.faint is None or b.faint is None or a.faint.shape != b.faint.shape:
@@ -79,7 +77,7 @@ def moving(a: Features, b: Features, matches: NDArray[np.intp]) -> NDArray[np.bo
     return np.asarray(apart > STILL_PX)
 
 
-def _freed(faint: Faint, pattern: Floats) -> Floats:
+def _freed(faint: FaintImage, pattern: FloatImage) -> FloatImage:
     """A faint picture minus its projection onto the pattern, whose strength automatic gain changes from frame to frame."""
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))
@@ -94,9 +92,9 @@ def _ordinary(features: Features) -> Features:
     )
 
 
-def _energy(levels: NDArray[Any]) -> float:
+def _energy(levels: Band) -> float:
     return float(np.square(levels.astype(np.float32)).sum())
 
 
-def _correlation(a: Floats, b: Floats) -> float:
+def _correlation(a: FloatImage, b: FloatImage) -> float:
     return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-9))

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.features.extraction import Descriptors
-
-Rows = NDArray[np.float32]
+from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexPairsNx2, Indices, Vector32
 
 BLOCK = 256  # descriptors compared with all others at a time: the full matrix would not fit into the cache
 
 
-def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) -> NDArray[np.intp]:
+def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) -> IndexPairsNx2:
     """Index pairs (m, 2) of descriptors (n, d) and (k, d) that are each other's nearest neighbour in Euclidean distance.
 
     ratio: maximum ratio of the distances to the nearest and the second-nearest neighbour.
@@ -29,7 +26,7 @@ def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) 
     return np.column_stack([mutual, best[mutual]])
 
 
-def _nearest_two(a: Rows, half_a: Rows, b: Rows, half_b: Rows) -> tuple[NDArray[np.intp], Rows, Rows]:
+def _nearest_two(a: FloatRows, half_a: Vector32, b: FloatRows, half_b: Vector32) -> tuple[Indices, Vector32, Vector32]:
     """For each row of a (n, d): the nearest row of b (k, d), half its squared distance, and that of the second nearest, (n,)
     each. `half_a`, `half_b`: half the squared lengths.
 

@@ -12,12 +12,10 @@ from __future__ import annotations
 from array import array
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.features.extraction import Descriptors, Features
+from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexRows, Indices
+from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
-
-Floats = NDArray[np.float32]
 
 PER_FRAME = 200  # strongest descriptors stored per frame; 10 % overlap still shares several
 QUERY = 100  # strongest descriptors used per query; all 200 find no more
@@ -38,7 +36,7 @@ class RetrievalIndex(Kept):
     def __init__(self) -> None:
         self._descriptors: Descriptors = np.empty((0, 0), np.uint8)  # the first frame determines their kind
         self._count = 0
-        self._words: Floats = np.empty((1, 0), np.float32)
+        self._words: FloatRows = np.empty((1, 0), np.float32)
         self._rows = [array("q")]  # rows of the descriptors in each word, ascending
 
     def snapshot(self) -> Snapshot:
@@ -69,7 +67,7 @@ class RetrievalIndex(Kept):
         else:
             self._file(start)
 
-    def likeliest(self, features: Features, among: NDArray[np.intp], count: int) -> list[int]:
+    def likeliest(self, features: Features, among: Indices, count: int) -> list[int]:
         """The frames of `among` (m,) most similar to this one, best first, at most `count`."""
         query = features.descriptors[:QUERY].astype(np.float32)
         if not len(among) or not len(query):
@@ -80,7 +78,7 @@ class RetrievalIndex(Kept):
         score = np.maximum(nearness - background, 0).sum(axis=0) if rank == BACKGROUND_RANK else nearness.sum(axis=0)
         return [int(among[i]) for i in np.argsort(-score, kind="stable")[:count]]
 
-    def _nearness(self, query: Floats, among: NDArray[np.intp]) -> Floats:
+    def _nearness(self, query: FloatRows, among: Indices) -> FloatRows:
         """Similarity (q, m) of the best match of each query descriptor in each frame, as far as the probed words hold one.
 
         Where they hold none, the similarity to the nearest word's mean is used: a match must exceed it.
@@ -123,7 +121,7 @@ class RetrievalIndex(Kept):
             self._rows[word].append(row)
 
 
-def nearest_words(likeness: Floats, words: Floats, count: int) -> NDArray[np.intp]:
+def nearest_words(likeness: FloatRows, words: FloatRows, count: int) -> IndexRows:
     """Nearest words (n, count), nearest first, from the dot products (n, w) with them."""
     closeness = likeness - (words * words).sum(axis=1) / 2
     if count == 1:

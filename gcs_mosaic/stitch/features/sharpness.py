@@ -6,16 +6,13 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Band, Bands, FloatPlanes
 
 PIXELS = 500_000  # examined, in strips over the whole image: some rows suffice to measure its finest detail
 STRIP = 16  # rows
 COARSE = 8  # px; detail of this size survives blur that removes the finest, and has the same exposure
 BLOCKS = 24  # per strip; the median over all blocks is used, because burnt-in text is sharp in every image
-
-Floats = NDArray[np.float32]
 
 
 def sharpness(image: Bands) -> float:
@@ -31,7 +28,7 @@ def sharpness(image: Bands) -> float:
     )
 
 
-def _strips(band: NDArray[np.generic]) -> Floats:
+def _strips(band: Band) -> FloatPlanes:
     """Strips of rows (n, STRIP, w), evenly spaced over the image."""
     height, width = band.shape
     count = max(1, min(height // STRIP, PIXELS // (STRIP * width)))
@@ -39,14 +36,14 @@ def _strips(band: NDArray[np.generic]) -> Floats:
     return np.stack([band[row : row + STRIP] for row in rows]).astype(np.float32)
 
 
-def _energies(strips: Floats, step: int) -> tuple[float, float]:
+def _energies(strips: FloatPlanes, step: int) -> tuple[float, float]:
     """Energy of the differences across `step` pixels, horizontally and vertically; median over blocks."""
     across = strips[:, :-step, step:] - strips[:, :-step, :-step]
     down = strips[:, step:, :-step] - strips[:, :-step, :-step]
     return _middle(across * across), _middle(down * down)
 
 
-def _middle(energy: Floats) -> float:
+def _middle(energy: FloatPlanes) -> float:
     if not energy.size:
         return 0.0
     of_rows = energy.mean(axis=1)

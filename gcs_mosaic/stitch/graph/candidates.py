@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
@@ -135,9 +136,7 @@ class Search:
         chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
         return [int(f) for f in members[keep][chosen]]
 
-    def _registered_in_place(
-        self, frame: int, view_a: View, again: NDArray[np.bool_], other: int
-    ) -> Registration | NotRegistered:
+    def _registered_in_place(self, frame: int, view_a: View, again: Mask, other: int) -> Registration | NotRegistered:
         """Register two frames by the features that both should see, as far as their poses are known; `again`: those of the first
         that were matched before."""
         graph = self._graph

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -18,16 +18,14 @@ from gcs_mosaic.stitch.registration.registration import NotRegistered, Registrat
 
 logger = logging.getLogger(__name__)
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class Residuals:
     """Match residuals of a frame: its matches on the canvas (m, 2), and the offsets from there to the linked frames' (m, 2)."""
 
     name: str
-    places: Array
-    misses: Array
+    places: PointsNx2
+    misses: PointsNx2
 
 
 class Observer(Protocol):
@@ -75,7 +73,7 @@ class Observers:
 
 def island_residuals(graph: ViewGraph, island: int) -> list[Residuals]:
     """Residuals of the matches of an island's frames at their present poses, lens and relief applied; NaN above the horizon."""
-    of_frame: dict[int, list[tuple[Array, Array]]] = {frame: [] for frame in graph.members(island).tolist()}
+    of_frame: dict[int, list[tuple[PointsNx2, PointsNx2]]] = {frame: [] for frame in graph.members(island).tolist()}
     for (a, b), link in graph.links.items():
         if a in of_frame and b in of_frame:
             place_a, place_b = _places(graph, a, link.pixels_a), _places(graph, b, link.pixels_b)
@@ -88,7 +86,7 @@ def island_residuals(graph: ViewGraph, island: int) -> list[Residuals]:
     ]
 
 
-def _places(graph: ViewGraph, frame: int, pixels: Array) -> Array:
+def _places(graph: ViewGraph, frame: int, pixels: PointsNx2) -> PointsNx2:
     camera = graph.camera_of(frame)
     level_ground = on_plane(graph.frames[frame].relief, camera, pixels)
     return canvas_from_pixels(graph.pose_of(frame), camera, level_ground)

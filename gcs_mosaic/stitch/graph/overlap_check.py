@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Counts, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import (
-    Array,
     Camera,
     Pose,
     canvas_from_pixels,
@@ -29,7 +28,7 @@ SHARPER = 2.0  # ratio of resolutions; SIFT bridges more, but with fewer and few
 
 
 def confirmed_around(
-    graph: ViewGraph, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[Array]
+    graph: ViewGraph, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[PointsNx2]
 ) -> Confirmed:
     """Share of the cells common to the frame at this pose and other frames of an island that matches confirm: of cells with
     features matched before if they suffice, else of all commonly seen cells.
@@ -48,9 +47,7 @@ def confirmed_around(
 ENOUGH_CELLS = 6
 
 
-def _matched_before_by_any(
-    graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]
-) -> NDArray[np.bool_]:
+def _matched_before_by_any(graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
     """Cells (ROWS * COLUMNS,) where others have features matched with frames other than this one, at similar resolution."""
     counts = np.zeros(ROWS * COLUMNS, np.intp)
     for other in others:
@@ -65,18 +62,18 @@ def _matched_before_by_any(
     return np.asarray(counts >= COMPARABLE)
 
 
-def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> NDArray[np.bool_]:
+def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> Mask:
     points = graph.frames[frame].features.points.astype(np.float64)
     return np.asarray(_counts(points, camera) >= COMPARABLE)
 
 
-def _counts(pixels: Array, camera: Camera) -> NDArray[np.intp]:
+def _counts(pixels: PointsNx2, camera: Camera) -> Counts:
     """Number of pixels (n, 2) in each cell, (ROWS * COLUMNS,)."""
     column, row = ((pixels + 0.5) * [COLUMNS / camera.width, ROWS / camera.height]).astype(int).T
     return np.bincount(row.clip(0, ROWS - 1) * COLUMNS + column.clip(0, COLUMNS - 1), minlength=ROWS * COLUMNS)
 
 
-def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
+def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
     """Cells (ROWS * COLUMNS,) whose centre another frame sees at similar resolution."""
     half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
     inner = Camera(camera.width, camera.height)

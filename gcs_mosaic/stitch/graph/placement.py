@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs_mosaic.stitch.arrays import Matrix3x3
 from gcs_mosaic.stitch.camera import geometry
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
@@ -34,7 +35,7 @@ class Placement:
     homography: Homography | None = None
 
     @property
-    def canvas_from_frame(self) -> Array:
+    def canvas_from_frame(self) -> Matrix3x3:
         """Homography (3x3) from full-resolution pixels to the canvas that best fits pose and lens, or the free one."""
         return (
             geometry.canvas_from_frame(self.pose, self.camera) if self.homography is None else np.array(self.homography)
@@ -49,7 +50,7 @@ class Covered:
     by: str
     by_from_frame: Homography  # full-resolution pixels of this frame to those of its keyframe
 
-    def canvas_from_frame(self, keyframe: Placement) -> Array:
+    def canvas_from_frame(self, keyframe: Placement) -> Matrix3x3:
         """Homography (3x3) from full-resolution pixels to the canvas, given its keyframe's placement."""
         canvas_from_frame = keyframe.canvas_from_frame @ np.array(self.by_from_frame)
         return np.asarray(canvas_from_frame / canvas_from_frame[2, 2])

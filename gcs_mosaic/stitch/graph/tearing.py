@@ -14,11 +14,10 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import AnyArray, IndexPairsNx2, Indices, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
@@ -26,8 +25,6 @@ from gcs_mosaic.stitch.transaction import Kept
 
 logger = logging.getLogger(__name__)
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # pairs of an island sampled evenly: half a second at 3,000 frames, and the 95 % is accurate to some 4 %
 PAIRS = 500
@@ -90,18 +87,18 @@ class _Matches:
     """Held-out matches of pairs of frames, m in all."""
 
     pair: Indices  # (m,) number of the pair
-    is_inlier: NDArray[np.bool_]  # (m,)
-    frames: Indices  # (m, 2)
-    features: Indices  # (m, 2)
+    is_inlier: Mask  # (m,)
+    frames: IndexPairsNx2  # (m, 2)
+    features: IndexPairsNx2  # (m, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class _Sights:
     """Canvas places of observations, n in all."""
 
-    painted: Array  # (n, 2) on the canvas
-    level: Array  # (n, 2) the same without relief, on the plane
-    by_height: Array  # (n, 2) shift per unit of ground height
+    painted: PointsNx2  # (n, 2) on the canvas
+    level: PointsNx2  # (n, 2) the same without relief, on the plane
+    by_height: PointsNx2  # (n, 2) shift per unit of ground height
 
 
 def torn_apart(graph: ViewGraph, island: int, settings: ReliefSettings) -> HeldOut | None:
@@ -135,7 +132,7 @@ def _matches(graph: ViewGraph, island: int) -> _Matches:
     )
 
 
-def _joined(parts: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
+def _joined(parts: Sequence[AnyArray], kind: type) -> AnyArray:
     return np.concatenate(parts).astype(kind) if parts else np.empty(0, kind)
 
 
@@ -153,7 +150,7 @@ def _sights(graph: ViewGraph, frames: Indices, features: Indices) -> _Sights:
     return _Sights(painted, level, by_height)
 
 
-def _as_good_as_inliers(sights: _Sights, is_inlier: NDArray[np.bool_], highest: float) -> NDArray[np.bool_]:
+def _as_good_as_inliers(sights: _Sights, is_inlier: Mask, highest: float) -> Mask:
     """Matches (m,) consistent with one point of plausible height, with errors below the inliers' 95th percentile."""
     miss = sights.level[1::2] - sights.level[::2]
     parallax = sights.by_height[::2] - sights.by_height[1::2]
@@ -163,7 +160,7 @@ def _as_good_as_inliers(sights: _Sights, is_inlier: NDArray[np.bool_], highest: 
     return np.asarray(off < quantiles(off[is_inlier], np.ones(np.count_nonzero(is_inlier)), (0.95,))[0])
 
 
-def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
+def quantiles(values: Vector, weights: Vector, shares: Sequence[float]) -> list[float]:
     """Weighted quantiles of the values."""
     order = np.argsort(values)
     heaped = np.cumsum(weights[order])

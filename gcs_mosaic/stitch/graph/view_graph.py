@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Box4, BoxesNx4, FeaturePairsNx2, Indices, Mask, PointsNx2, SquareMatrix
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, footprint
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
@@ -23,7 +23,6 @@ from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
 from gcs_mosaic.stitch.transaction import Kept
 
-Array = NDArray[np.float64]
 CameraNumber = int  # frames of one size were taken by one camera
 
 NOWHERE = -1  # the island of a frame that is not placed
@@ -59,11 +58,11 @@ class Link:
     `registration.held_out`.
     """
 
-    pixels_a: Array
-    pixels_b: Array
-    features: NDArray[np.uint32]
-    held_out: NDArray[np.uint32]
-    doubtful: NDArray[np.uint32]
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
+    features: FeaturePairsNx2
+    held_out: FeaturePairsNx2
+    doubtful: FeaturePairsNx2
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ class Lens:
     `projection.lens_row`; None while not estimated."""
 
     camera: Camera
-    information: Array | None = None
+    information: SquareMatrix | None = None
 
 
 class ViewGraph(Kept):
@@ -103,9 +102,9 @@ class ViewGraph(Kept):
         self.sizes: list[Camera] = []  # by camera: its size, and the lens expected of any
         self.lenses: dict[tuple[int, CameraNumber], Lens] = {}
         self.links: dict[tuple[int, int], Link] = {}
-        self.islands: NDArray[np.intp] = np.empty(0, np.intp)
-        self.cameras: NDArray[np.intp] = np.empty(0, np.intp)
-        self.boxes: Array = np.empty((0, 4))
+        self.islands: Indices = np.empty(0, np.intp)
+        self.cameras: Indices = np.empty(0, np.intp)
+        self.boxes: BoxesNx4 = np.empty((0, 4))
         self.roots: dict[int, int] = {}
         self.merged_into: list[int | None] = []
         self.bridges: list[Bridge] = []
@@ -238,7 +237,7 @@ class ViewGraph(Kept):
         self.cells_expected += cells
         self.cells_confirmed += share * cells
 
-    def matched_before(self, frame: int, but: int | None = None) -> NDArray[np.bool_]:
+    def matched_before(self, frame: int, but: int | None = None) -> Mask:
         """Which of a frame's features (n,) its links have matched; `but`: a frame whose links are ignored."""
         matched = np.zeros(len(self.frames[frame].features), bool)
         for other in self.frames[frame].inliers.keys() - {but}:
@@ -282,18 +281,18 @@ class ViewGraph(Kept):
         assert self.islands[frame] != NOWHERE, "only placed frames lie on an island"
         return int(self.islands[frame])
 
-    def placed(self) -> NDArray[np.intp]:
+    def placed(self) -> Indices:
         """Frames placed on any island, in order of arrival."""
         return np.flatnonzero(self.islands != NOWHERE)
 
-    def members(self, island: int) -> NDArray[np.intp]:
+    def members(self, island: int) -> Indices:
         """Frames of an island, in order of arrival."""
         return np.flatnonzero(self.islands == island)
 
     def count_members(self, island: int) -> int:
         return int(np.count_nonzero(self.islands == island))
 
-    def elsewhere(self, island: int) -> NDArray[np.intp]:
+    def elsewhere(self, island: int) -> Indices:
         """Placed frames of the other islands."""
         return np.flatnonzero((self.islands != NOWHERE) & (self.islands != island))
 
@@ -308,7 +307,7 @@ class ViewGraph(Kept):
         return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
 
 
-def box_of(pose: Pose, camera: Camera) -> Array:
+def box_of(pose: Pose, camera: Camera) -> Box4:
     """Bounding box (x0, y0, x1, y1) of a frame's footprint on the canvas; NaN where it sees no ground."""
     outline = footprint(pose, camera, per_side=3)
     outline = outline[np.isfinite(outline).all(axis=1)]
@@ -317,6 +316,6 @@ def box_of(pose: Pose, camera: Camera) -> Array:
     return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
 
 
-def centres(boxes: Array) -> Array:
+def centres(boxes: BoxesNx4) -> PointsNx2:
     """Centres (n, 2) of boxes (n, 4)."""
     return (boxes[:, :2] + boxes[:, 2:]) / 2

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.arrays import Matrix3x3, PointsNx2, Vector2
+from gcs_mosaic.stitch.camera.geometry import Camera, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
@@ -116,17 +117,17 @@ class Covering:
         return share >= self._settings.least_confirmed
 
 
-def _corners(features: Features) -> Array:
+def _corners(features: Features) -> PointsNx2:
     """The frame's outer corners (4, 2) in pixels, clockwise."""
     unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     return unit * [features.width, features.height] - 0.5
 
 
-def _mapped(homography: Array, points: Array) -> Array:
+def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
     return np.asarray(cv2.perspectiveTransform(points[None], homography)[0])
 
 
-def _share_inside(outline: Array, camera: Camera) -> float:
+def _share_inside(outline: PointsNx2, camera: Camera) -> float:
     """Share, by area, of a quadrilateral outline (4, 2) in a frame's pixels that lies inside the frame; 0 if not convex."""
     quad = (outline + 0.5).astype(np.float32)
     if not np.isfinite(quad).all() or not cv2.isContourConvex(quad):
@@ -137,12 +138,12 @@ def _share_inside(outline: Array, camera: Camera) -> float:
     return _area(common) / max(_area(whole), 1e-9)
 
 
-def _cut(polygon: Array, axis: int, sign: float, offset: float) -> Array:
+def _cut(polygon: PointsNx2, axis: int, sign: float, offset: float) -> PointsNx2:
     """The part of a convex polygon (n, 2) where sign * coordinate + offset >= 0 (Sutherland and Hodgman, CACM 17(1), 1974).
 
     OpenCV 4.10 returns wrong intersections of polygons with common sides.
     """
-    kept: list[Array] = []
+    kept: list[Vector2] = []
     for here, there in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         a, b = sign * here[axis] + offset, sign * there[axis] + offset
         kept += [here] if a >= 0 else []
@@ -150,6 +151,6 @@ def _cut(polygon: Array, axis: int, sign: float, offset: float) -> Array:
     return np.array(kept).reshape(-1, 2)
 
 
-def _area(polygon: Array) -> float:
+def _area(polygon: PointsNx2) -> float:
     x, y = polygon.T
     return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import PointsNx2, SquareMatrix, Vector, Vector2
 from gcs_mosaic.stitch.bundle.lens import believable
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.camera.projection import lens_row, with_lens
@@ -22,8 +22,7 @@ from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
 from gcs_mosaic.stitch.graph.view_graph import Bridge, CameraNumber, Lens, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.a_contrario import SAMPLE, log_odds
 
-Array = NDArray[np.float64]
-Similarity = tuple[float, float, Array]  # scale, angle in radians, shift (2,)
+Similarity = tuple[float, float, Vector2]  # scale, angle in radians, shift (2,)
 
 AGREEMENT = 0.1  # of a footprint's diagonal: maximum distance between two bridges' places of the same ground
 # -log10 of the chance that two wrong bridges agree so well: 0.007 in position (3 x 3 footprints), 0.06 in heading (0.2 radians
@@ -205,7 +204,7 @@ class Bridges:
         places = [self._places(bridge) for bridge in bridges]
         return similarity_between(np.concatenate([b for _, b in places]), np.concatenate([a for a, _ in places]))
 
-    def _places(self, bridge: Bridge) -> tuple[Array, Array]:
+    def _places(self, bridge: Bridge) -> tuple[PointsNx2, PointsNx2]:
         """Places (m, 2) of the matches on either island, at the present poses."""
         graph, r = self._graph, bridge.registration
         places_a, places_b = (
@@ -227,7 +226,7 @@ def _reconciled(one: Lens, other: Lens) -> Lens:
         return other if one.information is None and other.information is not None else one
     information = one.information + other.information
     weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
-    mean: Array = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
+    mean: Vector = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
     if not np.allclose(believable(mean[None])[0], mean, rtol=0.0, atol=SAME_LENS):
         return one if _known(one.information) >= _known(other.information) else other
     return Lens(with_lens(one.camera, mean), information)
@@ -236,6 +235,6 @@ def _reconciled(one: Lens, other: Lens) -> Lens:
 SAME_LENS = 1e-9  # tolerance of its terms; rounding may carry the mean of two lenses at a limit across it
 
 
-def _known(information: Array) -> float:
+def _known(information: SquareMatrix) -> float:
     """Joint information on a lens' terms: log of the volume reduction relative to terms known to about 1."""
     return float(np.linalg.slogdet(information + np.eye(len(information)))[1])

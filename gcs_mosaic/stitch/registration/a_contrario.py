@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import PointsNx2
 
 SAMPLE = 4  # matches that determine a homography
 PER_CELL = 12  # features expected in a cell of the overlap: enough for a true overlap to confirm most cells
@@ -41,7 +41,7 @@ def log_choose(n: int, k: int) -> float:
     return (math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)) / math.log(10)
 
 
-def chance_of_agreement(mapped: Array, matched: Array, radius: float, area: float) -> float:
+def chance_of_agreement(mapped: PointsNx2, matched: PointsNx2, radius: float, area: float) -> float:
     """Probability that a point of frame a, mapped to b, falls within `radius` px of an unrelated match's point in b.
 
     mapped, matched: (n, 2) both ends of the tentative matches, in pixels of b, whose image has `area` px. For uniformly
@@ -78,7 +78,7 @@ def log_odds(found: Confirmed, true_share: float) -> float:
     return found.cells / CORRELATED_CELLS * (for_it + against)
 
 
-def cell_numbers(points: Array, side: float) -> NDArray[np.int64]:
+def cell_numbers(points: PointsNx2, side: float) -> NDArray[np.int64]:
     """Cell number (n,) of each of the points (n, 2), for square cells of this side."""
     if not len(points):
         return np.empty(0, np.int64)
@@ -86,7 +86,7 @@ def cell_numbers(points: Array, side: float) -> NDArray[np.int64]:
     return np.asarray((column - column.min()) * (np.ptp(row) + 1) + row - row.min())
 
 
-def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirmed:
+def confirmed(features_a: PointsNx2, features_b: PointsNx2, agreeing: PointsNx2) -> Confirmed:
     """Share of the overlap, by area, that matches confirm.
 
     features_a, features_b: features of both frames in the overlap, (n, 2), (m, 2); agreeing (k, 2): the inlier matches; all in

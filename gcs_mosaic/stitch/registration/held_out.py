@@ -8,28 +8,28 @@ only 3 % (median) and 6 % (95 %).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import AnyPairsNx2, FeaturePairsNx2, Mask
 
 # of a frame's features; a match is held out if either end is, so one match in ten. Features are numbered by strength,
 # independent of position: the held-out ones are spread over the image like all others.
 EVERY = 20
 
 
-def held_out(features: NDArray[Any]) -> NDArray[np.bool_]:
+def held_out(features: AnyPairsNx2) -> Mask:
     """Which matches (m,) of features (m, 2) are held out."""
     return np.asarray((features % EVERY == 0).any(axis=1))
 
 
-def held_out_doubtful(tentative: NDArray[Any], inliers: NDArray[Any]) -> NDArray[np.uint32]:
+def held_out_doubtful(tentative: AnyPairsNx2, inliers: AnyPairsNx2) -> FeaturePairsNx2:
     """Tentative matches (n, 2) that are held out and are not inliers (m, 2)."""
     apart = tentative[held_out(tentative)]
     return apart[~np.isin(_numbered(apart), _numbered(inliers))].astype(np.uint32)
 
 
-def _numbered(matches: NDArray[Any]) -> NDArray[np.uint64]:
+def _numbered(matches: AnyPairsNx2) -> NDArray[np.uint64]:
     """One integer per match (m, 2)."""
     first, second = matches.astype(np.uint64).T
     return np.asarray(first << np.uint64(32) | second)

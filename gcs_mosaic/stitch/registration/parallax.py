@@ -8,11 +8,9 @@ others it explains separates tree crowns and roofs from chance.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import bdtrc
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from gcs_mosaic.stitch.arrays import Mask, PointsNx2, RowsNx3
 
 # Of the image diagonal: largest parallax considered. Trees an eighth of the flying height tall at 60 % overlap. From 0.04 to
 # 0.06 the results are the same; at 0.08 similar trees in rows are mistaken for one another's tops.
@@ -22,7 +20,7 @@ HYPOTHESES = 200  # epipoles tried: with a fifth of the displaced matches right,
 LEAST_CHANCE = 1e-3  # of so many matches agreeing with one of the hypotheses by accident
 
 
-def displaced_by_height(mapped: Array, matched: Array, on_plane: Mask, diagonal: float) -> Mask:
+def displaced_by_height(mapped: PointsNx2, matched: PointsNx2, on_plane: Mask, diagonal: float) -> Mask:
     """Which matches (n,) show points above or below the plane.
 
     mapped, matched (n, 2): both ends of the matches in pixels of frame b, the first mapped there by the plane's homography;
@@ -56,5 +54,5 @@ def displaced_by_height(mapped: Array, matched: Array, on_plane: Mask, diagonal:
 SAMPLE = 2  # displaced matches that determine an epipole
 
 
-def _homogeneous(points: Array) -> Array:
+def _homogeneous(points: PointsNx2) -> RowsNx3:
     return np.column_stack([points, np.ones(len(points))])

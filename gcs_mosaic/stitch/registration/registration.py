@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, Mask, Matrix3x3, PointsNx2, Vector, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.fixed_pattern import moving
 from gcs_mosaic.stitch.features.matching import match
@@ -25,12 +25,9 @@ from gcs_mosaic.stitch.registration.a_contrario import (
 )
 from gcs_mosaic.stitch.registration.parallax import displaced_by_height
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 HYPOTHESES = 3  # homographies tried: a look-alike elsewhere, or burnt-in text, can outnumber the ground's inliers
 NO_MATCHES = np.empty((0, 2), np.intp)
-NO_PIXELS: Array = np.empty((0, 2))
+NO_PIXELS: PointsNx2 = np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,15 +54,15 @@ class RegistrationSettings:
 class Registration:
     """Two overlapping frames: inlier pixels of each, (m, 2) in full resolution, and b_from_a (3x3)."""
 
-    pixels_a: Array
-    pixels_b: Array
-    features: NDArray[np.intp]  # (m, 2) feature indices of the inliers in a and b
-    b_from_a: Array
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
+    features: IndexPairsNx2  # (m, 2) feature indices of the inliers in a and b
+    b_from_a: Matrix3x3
     independent_inliers: int
     evidence: float  # -log10 of the expected number of equally good chance agreements
-    displaced_a: Array = field(default_factory=lambda: NO_PIXELS)  # (k, 2) matches off the plane that parallax explains
-    displaced_b: Array = field(default_factory=lambda: NO_PIXELS)
-    tentative: NDArray[np.intp] = field(default_factory=lambda: NO_MATCHES)  # (k, 2) feature indices, inliers or not
+    displaced_a: PointsNx2 = field(default_factory=lambda: NO_PIXELS)  # matches off the plane, explained by parallax
+    displaced_b: PointsNx2 = field(default_factory=lambda: NO_PIXELS)
+    tentative: IndexPairsNx2 = field(default_factory=lambda: NO_MATCHES)  # (k, 2) feature indices, inliers or not
 
     def turned(self) -> Registration:
         """The same registration with the frames exchanged."""
@@ -75,7 +72,7 @@ class Registration:
         return replace(turned, pixels_a=self.pixels_b, pixels_b=self.pixels_a, b_from_a=a_from_b)
 
     @property
-    def agreeing_a(self) -> Array:
+    def agreeing_a(self) -> PointsNx2:
         """Pixels (m + k, 2) of frame a that were matched, on the plane or off it."""
         return np.concatenate([self.pixels_a, self.displaced_a])
 
@@ -86,29 +83,29 @@ class NotRegistered:
 
     reason: str
     inliers: int
-    pixels_a: Array
-    pixels_b: Array
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
 
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
     """Two frames in pixels of their feature pictures: all their features (n, 2), (m, 2), and the matches (k, 2)."""
 
-    all_a: Array
-    all_b: Array
-    size_a: Array
-    size_b: Array
-    matches: NDArray[np.intp]
-    features: NDArray[np.intp]  # (k, 2) the matches as indices into all features of either frame
+    all_a: PointsNx2
+    all_b: PointsNx2
+    size_a: Vector2
+    size_b: Vector2
+    matches: IndexPairsNx2
+    features: IndexPairsNx2  # (k, 2) the matches as indices into all features of either frame
     again_a: Mask  # (n,) features matched before, see `register`
     again_b: Mask  # (m,)
 
     @property
-    def a(self) -> Array:
+    def a(self) -> PointsNx2:
         return self.all_a[self.matches[:, 0]]
 
     @property
-    def b(self) -> Array:
+    def b(self) -> PointsNx2:
         return self.all_b[self.matches[:, 1]]
 
 
@@ -124,7 +121,7 @@ class Part:
     seen: Mask | None = None
     again: Mask | None = None
 
-    def chosen(self, features: Features) -> NDArray[np.intp]:
+    def chosen(self, features: Features) -> Indices:
         return np.arange(len(features)) if self.seen is None else np.flatnonzero(self.seen)
 
 
@@ -176,7 +173,7 @@ def _matched(a: Features, b: Features, part_a: Part, part_b: Part, ratio: float)
     )
 
 
-def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[Array | None, Mask]:
+def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[Matrix3x3 | None, Mask]:
     """b_from_a (3x3) of the remaining matches, and its inliers among all matches (k,); or None."""
     inlier = np.zeros(len(left), bool)
     if left.sum() <= SAMPLE:
@@ -185,7 +182,7 @@ def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[
     return homography, inlier
 
 
-def robust_homography(a: Array, b: Array, threshold: float) -> tuple[Array | None, Mask]:
+def robust_homography(a: PointsNx2, b: PointsNx2, threshold: float) -> tuple[Matrix3x3 | None, Mask]:
     """b_from_a (3x3) and the inliers (m,) of matched points (m, 2), or None."""
     homography, inlier = cv2.findHomography(
         a, b, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.9995
@@ -195,12 +192,14 @@ def robust_homography(a: Array, b: Array, threshold: float) -> tuple[Array | Non
     return np.asarray(homography, dtype=np.float64), inlier.ravel().astype(bool)
 
 
-def independent_count(a: Array, b: Array, cell: float) -> int:
+def independent_count(a: PointsNx2, b: PointsNx2, cell: float) -> int:
     """Number of inliers in distinct cells, the smaller of the two frames: features pile up on one spot."""
     return min(len(np.unique(cell_numbers(points, cell))) for points in (a, b))
 
 
-def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, settings: RegistrationSettings) -> float:
+def _evidence(
+    pair: _Pair, homography: Matrix3x3, inlier: Mask, independent: int, settings: RegistrationSettings
+) -> float:
     matches = max(independent, independent_count(pair.a, pair.b, settings.cell_px))
     area = float(pair.size_b.prod())
     chance = chance_of_agreement(_mapped(homography, pair.a), pair.b, settings.threshold_px, area)
@@ -208,7 +207,7 @@ def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, se
 
 
 def _doubt(
-    pair: _Pair, homography: Array, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
+    pair: _Pair, homography: Matrix3x3, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
 ) -> str:
     """Reason why this homography cannot be two views of the same ground, or ""."""
     if evidence < settings.least_evidence:
@@ -222,7 +221,7 @@ def _doubt(
     return _contradicted(pair, homography, inlier | displaced, settings)
 
 
-def _contradicted(pair: _Pair, homography: Array, agreeing: Mask, settings: RegistrationSettings) -> str:
+def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: Mask, settings: RegistrationSettings) -> str:
     """Evidence against the overlap, or "": from features matched before if they suffice, else from all."""
     overlap = _Overlap.of(pair, homography, pair.a[agreeing])
     again = overlap.confirmed_again(pair)
@@ -245,14 +244,14 @@ NOTHING = Confirmed(1.0, 0)
 class _Overlap:
     """Features of both frames that the other should see, in pixels of a: `a` (n, 2) and a mask of them, `b` likewise."""
 
-    a: Array
-    b: Array
+    a: PointsNx2
+    b: PointsNx2
     inside_a: Mask
     inside_b: Mask
-    agreeing: Array  # (k, 2)
+    agreeing: PointsNx2  # (k, 2)
 
     @classmethod
-    def of(cls, pair: _Pair, homography: Array, agreeing: Array) -> _Overlap:
+    def of(cls, pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2) -> _Overlap:
         a_from_b = np.asarray(np.linalg.inv(homography), dtype=np.float64)
         places_b = _mapped(a_from_b, pair.all_b)
         in_b = _inside(_mapped(homography, pair.all_a), pair.size_b) & (_area_scale(homography, pair.all_a) > 0)
@@ -272,7 +271,7 @@ class _Overlap:
         return confirmed(self.a[self.inside_a & of_a], self.b[self.inside_b & of_b], self.agreeing)
 
 
-def _area_scale(homography: Array, points: Array) -> Array:
+def _area_scale(homography: Matrix3x3, points: PointsNx2) -> Vector:
     """Factor (n,) by which areas around the points (n, 2) grow; not positive behind the camera or seen from below."""
     depth = points @ homography[2, :2] + homography[2, 2]
     with np.errstate(divide="ignore"):
@@ -281,7 +280,7 @@ def _area_scale(homography: Array, points: Array) -> Array:
 
 def _in_full_resolution(
     pair: _Pair,
-    homography: Array,
+    homography: Matrix3x3,
     inlier: Mask,
     displaced: Mask,
     independent: int,
@@ -303,15 +302,15 @@ def _in_full_resolution(
     )
 
 
-def _mapped(homography: Array, points: Array) -> Array:
+def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
     return np.asarray(cv2.perspectiveTransform(points[None], homography)[0]) if len(points) else points
 
 
-def _inside(points: Array, size: Array) -> Mask:
+def _inside(points: PointsNx2, size: Vector2) -> Mask:
     return np.asarray(((points >= 0) & (points < size)).all(axis=1))
 
 
-def well_spread(points: Array, count: int) -> NDArray[np.intp]:
+def well_spread(points: PointsNx2, count: int) -> Indices:
     """Indices of at most `count` of the points (n, 2), by farthest-point sampling."""
     if len(points) <= count:
         return np.arange(len(points))
