@@ -43,7 +43,7 @@ def tracks(matches: IndexPairsNx2, frame_of_node: Indices) -> Tracks:
 def triangulate(
     places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
 ) -> PointsNx2:
-    """Nadir places (t, 2) of the points on the plane, from one ray per observation.
+    """Vertical projections (t, 2) of the points onto the plane, from one ray per observation.
 
     places (m, 2): intersections of the rays with the plane; by_height (m, 2): their shift per unit of height; deviations (m,):
     standard deviation of an observation, canvas units; height_sigma: of the points' heights about the plane. Robust (Cauchy): a
