@@ -11,26 +11,27 @@ PACKAGE = Path(__file__).parent.parent / "gcs_mosaic"
 
 # Which rooms of the package a room may import, from the ground up. What is not listed here is a room of nobody.
 STITCHING = ("camera", "features", "registration", "graph", "bundle", "mapping", "mosaic")  # each those before it
-STITCH = {"stitch.transaction", *(f"stitch.{room}" for room in STITCHING)}
+STITCH = {"stitch.arrays", "stitch.transaction", *(f"stitch.{room}" for room in STITCHING)}
 ALLOWED = {
     "__init__": STITCH,  # the front door for programs
     "errors": set(),
     "messages": set(),
     "stitch": set(),
+    "stitch.arrays": set(),
     "stitch.transaction": set(),
     **{
-        f"stitch.{room}": {"stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:at])}
+        f"stitch.{room}": {"stitch.arrays", "stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:at])}
         for at, room in enumerate(STITCHING)
     },
-    "render": {"stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
+    "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
     "baseline": {"render", *STITCH - {"stitch.mosaic"}},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
-    "frames": {"messages", "errors"},
-    "store": {"render", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
-    "export": {"store", "render", "frames", "stitch.camera", "errors"},
+    "frames": {"stitch.arrays", "messages", "errors"},
+    "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
+    "export": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
     "web": {"store", "export", "render", "errors"},
-    "debug": {"stitch.camera", "stitch.registration", "stitch.graph", "errors"},
+    "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", *STITCH, "errors"},
     "app": {
         *("config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),

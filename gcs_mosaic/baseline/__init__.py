@@ -1,9 +1,9 @@
-"""The paper's recipe, literally: what the rest of this program is measured against (`--method paper`).
+"""Baseline: the paper's method, implemented literally for comparison (`--method paper`).
 
 Portakal, Kındıroğlu, Uluyağmur Öztürk, "Real Time Incremental Image Mosaicking Without Use of Any Camera Parameter". One file
-for each step, to be read beside its section III: `features` (A, on the frame and on the region of interest), `matching` (B),
-`homography` (C), `blending` (D); `raster` is the mosaic that grows, `mosaic` the door.
+per step, to be read alongside its section III: `features` (A, of the frame and the region of interest), `matching` (B),
+`homography` (C), `blending` (D); `raster` is the growing mosaic, `mosaic` the entry point.
 
-Added is only what keeps it from taking all memory when it fails: a frame is refused, with a reason, that would lie beyond its
-own horizon, mirrored, or larger than is believed, or with which the mosaic would outgrow its bound.
+The only additions bound its memory when it fails: a frame is refused, with a reason, if it would lie beyond its own horizon, be
+mirrored, be implausibly large, or make the mosaic exceed its limit.
 """

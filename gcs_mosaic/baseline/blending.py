@@ -1,23 +1,21 @@
-"""Section III.D: alpha blending by the distance to the own border, the new frame heavier where its edges are dense."""
+"""Section III.D: alpha blending by distance to the border, with more weight for the new frame where its edges are dense."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
-Weights = NDArray[np.float32]
+from gcs_mosaic.stitch.arrays import Coverage, FloatImage, ImageBGR
 
-CANNY = 100, 200  # grey levels of gradient between which an edge goes on, and above which it begins; the usual pair
-CLOSING = 5  # px; the twigs of one tree become one patch
-BOOST = 2.0  # the new frame weighs so many times more where edges are dense; the paper gives no number
+CANNY = 100, 200  # gradient in grey levels: lower and upper hysteresis threshold; the usual pair
+CLOSING = 5  # px; the twigs of one tree become one blob
+BOOST = 2.0  # factor on the new frame's weight where edges are dense; the paper gives no value
 
 
-def blend(shown: Image, shown_weight: Weights, new: Image, new_coverage: Image) -> Image:
-    """Both pictures (h, w, 3) as one.
+def blend(shown: ImageBGR, shown_weight: FloatImage, new: ImageBGR, new_coverage: Coverage) -> ImageBGR:
+    """Blend two images (h, w, 3).
 
-    shown_weight (h, w): distance from the mosaic's border, 0 where it shows nothing; new_coverage (h, w): 0 or 255.
+    shown_weight (h, w): distance from the mosaic's border, 0 where it is empty; new_coverage (h, w): 0 or 255.
     """
     new_weight = border_distance(new_coverage) * edge_boost(new)
     share = new_weight / np.maximum(shown_weight + new_weight, 1e-6)
@@ -25,14 +23,14 @@ def blend(shown: Image, shown_weight: Weights, new: Image, new_coverage: Image) 
     return np.asarray(np.where(new_coverage[..., None] > 0, mixed, shown), dtype=np.uint8)
 
 
-def border_distance(coverage: Image) -> Weights:
-    """Pixels from each covered place (h, w) to the nearest that is not; all around the picture nothing is."""
+def border_distance(coverage: Coverage) -> FloatImage:
+    """Distance in pixels from each covered pixel (h, w) to the nearest uncovered one; outside the image all are uncovered."""
     framed = cv2.copyMakeBorder(coverage, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return np.asarray(cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
 
 
-def edge_boost(image: Image) -> Weights:
-    """`BOOST` (h, w) where edges (Canny), closed (a dilation, then an erosion), cover the picture, else 1."""
+def edge_boost(image: ImageBGR) -> FloatImage:
+    """`BOOST` (h, w) where closed edges (Canny, then dilation and erosion) cover the image, else 1."""
     edges = cv2.Canny(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), *CANNY)
     closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((CLOSING, CLOSING), np.uint8))
     return np.where(closed > 0, np.float32(BOOST), np.float32(1))

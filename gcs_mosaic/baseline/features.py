@@ -1,6 +1,6 @@
-"""Section III.A: features of the frame, and of the part of the mosaic that lies in the region of interest.
+"""Section III.A: features of the frame, and of the mosaic within the region of interest.
 
-Both at the size they are stitched at, as the detectors' authors set them, without the bounds of the default method.
+Both at stitching resolution, with the detectors' published settings, without the bounds of the default method.
 """
 
 from __future__ import annotations
@@ -9,25 +9,23 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, ImageGrey
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
 from gcs_mosaic.stitch.features.extraction import Features, reduced_grey
 
-Image = NDArray[np.uint8]
 Span = tuple[int, int]  # first pixel, and the one after the last
 
-MOST_FEATURES = 10_000  # of a frame; the paper's own counts are 6,704 (SIFT), 3,927 (SURF) and 9,973 (ORB)
-CONTRAST = 0.04  # SIFT's threshold (Lowe: 0.03 of a scale that OpenCV divides by the layers of an octave)
-BLOCK = 2048  # px a side: SIFT takes 60 bytes per byte of a picture, so a large region is looked at piece by piece
-MARGIN = 128  # px around a block that its features may be described by
+MOST_FEATURES = 10_000  # per frame; the paper's own counts are 6,704 (SIFT), 3,927 (SURF) and 9,973 (ORB)
+CONTRAST = 0.04  # SIFT's threshold (Lowe: 0.03 of a scale that OpenCV divides by the layers per octave)
+BLOCK = 2048  # px a side: SIFT takes 60 bytes per image byte, so a large region is processed in blocks
+MARGIN = 128  # px around a block available to its descriptors
 
 
 def frame_features(image: Bands, kind: FeatureKind, reduction: int) -> Features:
-    """Features of a frame (h, w, bands), reduced by a whole factor; their points count in full-resolution pixels.
+    """Features of a frame (h, w, bands) reduced by an integer factor; points in full-resolution pixels.
 
-    Descriptors are as the detector gives them (`detectors.Found`).
+    Descriptors are as the detector returns them (`detectors.Found`).
     """
     found = detect(reduced_grey(image, math.inf), kind, MOST_FEATURES, CONTRAST)
     points = ((found.points + 0.5) * reduction - 0.5).astype(np.float32)
@@ -35,8 +33,8 @@ def frame_features(image: Bands, kind: FeatureKind, reduction: int) -> Features:
     return Features(points, found.descriptors, width, height, float(reduction))
 
 
-def region_features(picture: Image, coverage: Image, kind: FeatureKind) -> Found:
-    """Features of a part of the mosaic (h, w, 3) where it shows anything (`coverage` (h, w), 0 or 255), in its pixels."""
+def region_features(picture: ImageBGR, coverage: Coverage, kind: FeatureKind) -> Found:
+    """Features of a part of the mosaic (h, w, 3) where covered (`coverage` (h, w), 0 or 255), in its pixels."""
     grey = _grey(picture)
     parts = [
         _block_features(grey, columns, rows, kind) for rows in _spans(len(grey)) for columns in _spans(grey.shape[1])
@@ -48,13 +46,13 @@ def region_features(picture: Image, coverage: Image, kind: FeatureKind) -> Found
 
 
 def _spans(side: int) -> list[Span]:
-    """Where the blocks along a side begin and end; the last one may be half as long or half longer than the others."""
+    """Start and end of the blocks along a side; the last one may be half shorter or half longer than the others."""
     starts = range(0, max(side - BLOCK // 2, 1), BLOCK)
     return list(zip(starts, [*starts[1:], side], strict=True))
 
 
-def _block_features(grey: Image, columns: Span, rows: Span, kind: FeatureKind) -> Found:
-    """Features of a block, told apart with what lies around it in view."""
+def _block_features(grey: ImageGrey, columns: Span, rows: Span, kind: FeatureKind) -> Found:
+    """Features of a block, described with its surroundings in view."""
     left, top = max(0, columns[0] - MARGIN), max(0, rows[0] - MARGIN)
     found = detect(grey[top : rows[1] + MARGIN, left : columns[1] + MARGIN], kind, MOST_FEATURES, CONTRAST)
     points = np.add(found.points, [left, top])
@@ -63,5 +61,5 @@ def _block_features(grey: Image, columns: Span, rows: Span, kind: FeatureKind) -
     return Found(points[own], found.descriptors[own])
 
 
-def _grey(image: Image) -> Image:
+def _grey(image: ImageBGR) -> ImageGrey:
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

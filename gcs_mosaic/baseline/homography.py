@@ -9,26 +9,26 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Matrix3x3, PointsNx2
 from gcs_mosaic.stitch.graph.placement import Rejection
 
-Array = NDArray[np.float64]
-
-LEAST_MATCHES = 4  # that fix a homography
+LEAST_MATCHES = 4  # that determine a homography
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """mosaic_from_frame (3x3), how many matches agree with it, and by how much these miss it (median, mosaic pixels)."""
+    """mosaic_from_frame (3x3), number of inliers, and their residual (median, mosaic pixels)."""
 
-    mosaic_from_frame: Array
+    mosaic_from_frame: Matrix3x3
     inliers: int
     residual_px: float
 
 
-def fit_homography(name: str, frame: Array, mosaic: Array, threshold_px: float, least_inliers: int) -> Fit | Rejection:
-    """What takes matched points of a frame (m, 2) to those of the mosaic (m, 2)."""
+def fit_homography(
+    name: str, frame: PointsNx2, mosaic: PointsNx2, threshold_px: float, least_inliers: int
+) -> Fit | Rejection:
+    """Homography from matched points of a frame (m, 2) to those of the mosaic (m, 2)."""
     if len(frame) < LEAST_MATCHES:
         return Rejection(name, f"{len(frame)} matches with the region of interest, {LEAST_MATCHES} needed")
     homography, inlier = cv2.findHomography(frame, mosaic, cv2.RANSAC, threshold_px)

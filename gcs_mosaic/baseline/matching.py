@@ -1,18 +1,17 @@
-"""Section III.B: brute force, and of each feature only what is nearer than the second nearest by a ratio."""
+"""Section III.B: brute-force matching with the ratio test."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import Descriptors, IndexPairsNx2
 
 
-def ratio_matches(frame: NDArray[Any], region: NDArray[Any], ratio: float) -> NDArray[np.intp]:
-    """Index pairs (m, 2) of descriptors (n, d) and (k, d) as the detector gives them.
+def ratio_matches(frame: Descriptors, region: Descriptors, ratio: float) -> IndexPairsNx2:
+    """Index pairs (m, 2) of descriptors (n, d) and (k, d) as the detector returns them.
 
-    ratio: of the distances to the nearest and the second nearest of the region, below which a match is kept.
+    ratio: maximum ratio of the distances to the nearest and the second-nearest descriptor of the region.
     """
     if not len(frame) or len(region) < 2:
         return np.empty((0, 2), np.intp)

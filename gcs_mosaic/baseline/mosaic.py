@@ -1,6 +1,6 @@
-"""The paper's mosaic: frames in, placements out, in the manner of `gcs_mosaic.Mosaic`.
+"""The paper's mosaic: frames in, placements out, with the interface of `gcs_mosaic.Mosaic`.
 
-A frame is compared with the region of interest of the mosaic as it is painted, laid on it, and never moved again.
+A frame is matched with the region of interest of the painted mosaic, blended into it, and never moved again.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.baseline.blending import blend, border_distance
 from gcs_mosaic.baseline.features import frame_features, region_features
@@ -22,7 +21,7 @@ from gcs_mosaic.baseline.matching import ratio_matches
 from gcs_mosaic.baseline.raster import Raster, Window
 from gcs_mosaic.render.display import Display, display_of
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, FloatImage, ImageBGR, Matrix3x3, Points32Nx2, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found
 from gcs_mosaic.stitch.features.extraction import Features
@@ -32,28 +31,25 @@ from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.stitch.transaction import Kept, transaction
 
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperSettings:
-    """How the paper's recipe is followed, and when it is stopped."""
+    """Parameters of the paper's method, and its limits."""
 
     features: FeatureKind = "sift"  # sift (the paper's choice), orb or surf (needs mahotas)
     ratio: float = 0.75  # of the distances to the best and second-best match; the paper says: "manually selected"
-    threshold_px: float = 3.0  # how far an inlier of RANSAC may miss, pixels of the mosaic; OpenCV's default
-    least_inliers: int = 10  # with fewer nothing is believed: some homography fits any few matches
-    # Area of a frame on the mosaic, in frames of its size: a flight at five times its first height.
+    threshold_px: float = 3.0  # RANSAC inlier threshold, pixels of the mosaic; OpenCV's default
+    least_inliers: int = 10  # with fewer the homography is rejected: some homography fits any few matches
+    # Maximum area of a frame on the mosaic, in frames of its size: a flight at five times its first height.
     largest_growth: float = 25.0
-    # Of the mosaic, beyond which a frame is refused: 4 bytes for each, and some 20 of a frame's while it is blended.
+    # Mosaic size beyond which a frame is refused: 4 bytes per pixel, and some 20 per pixel of a frame during blending.
     most_megapixels: float = 400.0
 
 
 class PaperMosaic(Kept):
-    """Places frames on one growing picture. All frames are reduced by `reduction`, a power of two.
+    """Places frames on one growing image. All frames are reduced by `reduction`, a power of two.
 
-    `seconds`: what the last frame took, in the stages of the paper's tables. A call that raises has changed nothing else.
+    `seconds`: time spent on the last frame, by the stages of the paper's tables. A call that raises changes nothing else.
     """
 
     def __init__(self, settings: PaperSettings | None = None, reduction: int = 1) -> None:
@@ -64,13 +60,13 @@ class PaperMosaic(Kept):
         self.seconds: dict[str, float] = {}
         self._reduction = reduction
         self._placed: dict[str, Placement] = {}
-        self._homographies: dict[str, Array] = {}  # mosaic_from_frame, both reduced
+        self._homographies: dict[str, Matrix3x3] = {}  # mosaic_from_frame, both reduced
         self._last: Window | None = None  # box of the frame stitched last
         self._region: Found | None = None  # features of its region of interest, in pixels of the mosaic
         self._moved: list[Placement] = []
         self._displays: dict[tuple[int, str], Display] = {}  # by number of bands and depth
 
-    # A frame's way
+    # Processing a frame
 
     def add(self, image: Bands, name: str) -> Placement | Rejection:
         """Place a frame (h, w, bands) and paint it."""
@@ -85,7 +81,7 @@ class PaperMosaic(Kept):
         return frame_features(image, self.settings.features, self._reduction)
 
     def place(self, features: Features, name: str, order: int | None = None) -> Placement | Rejection:
-        """Where a frame belongs; `paint` is to follow. The recipe knows no order but that in which frames are given."""
+        """Place a frame; call `paint` afterwards. `order` is ignored: the method uses the order of arrival only."""
         self.seconds = {}
         with transaction(self):
             return self._place(features, name)
@@ -103,7 +99,7 @@ class PaperMosaic(Kept):
         return fit if isinstance(fit, Rejection) else self._believed(features, name, fit)
 
     def paint(self, image: Bands, name: str) -> set[Tile]:
-        """D. Blend a placed frame into the mosaic; returns the tiles that look different now."""
+        """D. Blend a placed frame into the mosaic; returns the tiles that changed."""
         with transaction(self), self._timed("stitching"):
             height, width = image.shape[:2]
             box = footprint_window(self._homographies[name], width, height)
@@ -113,13 +109,13 @@ class PaperMosaic(Kept):
             return self.raster.tiles(box)
 
     def _founder(self, features: Features, name: str) -> Placement | Rejection:
-        if len(features) < self.settings.least_inliers:  # nothing could ever be laid on it
+        if len(features) < self.settings.least_inliers:  # nothing could ever be matched with it
             return Rejection(name, f"too little to see: {len(features)} features")
         self.islands = [Island(0)]
         return self._settled(features, name, Fit(np.eye(3), 0, math.nan))
 
     def _region_of_interest(self, last: Window) -> Found:
-        """The features of what is painted in the last frame's box, three times as large."""
+        """Features of the painted mosaic within the last frame's box, three times as large."""
         if self._region is None:
             wanted = region_of_interest(np.array(last, dtype=np.float64))
             window = Window(*np.rint(wanted).astype(int).tolist()).cut(self.raster.window)
@@ -128,7 +124,7 @@ class PaperMosaic(Kept):
         return self._region
 
     def _believed(self, features: Features, name: str, fit: Fit) -> Placement | Rejection:
-        """The placement, unless the frame would take up more than can be meant, or than there is room for."""
+        """The placement, unless the frame is implausibly large or exceeds the size limit."""
         width, height = (round(side / self._reduction) for side in (features.width, features.height))
         box = footprint_window(fit.mosaic_from_frame, width, height)
         if box is None:
@@ -147,7 +143,7 @@ class PaperMosaic(Kept):
     def _settled(self, features: Features, name: str, fit: Fit) -> Placement:
         self._homographies[name] = fit.mosaic_from_frame
         full = np.diag([self._reduction, self._reduction, 1.0])
-        full[:2, 2] = (self._reduction - 1) / 2  # pixel centres, not corners, are whole numbers
+        full[:2, 2] = (self._reduction - 1) / 2  # integer coordinates are pixel centres, not corners
         homography = full @ fit.mosaic_from_frame @ np.linalg.inv(full)
         camera = Camera(features.width, features.height)
         last = next(reversed(self._placed), None)
@@ -161,33 +157,33 @@ class PaperMosaic(Kept):
             residual_px=fit.residual_px * self._reduction,
             neighbours=() if last is None else (last,),
             hops=len(self._placed),
-            corner_deviation_px=math.inf if self._placed else 0.0,  # the recipe does not tell
+            corner_deviation_px=math.inf if self._placed else 0.0,  # the method does not estimate it
             homography=tuple(tuple(row) for row in (homography / homography[2, 2]).tolist()),
         )
         self._placed[name] = placement
         self._moved.append(placement)
         return placement
 
-    def _blend(self, image: Image, mosaic_from_frame: Array, box: Window) -> None:
+    def _blend(self, image: ImageBGR, mosaic_from_frame: Matrix3x3, box: Window) -> None:
         shown, coverage = self.raster.part(box)
         size = box.right - box.left, box.bottom - box.top
         box_from_frame = np.array([[1, 0, -box.left], [0, 1, -box.top], [0, 0, 1]]) @ mosaic_from_frame
-        # The border is replicated, so that no pixel at the edge is mixed with black.
+        # The border is replicated, so that no edge pixel is mixed with black.
         new = cv2.warpPerspective(image, box_from_frame, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         everywhere = np.full(image.shape[:2], 255, np.uint8)
         covered = np.asarray(cv2.warpPerspective(everywhere, box_from_frame, size, flags=cv2.INTER_NEAREST), np.uint8)
         mixed = blend(shown, self._weight_shown(box), np.asarray(new, np.uint8), covered)
         self.raster.put(box, mixed, np.maximum(coverage, covered))
 
-    def _shown(self, image: Bands) -> Image:
-        """What a person sees of a frame, as the first frame of its kind has fixed it."""
+    def _shown(self, image: Bands) -> ImageBGR:
+        """The frame as displayed, with the display of the first frame of its kind."""
         kind = image.shape[2], str(image.dtype)
         if kind not in self._displays:
             self._displays[kind] = display_of(image)
         return self._displays[kind].picture(image)
 
-    def _weight_shown(self, box: Window) -> NDArray[np.float32]:
-        """How far each place of a frame's box is from the mosaic's border; exact up to half the box, the most a frame weighs."""
+    def _weight_shown(self, box: Window) -> FloatImage:
+        """Distance of each pixel of a frame's box to the mosaic's border; exact up to half the box, a frame's maximum weight."""
         wide, high = (box.right - box.left) // 2, (box.bottom - box.top) // 2
         around = Window(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(
             self.raster.window_with(box)
@@ -196,7 +192,7 @@ class PaperMosaic(Kept):
         top, left = box.top - around.top, box.left - around.left
         return distance[top : top + box.bottom - box.top, left : left + box.right - box.left]
 
-    def _reduced(self, points: NDArray[np.float32]) -> Array:
+    def _reduced(self, points: Points32Nx2) -> PointsNx2:
         return np.asarray((points.astype(np.float64) + 0.5) / self._reduction - 0.5)
 
     @contextmanager
@@ -205,48 +201,48 @@ class PaperMosaic(Kept):
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
-    # What is known of all frames
+    # State over all frames
 
     def placements(self) -> list[Placement]:
-        """All placed frames, in the order in which they came."""
+        """All placed frames, in order of arrival."""
         return list(self._placed.values())
 
     def frame_counts(self) -> dict[int, int]:
-        """Placed frames by island."""
+        """Number of placed frames by island."""
         return {0: len(self._placed)} if self._placed else {}
 
     def held_out(self) -> dict[int, HeldOut]:
-        """Nothing is held out."""
+        """No matches are held out."""
         return {}
 
     def moved(self) -> list[Placement]:
-        """All placements that are new since this was last asked."""
+        """All placements that are new since the last call."""
         moved, self._moved = self._moved, []
         return moved
 
-    # What the paper does not do
+    # Not part of the paper's method
 
     def retry_waiting(self) -> None:
-        """No frame waits."""
+        """No frames wait."""
 
     def adjust(self, *, everything: bool = False) -> None:
-        """No frame is moved."""
+        """No frames are moved."""
 
     def connect_some(self) -> bool:
-        """No frame waits, and there is one picture."""
+        """No frames wait, and there is only one island."""
         return False
 
     def adjust_in_a_pause(self) -> bool:
-        """Nothing is under way."""
+        """Nothing runs in the background."""
         return False
 
     def finish(self) -> list[Rejection]:
-        """What does not match was rejected when it came."""
+        """Unmatched frames were rejected on arrival."""
         return []
 
 
-def footprint_window(mosaic_from_frame: Array, width: int, height: int) -> Window | None:
-    """The pixels of the mosaic that a frame touches; None where it sees beyond its horizon or is turned over."""
+def footprint_window(mosaic_from_frame: Matrix3x3, width: int, height: int) -> Window | None:
+    """The pixels of the mosaic that a frame touches; None if it extends beyond its horizon or is mirrored."""
     corners = np.array(
         [[-0.5, -0.5, 1], [width - 0.5, -0.5, 1], [width - 0.5, height - 0.5, 1], [-0.5, height - 0.5, 1]]
     )
@@ -264,8 +260,8 @@ def footprint_window(mosaic_from_frame: Array, width: int, height: int) -> Windo
 MOST_PIXELS_AWAY = 2**20  # the tile grid ends at 2**21 for frames at a quarter of their size
 
 
-def level_pose(homography: Array, camera: Camera) -> Pose:
-    """Where a camera that looks straight down sees the middle of the frame as the homography (full pixels) puts it."""
+def level_pose(homography: Matrix3x3, camera: Camera) -> Pose:
+    """The level pose whose view at the frame's centre best matches the homography (full-resolution pixels)."""
     x, y, depth = homography @ [*camera.centre, 1]
     u, v = x / depth, y / depth
     jacobian = (homography[:2, :2] - np.outer([u, v], homography[2, :2])) / depth

@@ -1,4 +1,4 @@
-"""The paper's method (`--method paper`) where the pipeline expects a painter: a frame is painted once, and never again."""
+"""The paper's method (`--method paper`) as a renderer for the pipeline: a frame is painted once and never again."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.repaint_queue import Step
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept
 
-ISLAND = 0  # the only one: what does not match is refused
+ISLAND = 0  # the only one: unmatched frames are refused
 
 
 class PaperCanvas:
-    """The paper's one picture, in tiles."""
+    """The paper's single image, in tiles."""
 
     problem: str | None = None
 
@@ -28,22 +28,22 @@ class PaperCanvas:
         self._raster = raster
 
     def tile(self, island: int, tile: Tile) -> TilePicture | None:
-        """A tile as it is shown; None if there is nothing on it."""
+        """A tile as displayed; None if empty."""
         return self._raster.tile(tile) if island == ISLAND else None
 
     def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]:
-        """What gives a tile as it is shown now."""
+        """A callable that returns the tile as displayed now."""
         return partial(lambda picture: picture, self.tile(island, tile))
 
     def extent(self, island: int) -> Extent | None:
-        """The canvas box of the picture and the levels it has tiles of; None while it is empty."""
+        """Canvas box of the image and its range of tile levels; None while empty."""
         return self._raster.extent() if island == ISLAND else None
 
 
 class PaperPainter(Kept):
-    """Paints on the paper's mosaic; there is nothing to repaint."""
+    """Paints on the paper's mosaic; never repaints."""
 
-    FIXED = frozenset({"_mosaic", "canvas"})  # the picture is the mosaic's
+    FIXED = frozenset({"_mosaic", "canvas"})  # the image belongs to the mosaic
 
     has_repaints = False
 
@@ -56,19 +56,19 @@ class PaperPainter(Kept):
         return name in self._painted
 
     def in_sight(self, features: Features, image: Bands) -> Features:
-        """The paper's method takes all features."""
+        """The paper's method uses all features."""
         return features
 
     def begin_look(self, name: str, image: Bands) -> None:
-        """The paper's method looks at nothing but what it matches."""
+        """The paper's method needs no look."""
 
     def paint_new(self, image: Bands, thumbnail: object, placement: Placement, order: int) -> set[TileKey]:
-        """Blend a frame into the picture; returns the tiles that look different now."""
+        """Blend a frame into the image; returns the tiles that changed."""
         self._painted.add(placement.name)
         return {(ISLAND, tile) for tile in self._mosaic.paint(image, placement.name)}
 
     def follow(self, placements: Iterable[Placement]) -> None:
-        """No frame moves."""
+        """No frames move."""
 
     def next_steps(self) -> list[Step]:
         """Nothing is ever repainted."""
@@ -79,4 +79,4 @@ class PaperPainter(Kept):
         return iter(())
 
     def close(self) -> None:
-        """There is nothing to give back."""
+        """Nothing to release."""

@@ -1,6 +1,6 @@
-"""The mosaic as the paper has it: one picture that grows. Cut into tiles for whoever shows it.
+"""The paper's mosaic: one growing image, cut into tiles for display.
 
-Pixels of the mosaic are pixels of the first frame at the size it is stitched at, and pixels of one level of the tile grid.
+Mosaic pixels are pixels of the first frame at stitching resolution, and pixels of one level of the tile grid.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
@@ -26,14 +25,14 @@ from gcs_mosaic.render.tile_grid import (
     pixel_size,
     tiles_over,
 )
+from gcs_mosaic.stitch.arrays import Coverage, FloatImage, ImageBGR
 from gcs_mosaic.stitch.transaction import Kept
 
-Image = NDArray[np.uint8]
 Place = tuple[slice, slice]  # rows, columns
 
 
 class Window(NamedTuple):
-    """Whole pixels of the mosaic, from left and top to before right and bottom; the first frame begins at (0, 0)."""
+    """A half-open rectangle of mosaic pixels; the first frame begins at (0, 0)."""
 
     left: int
     top: int
@@ -52,24 +51,24 @@ class Window(NamedTuple):
 
 
 class Raster(Kept):
-    """A picture with coverage over one window of whole tiles, which grows. Empty at first."""
+    """An image with coverage over one growing window of whole tiles. Initially empty."""
 
     def __init__(self, reduction: int) -> None:
         self.level = BASE_LEVEL - (reduction.bit_length() - 1)
         self.window = Window(0, 0, 0, 0)
-        # Colour and coverage of the tiles that show anything, by their left and top; replaced, never changed in place.
-        self._tiles: dict[tuple[int, int], tuple[Image, Image]] = {}
-        self._top = self.level  # the coarsest level that has been told of
+        # Colour and coverage of non-empty tiles, by left and top; replaced, never modified in place.
+        self._tiles: dict[tuple[int, int], tuple[ImageBGR, Coverage]] = {}
+        self._top = self.level  # the coarsest level reported so far
 
     def window_with(self, added: Window) -> Window:
-        """The window of whole tiles that would hold this as well."""
+        """The window of whole tiles extended to hold this one."""
         outer = added if not self.window.pixels else self.window.joined(added)
         down = (TILE_SIZE * (value // TILE_SIZE) for value in outer[:2])
         up = (-TILE_SIZE * (-value // TILE_SIZE) for value in outer[2:])
         return Window(*down, *up)
 
-    def part(self, window: Window) -> tuple[Image, Image]:
-        """Colour (h, w, 3) and coverage (h, w), 0 or 255, of a window; a copy, empty where the mosaic is."""
+    def part(self, window: Window) -> tuple[ImageBGR, Coverage]:
+        """Colour (h, w, 3) and coverage (h, w), 0 or 255, of a window; a copy, zero where the mosaic is empty."""
         shape = window.bottom - window.top, window.right - window.left
         colour, coverage = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
         for corner in _corners(window):
@@ -78,8 +77,8 @@ class Raster(Kept):
                 colour[there], coverage[there] = (picture[here] for picture in self._tiles[corner])
         return colour, coverage
 
-    def put(self, window: Window, colour: Image, coverage: Image) -> None:
-        """Show something else in a window; the mosaic grows as far as it must."""
+    def put(self, window: Window, colour: ImageBGR, coverage: Coverage) -> None:
+        """Replace the contents of a window; the mosaic grows as needed."""
         new = {}
         for corner in _corners(window):
             there, here = _shared(window, corner)
@@ -91,7 +90,7 @@ class Raster(Kept):
         self.window = self.window_with(window)
 
     def tiles(self, changed: Window) -> set[Tile]:
-        """Tiles of all levels that show any of a window, and those of levels that have come into use since the last call."""
+        """Tiles of all levels that intersect a window, and those of levels first used since the last call."""
         box, whole = self._canvas_box(changed), self._canvas_box(self.window)
         top = overview_level(whole, self.level)
         told = {tile for level in range(top, self.level + 1) for tile in tiles_over(box, level)}
@@ -100,35 +99,34 @@ class Raster(Kept):
         return told
 
     def extent(self) -> Extent | None:
-        """The canvas box of the mosaic and the levels it has tiles of; None while it is empty."""
+        """Canvas box of the mosaic and its range of tile levels; None while empty."""
         if not self.window.pixels:
             return None
         box = self._canvas_box(self.window)
         return Extent(box, overview_level(box, self.level), self.level)
 
     def tile(self, tile: Tile) -> TilePicture | None:
-        """What a tile of the mosaic's level or a coarser one shows; None if nothing."""
+        """A tile of the mosaic's level or a coarser one; None if empty."""
         side = 1 << (self.level - tile.z)
         left, top = (i * TILE_SIZE * side - self._middle for i in (tile.x, tile.y))
         whole = Window(left, top, left + TILE_SIZE * side, top + TILE_SIZE * side)
         inner = whole.cut(self.window)
         if not inner.pixels:
             return None
-        # The window is made of whole tiles of its level, so its edges are whole pixels of a tile up to 256 times coarser.
+        # The window consists of whole tiles of its level, so its edges are pixel edges of tiles up to 256 times coarser.
         mean, seen = self._reduced(inner, side)
         if not seen.any():
             return None
-        filled = np.where(
-            seen[..., None] > 0, mean * (255 / np.maximum(seen, 1)[..., None]), 0
-        )  # what is empty is black
+        # Uncovered pixels are black.
+        filled = np.where(seen[..., None] > 0, mean * (255 / np.maximum(seen, 1)[..., None]), 0)
         colour, coverage = np.zeros((TILE_SIZE, TILE_SIZE, 3), np.uint8), np.zeros((TILE_SIZE, TILE_SIZE), np.uint8)
         y, x = (inner.top - whole.top) // side, (inner.left - whole.left) // side
         place = slice(y, y + seen.shape[0]), slice(x, x + seen.shape[1])
         colour[place], coverage[place] = np.rint(filled).clip(0, 255), seen
         return TilePicture(colour, coverage)
 
-    def _reduced(self, window: Window, side: int) -> tuple[NDArray[np.float32], Image]:
-        """The mean colour and coverage of each `side` by `side` pixels of a window of whole tiles."""
+    def _reduced(self, window: Window, side: int) -> tuple[FloatImage, Coverage]:
+        """Mean colour and coverage of each `side` by `side` pixels of a window of whole tiles."""
         size = TILE_SIZE // side
         shape = (window.bottom - window.top) // side, (window.right - window.left) // side
         mean, seen = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.uint8)
@@ -148,7 +146,7 @@ class Raster(Kept):
 
     @property
     def _middle(self) -> int:
-        """The pixel of the level, across and down, at which the mosaic's (0, 0) lies."""
+        """The pixel of the level, in x and y, at which the mosaic's (0, 0) lies."""
         return round(HALF_SPAN / pixel_size(self.level))
 
 
@@ -162,7 +160,7 @@ def _corners(window: Window) -> Iterator[tuple[int, int]]:
 
 
 def _shared(window: Window, corner: tuple[int, int]) -> tuple[Place, Place]:
-    """What a window and a tile have in common, as a place in the window and as one in the tile."""
+    """Intersection of a window and a tile, as slices of the window and of the tile."""
     tile = Window(*corner, corner[0] + TILE_SIZE, corner[1] + TILE_SIZE)
     both = tile.cut(window)
     there, here = (

@@ -1,4 +1,4 @@
-"""Pictures of what was decided and why (`stitch --debug`): matches, refusals, footprints, residuals, relief.
+"""Debug pictures of decisions (`stitch --debug`): matches, refusals, footprints, residuals, relief.
 
-May import `stitch`, whose decisions it observes; called by `app.batch`.
+May import `stitch`, which it observes; called by `app.batch`.
 """

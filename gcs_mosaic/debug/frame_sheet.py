@@ -1,4 +1,4 @@
-"""Pictures of frames: two beside each other with what they have in common, and many with what relief shifts in them."""
+"""Pictures of frames: pairs with their matches, and panels with relief displacements."""
 
 from __future__ import annotations
 
@@ -8,35 +8,33 @@ from pathlib import PurePosixPath
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.debug.sheet import BAD, GOOD, INK, Image, Sheet, nice_length, rainbow
+from gcs_mosaic.debug.sheet import BAD, GOOD, INK, Sheet, nice_length, rainbow
+from gcs_mosaic.stitch.arrays import ImageBGR, PointsNx2, Vector
 from gcs_mosaic.stitch.graph.placement import Placement
-
-Array = NDArray[np.float64]
 
 FRAME_WIDTH = 800  # px of either frame of a pair
 GAP, HEAD = 12, 44
 PANEL_WIDTH, PANELS_ACROSS = 380, 4
 ARROW_GRID = (13, 10)  # arrows across and down a frame
-PALE = 0.45  # how much of a frame is left where arrows are to be seen on it
+PALE = 0.45  # remaining contrast of a frame under arrows
 
 
 @dataclass(frozen=True, slots=True)
 class PairSeen:
-    """Two frames that were compared: some of the `agreeing` pixels (m, 2), full resolution, and why they are not believed."""
+    """Two frames that were compared: a selection of the `agreeing` pixels (m, 2), full resolution, and why they are rejected."""
 
     a: str
     b: str
-    pixels_a: Array
-    pixels_b: Array
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
     agreeing: int
     inliers: int  # independent ones
-    doubt: str  # empty if it is believed
+    doubt: str  # empty if accepted
 
 
-def draw_matches(pair: PairSeen, image_a: Image, image_b: Image) -> Image:
-    """Two frames (h, w, 3) side by side, what agrees connected; coloured by height in the first one, to tell lines apart."""
+def draw_matches(pair: PairSeen, image_a: ImageBGR, image_b: ImageBGR) -> ImageBGR:
+    """Two frames (h, w, 3) side by side, matches connected; coloured by y in the first one, to tell lines apart."""
     left, right = _at_width(image_a, FRAME_WIDTH), _at_width(image_b, FRAME_WIDTH)
     sheet = Sheet(2 * FRAME_WIDTH + GAP, HEAD + max(left.shape[0], right.shape[0]))
     said = f"refused: {pair.doubt}" if pair.doubt else "believed"
@@ -54,8 +52,8 @@ def draw_matches(pair: PairSeen, image_a: Image, image_b: Image) -> Image:
     return sheet.picture()
 
 
-def draw_relief(frames: Sequence[tuple[Placement, Image]]) -> Image:
-    """Frames with arrows that tell where heights (or what else is no plane) shift what they show, all to one scale."""
+def draw_relief(frames: Sequence[tuple[Placement, ImageBGR]]) -> ImageBGR:
+    """Frames with arrows for relief displacements (and other smooth model errors), all to one scale."""
     panels = [(placement, _at_width(image, PANEL_WIDTH)) for placement, image in frames]
     height = max(image.shape[0] for _, image in panels)
     down = -(-len(panels) // PANELS_ACROSS)
@@ -78,8 +76,8 @@ def draw_relief(frames: Sequence[tuple[Placement, Image]]) -> Image:
     return sheet.picture()
 
 
-def _draw_panel(sheet: Sheet, placement: Placement, image: Image, corner: tuple[int, int], pixels: Array, shifts: Array,
-                longest: float) -> None:  # fmt: skip
+def _draw_panel(sheet: Sheet, placement: Placement, image: ImageBGR, corner: tuple[int, int], pixels: PointsNx2,
+                shifts: PointsNx2, longest: float) -> None:  # fmt: skip
     x, y = corner
     sheet.paste(_pale(image), x, y)
     scale = PANEL_WIDTH / placement.camera.width
@@ -91,8 +89,8 @@ def _draw_panel(sheet: Sheet, placement: Placement, image: Image, corner: tuple[
     sheet.words((x, y + image.shape[0] + 20), f"{_stem(placement.name)}: {size_px:.1f} px", INK, 13)
 
 
-def _shifts(placement: Placement) -> tuple[Array, Array]:
-    """Pixels (n, 2) over a frame and by how much relief shifts them (n, 2)."""
+def _shifts(placement: Placement) -> tuple[PointsNx2, PointsNx2]:
+    """Pixels (n, 2) over a frame and their relief shifts (n, 2)."""
     columns, rows = ARROW_GRID
     camera = placement.camera
     x, y = np.meshgrid(
@@ -102,21 +100,21 @@ def _shifts(placement: Placement) -> tuple[Array, Array]:
     return pixels, placement.relief.at(camera, pixels) if placement.relief else np.zeros_like(pixels)
 
 
-def _ranks(values: Array) -> Array:
-    """0 for the least of the values (n,), 1 for the largest, evenly spread between."""
+def _ranks(values: Vector) -> Vector:
+    """Ranks (n,) of the values (n,), scaled from 0 for the smallest to 1 for the largest."""
     return np.asarray(np.argsort(np.argsort(values)) / max(len(values) - 1, 1))
 
 
-def _on_sheet(pixels: Array, image: Image, left: int) -> Array:
+def _on_sheet(pixels: PointsNx2, image: ImageBGR, left: int) -> PointsNx2:
     return np.asarray((pixels + 0.5) * FRAME_WIDTH / image.shape[1] - 0.5 + [left, HEAD])
 
 
-def _at_width(image: Image, width: int) -> Image:
+def _at_width(image: ImageBGR, width: int) -> ImageBGR:
     height = max(1, round(image.shape[0] * width / image.shape[1]))
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _pale(image: Image) -> Image:
+def _pale(image: ImageBGR) -> ImageBGR:
     grey = cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     return np.asarray(255 - (255 - grey.astype(np.float32)) * PALE, np.uint8)
 

@@ -1,4 +1,4 @@
-"""Pictures of a whole island: its footprints and links, and where its matches miss."""
+"""Pictures of a whole island: footprints and links, and match residuals."""
 
 from __future__ import annotations
 
@@ -6,24 +6,22 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Image, Sheet, nice_length, rainbow
+from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Sheet, nice_length, rainbow
+from gcs_mosaic.stitch.arrays import ImageBGR, PointsNx2
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
 
-Array = NDArray[np.float64]
-
 LONGER_SIDE = 1600  # px of the map on the sheet
-MARGIN, HEAD = 40, 64  # px around the map, and above it for what is said
+MARGIN, HEAD = 40, 64  # px around the map, and above it for text
 MOST_NAMES = 150  # frames beyond which only some are numbered
 MOST_ARROWS = 4000
-LONGEST_ARROW = 60.0  # px for a large miss (95 %), where there are few
+LONGEST_ARROW = 60.0  # px for a large residual (95 %), if there are few arrows
 
 
 class MapSheet:
-    """A sheet on which an island is drawn, north (the first frame's top) up."""
+    """A sheet with an island, north (the first frame's top) up."""
 
     def __init__(self, placements: Sequence[Placement], title: str) -> None:
         self.placements = placements
@@ -41,12 +39,12 @@ class MapSheet:
         """Canvas units per pixel of the sheet."""
         return 1 / self._scale
 
-    def at(self, places: Array) -> Array:
-        """Places on the sheet (n, 2) of places on the canvas (n, 2)."""
+    def at(self, places: PointsNx2) -> PointsNx2:
+        """Sheet positions (n, 2) of canvas places (n, 2)."""
         return np.asarray((places - self._low) * self._scale + [MARGIN, MARGIN + HEAD])
 
-    def middles(self) -> Array:
-        """Places on the sheet (n, 2) of the frames' middles; NaN above the horizon."""
+    def middles(self) -> PointsNx2:
+        """Sheet positions (n, 2) of the frames' centres; NaN above the horizon."""
         return np.concatenate(
             [self.at(geometry.canvas_from_pixels(p.pose, p.camera, p.camera.centre[None])) for p in self.placements]
         )
@@ -56,8 +54,8 @@ class MapSheet:
         self.sheet.words((MARGIN, 62), words, size=14)
 
 
-def draw_footprints(placements: Sequence[Placement]) -> Image:
-    """All footprints of an island, coloured by the order of flight, numbered, with the links between their middles."""
+def draw_footprints(placements: Sequence[Placement]) -> ImageBGR:
+    """All footprints of an island, coloured by flight order, numbered, with the links between their centres."""
     island = MapSheet(placements, f"{len(placements)} footprints, from the first (blue) to the last (red)")
     links = _links(placements)
     island.say(f"{len(links)} links; numbers count the frames from 1")
@@ -74,8 +72,8 @@ def draw_footprints(placements: Sequence[Placement]) -> Image:
     return island.sheet.picture()
 
 
-def draw_residuals(placements: Sequence[Placement], residuals: Sequence[Residuals]) -> Image:
-    """Where the matches of an island miss: arrows from where a frame shows a point to where another does, magnified."""
+def draw_residuals(placements: Sequence[Placement], residuals: Sequence[Residuals]) -> ImageBGR:
+    """Match residuals of an island: magnified arrows from a point's place in one frame to that in another."""
     places = np.concatenate([frame.places for frame in residuals])
     misses = np.concatenate([frame.misses for frame in residuals])
     seen = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(misses).all(axis=1))
@@ -102,7 +100,7 @@ def _links(placements: Sequence[Placement]) -> list[tuple[int, int]]:
     return sorted((a, b) for a, b in pairs if a < b)
 
 
-def _number(island: MapSheet, middles: Array, colours: Sequence[Colour]) -> None:
+def _number(island: MapSheet, middles: PointsNx2, colours: Sequence[Colour]) -> None:
     every = -(-len(middles) // MOST_NAMES)
     for number, (middle, colour, placement) in enumerate(
         zip(middles, colours, island.placements, strict=True), start=1
@@ -115,14 +113,14 @@ def _number(island: MapSheet, middles: Array, colours: Sequence[Colour]) -> None
 
 
 def _magnification(island: MapSheet, count: int, p95: float) -> float:
-    """So that a large miss (95 %) is about twice as long as arrows lie apart, for most are far smaller."""
+    """Arrow scale: a large residual (95 %) is drawn about twice as long as the arrow spacing, as most are far smaller."""
     apart = np.sqrt(island.sheet.width * island.sheet.height / max(count, 1))
     length = min(2 * apart, LONGEST_ARROW) * island.canvas_from_sheet
     return nice_length(float(max(length / max(p95, 1e-6), 1.0)))
 
 
 def _scale_bar(island: MapSheet, magnified: float) -> None:
-    """How long a miss of a round length is drawn."""
+    """Arrow of a residual of a round length."""
     length = nice_length(160 * island.canvas_from_sheet / magnified)
     width = length * magnified / island.canvas_from_sheet
     right, y = island.sheet.width - MARGIN, 34.0

@@ -1,10 +1,10 @@
-"""Debug pictures of a flight: an observer that keeps what it is told, and draws it in the end.
+"""Debug pictures of a flight: an observer that records its notifications, and draws them at the end.
 
-    journal.txt                 everything that was decided about frames, a line each, in order
-    matches/NAME-NAME.jpg       frames side by side with what agrees; NAME-NAME-refused.jpg with the reason
-    footprints.png              where the frames lie, by order of flight, and their links
-    residuals.png               where matches miss
-    relief.png                  what heights shift in the frames
+    journal.txt                 every decision about frames, one line each, in order
+    matches/NAME-NAME.jpg       frames side by side with their matches; NAME-NAME-refused.jpg with the reason
+    footprints.png              footprints in flight order, and their links
+    residuals.png               match residuals
+    relief.png                  relief displacements of the frames
 
 With several islands the largest has these names, the others footprints-NUMBER.png and residuals-NUMBER.png.
 """
@@ -21,23 +21,23 @@ import numpy as np
 
 from gcs_mosaic.debug.frame_sheet import PairSeen, draw_matches, draw_relief
 from gcs_mosaic.debug.map_sheet import draw_footprints, draw_residuals
-from gcs_mosaic.debug.sheet import Image
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 
-LoadImage = Callable[[str], Image | None]
+LoadImage = Callable[[str], ImageBGR | None]
 
-MOST_BELIEVED, MOST_REFUSED = 40, 20  # pairs that are drawn
-MOST_LINES = 150  # matches that are kept and drawn of a pair: more is only a mess
-LEAST_AGREEING = 8  # matches of a refused pair that is worth a picture
+MOST_BELIEVED, MOST_REFUSED = 40, 20  # pairs drawn
+MOST_LINES = 150  # matches kept and drawn per pair: more would be unreadable
+LEAST_AGREEING = 8  # matches of a refused pair worth a picture
 MOST_PANELS = 24  # frames whose relief is drawn
-KEPT_IMAGES = 6  # in memory while pairs are drawn: frames recur in pairs that follow each other
+KEPT_IMAGES = 6  # in memory while pairs are drawn: frames recur in consecutive pairs
 
 
 class DebugPictures:
-    """Writes into a folder that is new or empty. `load_image(name)` gives a frame in full resolution, if it is there."""
+    """Writes into a new or empty folder. `load_image(name)` returns a frame in full resolution, if available."""
 
     def __init__(self, folder: Path) -> None:
         _make_empty(folder)
@@ -46,7 +46,7 @@ class DebugPictures:
         self._pairs: dict[frozenset[str], PairSeen] = {}
         self._residuals: dict[int, Sequence[Residuals]] = {}
 
-    # What an Observer is told
+    # Observer notifications
 
     def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:
         pair = _pair_seen(a, b, found)
@@ -70,10 +70,10 @@ class DebugPictures:
             self._note(f"island {island} adjusted, {len(left)} frames")
             self._residuals[island] = left
 
-    # The pictures
+    # Drawing
 
     def write(self, placements: Sequence[Placement], load_image: LoadImage) -> None:
-        """Draw all that was seen; `placements` as they are at the end."""
+        """Draw everything recorded; `placements`: the final ones."""
         self._journal.close()
         self._write_maps(placements)
         self._write_relief(placements, load_image)
@@ -105,7 +105,7 @@ class DebugPictures:
                 _write(self._folder / "matches" / f"{names}{refused}.jpg", draw_matches(pair, a, b))
 
     def _chosen(self) -> Iterator[PairSeen]:
-        """Believed pairs from the whole flight, and of the refused ones those in which most agrees."""
+        """Accepted pairs from the whole flight, and the refused ones with most inliers."""
         believed = [pair for pair in self._pairs.values() if not pair.doubt]
         yield from (believed[i] for i in _spread(len(believed), MOST_BELIEVED))
         refused = [pair for pair in self._pairs.values() if pair.doubt and len(pair.pixels_a) >= LEAST_AGREEING]
@@ -124,7 +124,7 @@ def _pair_seen(a: str, b: str, found: Registration | NotRegistered) -> PairSeen:
 
 
 def _spread(count: int, most: int) -> list[int]:
-    """At most so many of the numbers from 0 to count - 1, evenly spread, the first and the last among them."""
+    """At most `most` of the numbers from 0 to count - 1, evenly spaced, including the first and the last."""
     return [round(i) for i in np.linspace(0, count - 1, min(count, most)).tolist()]
 
 
@@ -140,6 +140,6 @@ def _make_empty(folder: Path) -> None:
         raise UsageError(f"--debug {str(folder)!r} is not empty; give a new folder, nothing in it is overwritten.")
 
 
-def _write(path: Path, picture: Image) -> None:
+def _write(path: Path, picture: ImageBGR) -> None:
     quality = [cv2.IMWRITE_JPEG_QUALITY, 88] if path.suffix == ".jpg" else []
     path.write_bytes(cv2.imencode(path.suffix, picture, quality)[1].tobytes())

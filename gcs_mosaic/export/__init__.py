@@ -1,4 +1,5 @@
-"""A finished flight for other programs: one picture, all bands in a TIFF, where each pixel lies.
+"""Export of a finished flight: one image, a TIFF with all bands, the canvas place of each pixel.
 
-May import `store`, `render`, `frames` and `stitch.camera`; called by `cli`, and by `web` for tiles whose holes are filled.
+May import `store`, `render`, `frames`, `stitch.camera` and `stitch.arrays`; called by `cli`, and by `web` for tiles with filled
+holes.
 """

@@ -1,4 +1,4 @@
-"""A flight for other programs: where every pixel of every frame lies, and the map as one picture."""
+"""Exports for other programs: the canvas places of every frame's pixels, and the map as one image."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.tile_reader import level_within, picture, pixel_bounds
-from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.arrays import PointsNx2
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.documents import Document, write_json
@@ -24,13 +25,13 @@ from gcs_mosaic.store.manifest import last_revision
 from gcs_mosaic.store.records import Estimate, FrameState
 from gcs_mosaic.store.tiles import encode
 
-WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points a lens is straight to a hundredth of a pixel
+WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points lens distortion is linear to a hundredth of a pixel
 LARGEST_PICTURE = 100_000_000  # pixels, if no level is given; more than most programs open
-MOST_PIXELS = 1_500_000_000  # pixels, whatever is asked for: 6 GB
+MOST_PIXELS = 1_500_000_000  # pixels, as a hard limit: 6 GB
 
 
 def export_placements(flight: Path, target: Path) -> str:
-    """Write the placements of a flight's ledger with the exact place of a grid of pixels; returns what was done."""
+    """Write the placements of a flight's ledger with the exact places of a grid of pixels; returns a message."""
     with Ledger(find_flight(flight) / LEDGER_NAME, read_only=True) as ledger:
         listing, estimates = Listing(), ledger.estimates()
         rejected = {frame.name: frame.reason or "" for frame in ledger.frames(FrameState.REJECTED)}
@@ -46,7 +47,7 @@ def export_placements(flight: Path, target: Path) -> str:
 
 
 def warp(estimate: Estimate) -> Document:
-    """Where a grid of a frame's pixels lies on the canvas, lens, relief and all; null above the horizon."""
+    """Canvas places of a grid of a frame's pixels, including lens and relief; null above the horizon."""
     grid = pixel_grid(estimate.camera, WARP_COLUMNS, WARP_ROWS)
     places = _places(estimate, grid).round(3)
     rows = places.astype(object).reshape(WARP_ROWS, WARP_COLUMNS, 2)
@@ -58,7 +59,7 @@ def warp(estimate: Estimate) -> Document:
     }
 
 
-def _places(estimate: Estimate, pixels: Array) -> Array:
+def _places(estimate: Estimate, pixels: PointsNx2) -> PointsNx2:
     """Canvas places (n, 2) of a frame's pixels (n, 2)."""
     if estimate.homography is not None:
         return np.asarray(cv2.perspectiveTransform(pixels[None], np.array(estimate.homography))[0], dtype=np.float64)
@@ -66,7 +67,7 @@ def _places(estimate: Estimate, pixels: Array) -> Array:
 
 
 def export_png(flight: Path, target: Path, *, island: int | None = None, level: int | None = None) -> str:
-    """Write an island (the largest if none is named) as one picture with alpha; returns what was done."""
+    """Write an island (by default the largest) as one image with alpha; returns a message."""
     chosen = chosen_island(find_flight(flight), island)
     bounds, finest = chosen["bounds"], chosen["maxzoom"]
     zoom = level_within(bounds, LARGEST_PICTURE, finest) if level is None else level
@@ -85,7 +86,7 @@ def export_png(flight: Path, target: Path, *, island: int | None = None, level: 
 
 
 def chosen_island(flight: Path, number: int | None) -> dict[str, Any]:
-    """The entry of mosaic.json for an island."""
+    """The entry of mosaic.json for an island, by default the largest."""
     islands = [i for i in _islands(flight) if "merged_into" not in i]
     if not islands:
         raise UsageError(f"{flight} holds no picture: no frame was placed in this flight.")
@@ -97,7 +98,7 @@ def chosen_island(flight: Path, number: int | None) -> dict[str, Any]:
 
 
 def _islands(flight: Path) -> list[dict[str, Any]]:
-    """What mosaic.json lists; nothing if the flight was ended before its first frame."""
+    """The islands of mosaic.json; empty if the flight ended before its first frame."""
     try:
         return list(json.loads((flight / "mosaic.json").read_bytes())["islands"])
     except FileNotFoundError:
@@ -108,7 +109,7 @@ def _islands(flight: Path) -> list[dict[str, Any]]:
 
 @contextmanager
 def telling_where(target: Path) -> Iterator[None]:
-    """A place that cannot be written is the operator's to change."""
+    """Turn failures to write the target into a UsageError."""
     try:
         yield
     except OSError as error:

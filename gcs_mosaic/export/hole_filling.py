@@ -1,39 +1,36 @@
-"""What a tile shows when its holes are filled from coarser tiles, the finer picture fading into the coarser one.
+"""Hole filling: a tile's holes are filled from coarser tiles, with the finer image fading into the coarser one.
 
-A tile holds only what was seen at its level. Tiles on disk may change or vanish while we read; what is not there, not whole or
-not a tile counts as unseen.
+A tile holds only what was seen at its level. Tiles on disk may change or vanish while being read; a missing, truncated or
+invalid tile counts as unseen.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, FloatImage, Mask, Matrix2x3
 from gcs_mosaic.store.tiles import read_mask, read_tile
 
-Image = NDArray[np.uint8]
-Opacity = NDArray[np.float32]
 DEEPEST = 8  # levels between a tile and the ancestor it is filled from: there one pixel fills it
-FADE = 24  # px from where the finer picture ends to where it stands alone
+FADE = 24  # px from the edge of the finer image to where it is opaque
 
 
 class Tiles(Protocol):
-    """The tiles of one island, wherever they are."""
+    """The tiles of one island, from any source."""
 
     def picture(self, tile: Tile) -> TilePicture | None:
-        """What is shown of a tile; None if nothing."""
+        """A displayed tile; None if empty."""
 
-    def mask(self, tile: Tile) -> Image | None:
-        """Its coverage, `full_coverage(256)` itself if it is full; None if there is no tile."""
+    def mask(self, tile: Tile) -> Coverage | None:
+        """Its coverage, `full_coverage(256)` itself if full; None if there is no tile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +43,12 @@ class WrittenTiles:
     def picture(self, tile: Tile) -> TilePicture | None:
         return read_tile(self.root, self.island, tile)
 
-    def mask(self, tile: Tile) -> Image | None:
+    def mask(self, tile: Tile) -> Coverage | None:
         return read_mask(self.root, self.island, tile)
 
 
 def filled_picture(tiles: Tiles, tile: Tile) -> TilePicture | None:
-    """A tile with its holes filled from the nearest ancestors that have something there; None if there is nothing."""
+    """A tile with its holes filled from the nearest non-empty ancestors; None if all are empty."""
     layers = _layers(tiles, tile)
     shown: TilePicture | None = None
     for level, picture in reversed(layers):
@@ -59,9 +56,9 @@ def filled_picture(tiles: Tiles, tile: Tile) -> TilePicture | None:
     return shown if shown is not None and shown.coverage.any() else None
 
 
-def fade(tiles: Tiles, tile: Tile) -> Opacity | None:
-    """How a tile becomes transparent towards places that only a coarser level knows, its neighbours' among them: 0 there,
-    1 from `FADE` px on; None if it is 1 everywhere."""
+def fade(tiles: Tiles, tile: Tile) -> FloatImage | None:
+    """Opacity of a tile towards places seen only at a coarser level, including its neighbours': 0 there, 1 from `FADE` px on;
+    None if 1 everywhere."""
     around = [Tile(tile.z, tile.x + dx, tile.y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
     covered = [tiles.mask(near) for near in around]
     if all(mask is full_coverage(TILE_SIZE) for mask in covered):
@@ -74,7 +71,7 @@ def fade(tiles: Tiles, tile: Tile) -> Opacity | None:
 
 
 def _layers(tiles: Tiles, tile: Tile) -> list[tuple[int, TilePicture]]:
-    """The tile and its ancestors, enlarged to its size, as far as they are needed to fill it; finest first."""
+    """The tile and the ancestors needed to fill it, enlarged to its size; finest first."""
     layers: list[tuple[int, TilePicture]] = []
     for level in range(tile.z, max(tile.z - DEEPEST, 0) - 1, -1):
         source = ancestor(tile, level)
@@ -86,40 +83,40 @@ def _layers(tiles: Tiles, tile: Tile) -> list[tuple[int, TilePicture]]:
     return layers
 
 
-def _opacity(tiles: Tiles, tile: Tile, level: int) -> Opacity | None:
+def _opacity(tiles: Tiles, tile: Tile, level: int) -> FloatImage | None:
     at_level = fade(tiles, ancestor(tile, level))
     if at_level is None or level == tile.z:
         return at_level
     return _resampled(at_level, coarse_from_tile(tile, level))
 
 
-def _known_coarser_only(tiles: Tiles, tile: Tile, mask: Image | None) -> NDArray[np.bool_]:
-    """Where a tile has a hole, and one of the two levels above it has none."""
+def _known_coarser_only(tiles: Tiles, tile: Tile, mask: Coverage | None) -> Mask:
+    """Where a tile has a hole that one of the two levels above does not have."""
     holes = np.ones((TILE_SIZE, TILE_SIZE), dtype=bool) if mask is None else mask == 0
     coarser = np.zeros((TILE_SIZE, TILE_SIZE), dtype=bool)
     for level in range(max(tile.z - 2, 0), tile.z if holes.any() else 0):
         above = tiles.mask(ancestor(tile, level))
         if above is not None:
-            # Wholly covered only: at the map's outer border coarser pixels always reach a little farther.
+            # Only fully covered pixels: at the map's outer border coarser pixels always extend a little farther.
             whole = (above == 255).astype(np.uint8)
             coarser |= _resampled(whole, coarse_from_tile(tile, level), cv2.INTER_NEAREST) > 0
     return holes & coarser
 
 
-def _nine(parts: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """Nine tiles, column by column, put together and cut to the middle one and `FADE` px around it."""
+def _nine(parts: list[Mask]) -> Mask:
+    """Nine tiles, in column order, joined and cropped to the middle one with `FADE` px around it."""
     whole = np.hstack([np.vstack(parts[i : i + 3]) for i in (0, 3, 6)])
     cut = slice(TILE_SIZE - FADE, 2 * TILE_SIZE + FADE)
     return whole[cut, cut]
 
 
 def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
-    """The part of an ancestor's picture that a tile covers, at the tile's size."""
+    """The part of an ancestor's image that a tile covers, at the tile's size."""
     place = coarse_from_tile(tile, level)
     if coarse.coverage is full_coverage(TILE_SIZE):
         whole, coverage = None, coarse.coverage
     else:
-        # Wholly covered pixels only: at the map's outer border coarser ones reach farther than what was seen.
+        # Only fully covered pixels: at the map's outer border coarser ones extend farther than the ground seen.
         whole = _resampled((coarse.coverage == 255).astype(np.float32), place) > 0.999
         coverage = np.where(whole, 255, 0).astype(np.uint8)
 
@@ -130,17 +127,15 @@ def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
     return TilePicture(enlarged(coarse.colour), coverage, None if coarse.bands is None else enlarged(coarse.bands))
 
 
-def coarse_from_tile(tile: Tile, level: int) -> NDArray[np.float64]:
-    """Pixels of the ancestor at a level from pixels of a tile (2x3); OpenCV's pixel centres are whole numbers."""
+def coarse_from_tile(tile: Tile, level: int) -> Matrix2x3:
+    """Pixels of the ancestor at a level from pixels of a tile (2x3); integer coordinates are pixel centres, as in OpenCV."""
     up = 1 << (tile.z - level)
     x, y = ((i % up) * TILE_SIZE / up + 0.5 / up - 0.5 for i in (tile.x, tile.y))
     return np.array([[1 / up, 0, x], [0, 1 / up, y]])
 
 
-def _resampled(
-    image: NDArray[Any], source_from_target: NDArray[np.float64], interpolation: int = cv2.INTER_LINEAR
-) -> NDArray[Any]:
-    """An image (h, w[, bands]), of the same type."""
+def _resampled(image: AnyImage, source_from_target: Matrix2x3, interpolation: int = cv2.INTER_LINEAR) -> AnyImage:
+    """An image (h, w[, bands]) resampled to a tile, of the same type."""
     flags = interpolation | cv2.WARP_INVERSE_MAP
     size = TILE_SIZE, TILE_SIZE
     if image.ndim == 3 and image.shape[2] not in (3, 4):
@@ -149,8 +144,8 @@ def _resampled(
     return np.asarray(cv2.warpAffine(image, source_from_target, size, flags=flags, borderMode=cv2.BORDER_REPLICATE))
 
 
-def _over(picture: TilePicture, below: TilePicture, opacity: Opacity | None) -> TilePicture:
-    """A picture laid over another: opaque where it alone covers, else as opaque as it is covered and as `opacity` says."""
+def _over(picture: TilePicture, below: TilePicture, opacity: FloatImage | None) -> TilePicture:
+    """An image over another: opaque where it alone covers, else with its coverage limited by `opacity`."""
     share = picture.coverage / np.float32(255)
     share = share if opacity is None else np.minimum(share, opacity)
     share = np.where(below.coverage == 0, np.float32(1), share)[..., None]

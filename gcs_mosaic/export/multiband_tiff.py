@@ -1,7 +1,7 @@
 """`gcs-mosaic export --format tiff`: the map with every band of the frames at its depth.
 
-Tiles are eight-bit pictures of what is shown; the bands are painted again from the originals, by the same poses and in the
-same shares, so that all of them are cut where the tiles are.
+Tiles are 8-bit images for display; the bands are painted again from the originals, with the same poses and shares, so that
+their seams are those of the tiles.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from gcs_mosaic.store.folder import find_flight
 def export_tiff(
     flight: Path, target: Path, *, island: int | None = None, level: int | None = None, gains: bool = True
 ) -> str:
-    """Write an island (the largest if none is named) with all bands; returns what was done.
+    """Write an island (by default the largest) with all bands; returns a message.
 
-    `gains`: with the brightness of the frames made to agree, as on the map; else the counts as the camera wrote them.
+    `gains`: with gain compensation between frames, as on the map; else the raw counts.
     """
     folder = find_flight(flight)
     source = source_of(folder, chosen_island(folder, island)["id"])
@@ -52,7 +52,7 @@ def export_tiff(
 
 
 def region_of(box: Box, level: int) -> Region:
-    """The tiles of a level that hold a canvas box, cut off at its right and lower edge. UsageError if they are too many."""
+    """The tiles of a level that contain a canvas box, cropped at its right and lower edge. UsageError if they are too many."""
     first, last = tile_range(box, level)
     right, bottom = np.ceil(level_from_canvas(level, np.array(box[2:]))).astype(int).tolist()
     width, height = right - first.x * TILE_SIZE, bottom - first.y * TILE_SIZE
@@ -62,7 +62,7 @@ def region_of(box: Box, level: int) -> Region:
 
 
 def _bands_of(source: Source) -> tuple[int, np.dtype[Any]]:
-    """How many bands the frames have, and their type."""
+    """Number of bands of the frames, and their type."""
     image = source.load(source.frames[0].name)
     if image is None:
         raise UsageError(f"{source.originals[source.frames[0].name]} cannot be read any more.")
@@ -70,7 +70,7 @@ def _bands_of(source: Source) -> tuple[int, np.dtype[Any]]:
 
 
 def _about(tiles: RebuiltTiles, region: Region, gains: bool) -> dict[str, Any]:
-    """What the file says of itself: where its pixels lie (edges, not centres), and what was done to the counts."""
+    """Metadata of the file: its georeference on the canvas (pixel edges, not centres), and the processing of counts."""
     left, top, _, _ = tile_box(region.first)
     size = pixel_size(region.first.z)
     return {

@@ -1,4 +1,4 @@
-"""A map with all its bands as one TIFF: tiled, compressed, BigTIFF where that is needed, transparent where nothing was seen."""
+"""A map with all its bands as one TIFF: tiled, compressed, BigTIFF if needed, transparent where nothing was seen."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import tifffile
-from numpy.typing import NDArray
 
 from gcs_mosaic.export.hole_filling import Tiles, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.stitch.arrays import Bands
 
-BIG = 3_900_000_000  # bytes before compression from which offsets of 32 bits might not do
-GDAL_NODATA = 42113  # tag: the count, as text, where there is nothing
+BIG = 3_900_000_000  # bytes before compression beyond which 32-bit offsets might not suffice
+GDAL_NODATA = 42113  # tag: the nodata value, as text
 UNASSOCIATED_ALPHA = 2  # of TIFF's ExtraSamples
 
 
 class Region(NamedTuple):
-    """Tiles from `first` to `last` (both included) of one level, cut off at so many pixels to the right and below."""
+    """Tiles from `first` to `last` (inclusive) of one level, cropped to this size at the right and bottom."""
 
     first: Tile
     last: Tile
@@ -31,9 +31,9 @@ class Region(NamedTuple):
 def write_raster(
     path: Path, tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any], about: dict[str, Any]
 ) -> None:
-    """Write a region's bands, three as red, green and blue, others in their order, and as the last one the coverage.
+    """Write a region's bands, three as red, green and blue, others in their order, and the coverage as the last one.
 
-    A tile is in memory at a time. `about` is what the file tells of itself, as JSON. OSError if it cannot be written.
+    Only one tile is in memory at a time. `about`: metadata, as JSON. OSError if it cannot be written.
     """
     size = region.width * region.height * (bands + 1) * kind.itemsize
     tifffile.imwrite(
@@ -48,14 +48,14 @@ def write_raster(
         compression="zlib",
         predictor=True,
         bigtiff=size > BIG,
-        # Of a file with an own number of bands many programs take no band for transparency, but this they know.
+        # With other numbers of bands many programs ignore the alpha band, but they know this tag.
         extratags=[] if bands in (1, 3) else [(GDAL_NODATA, "s", 0, "0", True)],
         metadata=None,
         description=json.dumps(about),
     )
 
 
-def _tiles(tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
+def _tiles(tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any]) -> Iterator[Bands]:
     """(256, 256, bands + 1) each, row by row."""
     opaque = np.iinfo(kind).max // 255
     nothing = np.zeros((TILE_SIZE, TILE_SIZE, bands + 1), kind)

@@ -1,4 +1,4 @@
-"""A flight's map made anew from its ledger and its originals, with all bands of the frames on its tiles."""
+"""Rebuilding a flight's map from its ledger and originals, with all bands of the frames on its tiles."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable, load_image
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
@@ -19,19 +16,19 @@ from gcs_mosaic.render.painted import Extent, Painted
 from gcs_mosaic.render.pixels import KeepBands
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, Coverage
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.originals import is_intact
 from gcs_mosaic.store.records import FrameRecord
 
-KEPT_TILES = 128  # tiles at hand while holes are filled from around and above: 2 MB each with eight bands of 16 bits
+KEPT_TILES = 128  # tiles in memory while holes are filled: 2 MB each with eight bands of 16 bits
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What an island is made anew from. Left out are frames of another kind (bands, depth) than most, and those whose originals
-    are gone."""
+    """Inputs for rebuilding an island. Frames of another kind (bands, depth) than most, and those whose originals are gone, are
+    left out."""
 
     frames: Sequence[Painted]
     originals: dict[str, Path]  # by frame name
@@ -47,7 +44,7 @@ class Source:
 
 
 class RebuiltTiles:
-    """The tiles of an island, as `flight.filling.Tiles`."""
+    """The tiles of an island, as `hole_filling.Tiles`."""
 
     def __init__(self, canvas: Canvas, island: int, extent: Extent) -> None:
         self.island, self.extent = island, extent
@@ -56,13 +53,13 @@ class RebuiltTiles:
     def picture(self, tile: Tile) -> TilePicture | None:
         return self._picture(tile)
 
-    def mask(self, tile: Tile) -> NDArray[np.uint8] | None:
+    def mask(self, tile: Tile) -> Coverage | None:
         picture = self._picture(tile)
         return None if picture is None else picture.coverage
 
 
 def source_of(flight: Path, island: int) -> Source:
-    """What the ledger knows of an island. UsageError if none of its frames can be read."""
+    """An island's data from the ledger. UsageError if none of its frames can be read."""
     with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
         painted, record = ledger.painted(island), ledger.flight()
         frames = {frame.name: frame for frame in ledger.frames()}
@@ -101,7 +98,7 @@ def rebuilt(source: Source, keep_bands: KeepBands, scratch: Path) -> Iterator[Re
 
 
 def _is_there(flight: Path, frame: FrameRecord) -> bool:
-    """Whether the frame's original is what came."""
+    """Whether the frame's original is present and intact."""
     if frame.original is None or frame.content_hash is None:
         return False
     return is_intact(flight / frame.original, frame.content_hash)

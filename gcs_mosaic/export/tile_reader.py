@@ -1,7 +1,7 @@
-"""Reading tiles: holes are filled from the nearest coarser tiles, and a whole island becomes one picture.
+"""Reading tiles with their holes filled, singly or as an image of a whole island.
 
-A tile on disk holds only what was seen at its level. Tiles may change or vanish while we read; what is not there, not whole
-or not a tile counts as unseen.
+A tile on disk holds only what was seen at its level. Tiles may change or vanish while being read; a missing, truncated or
+invalid tile counts as unseen.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.export.hole_filling import WrittenTiles, fade, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
+from gcs_mosaic.stitch.arrays import ImageBGRA
 from gcs_mosaic.store.tiles import encode, encode_jpeg, mask_path, tile_path
 
 logger = logging.getLogger(__name__)
 
-Image = NDArray[np.uint8]
-FILLED_QUALITY = 90  # JPEG and WebP; what is made here is looked at and thrown away
+FILLED_QUALITY = 90  # JPEG and WebP; tiles made here are displayed and discarded
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +31,10 @@ class EncodedTile:
 
 
 def filled(root: Path, island: int, tile: Tile) -> EncodedTile | None:
-    """A tile ready to be shown; None where nothing was seen at any level.
+    """A tile for display; None where nothing was seen at any level.
 
-    JPEG where there are no holes (a full tile's bytes are passed on as they are), else WebP with alpha: as quick to make as
-    PNG (4 ms) and a tenth as large.
+    JPEG if there are no holes (a full tile's bytes are passed on unchanged), else WebP with alpha: as fast to encode as PNG (4
+    ms) and a tenth of the size.
     """
     straight = _full_tile(root, island, tile)
     if straight is not None:
@@ -49,10 +48,10 @@ def filled(root: Path, island: int, tile: Tile) -> EncodedTile | None:
     return EncodedTile(encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp")
 
 
-def picture(root: Path, island: int, bounds: Box, level: int) -> Image:
-    """A canvas box as one picture at a level, BGRA (h, w, 4), transparent where nothing was seen.
+def picture(root: Path, island: int, bounds: Box, level: int) -> ImageBGRA:
+    """A canvas box as one image at a level, BGRA (h, w, 4), transparent where nothing was seen.
 
-    It needs the memory of its result and one tile. `level_within` finds a level that fits a limit.
+    It needs memory for its result and one tile. `level_within` finds a level within a limit.
     """
     left, top, right, bottom = pixel_bounds(bounds, level)
     result = np.zeros((bottom - top, right - left, 4), np.uint8)
@@ -69,13 +68,13 @@ def picture(root: Path, island: int, bounds: Box, level: int) -> Image:
 
 
 def pixel_bounds(bounds: Box, level: int) -> tuple[int, int, int, int]:
-    """The pixels of a level that a canvas box touches: left, top, and right, bottom not included."""
+    """The pixels of a level that a canvas box touches: left, top, and right, bottom exclusive."""
     left, top, right, bottom = level_from_canvas(level, np.array(bounds)).tolist()
     return math.floor(left), math.floor(top), math.ceil(right), math.ceil(bottom)
 
 
 def level_within(bounds: Box, most_pixels: int, finest: int) -> int:
-    """The finest level, `finest` at most, at which a picture of a box has no more pixels than that."""
+    """The finest level, at most `finest`, at which an image of a box has at most `most_pixels` pixels."""
     area = (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
     level = finest
     while level > 0 and area / pixel_size(level) ** 2 > most_pixels:

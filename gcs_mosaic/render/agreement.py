@@ -1,35 +1,27 @@
-"""How painted frames come to agree in brightness: what two of them see of the same ground, and the gains that follow."""
+"""Exposure agreement between painted frames: overlaps of thumbnails, and the gains that follow."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.exposure import (
-    ExposureSettings,
-    Gain,
-    Levels,
-    Observation,
-    OverlapMeans,
-    overlap_means,
-    solve_gains,
-)
+from gcs_mosaic.render.exposure import ExposureSettings, Gain, Observation, OverlapMeans, overlap_means, solve_gains
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting
+from gcs_mosaic.stitch.arrays import Levels, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
-from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
-Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, what they see of each other
+Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
 
 
 def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> OverlapMeans | None:
-    """What two frames see of the same ground, told from their thumbnails (h, w, bands) in grey levels; None if nothing."""
+    """Overlap of two frames in their thumbnails (h, w, bands) in grey levels; None if empty."""
     scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
 
-    def j_from_i(pixels: Array) -> Array:
+    def j_from_i(pixels: PointsNx2) -> PointsNx2:
         places = canvas_from_pixels(i.pose, i.camera, (pixels + 0.5) * scale_i - 0.5)
         there = (pixels_from_canvas(j.pose, j.camera, places) + 0.5) / scale_j - 0.5
         alive = _is_alive(i.dead.scaled(1 / scale_i), pixels, small_i)
@@ -39,16 +31,16 @@ def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Over
     return overlap_means(small_i, small_j, j_from_i)
 
 
-def _is_alive(dead: DeadBorder, pixels: Array, thumbnail: Levels) -> NDArray[np.bool_]:
-    """Which pixels (n, 2) of a thumbnail, or places between them, are mixed of living ones alone."""
+def _is_alive(dead: DeadBorder, pixels: PointsNx2, thumbnail: Levels) -> Mask:
+    """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels only."""
     return dead.spares(pixels, thumbnail.shape[1], thumbnail.shape[0])
 
 
 def agreed_gains(
     frames: Iterable[Painted], overlaps: Sequence[Overlap], curves: Mapping[str, Vignetting], settings: ExposureSettings
 ) -> dict[str, Gain]:
-    """The gain of each frame by all that is known; `curves`: the vignetting of each, by name."""
-    kinds: dict[Display, list[Painted]] = {}  # frames of different kinds tell nothing of each other's exposure
+    """The gain of each frame from all overlaps; `curves`: vignetting by name."""
+    kinds: dict[Display, list[Painted]] = {}  # frames of different kinds are not comparable in exposure
     for painted in frames:
         kinds.setdefault(painted.display, []).append(painted)
     gains: dict[str, Gain] = {}

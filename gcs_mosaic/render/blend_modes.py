@@ -1,4 +1,4 @@
-"""The ways in which frames can be blended, by name: who shows where is decided on cells, pixels follow from that."""
+"""Blend modes by name: which frame shows where is decided on cells; the pixels follow from that."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render import edges, seams
 from gcs_mosaic.render.cells import OPEN, PARTLY, Cells, Owned, Seen, Window
@@ -15,26 +14,24 @@ from gcs_mosaic.render.looks import Of, Sight
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.sampling import CUT, inside, lattice_part
 from gcs_mosaic.render.seam_path import hard
-from gcs_mosaic.render.warp_grid import Lattice
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import ImageBGR, Lattice
 
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """How frames are blended.
+    """A blend mode.
 
-    `look`: a frame's picture, made smaller if it is large -> what is kept of it; None: nothing. `see`: what a frame brings to a
-    window of its tiles. `decide`: (what is known, what a new frame brings) -> above 0 where that one is to show, the farther
-    from 0 the clearer. `own`: who shows in the end, which depends on no cell farther away than a tile is wide. `planes`: how many
-    are kept of a cell. `admit`: lets a frame of a coarser level show where it has what nobody else has; None: never. `toned`:
-    whether tones are brought together along seams. `sharp`: whether a cell is one frame's alone.
+    `look`: what is kept of a frame's (reduced) image; None: nothing. `see`: a frame's contribution to a window of its tiles.
+    `decide`: (present cells, new frame) -> above 0 where the new frame is to show, with the margin as magnitude. `own`: final
+    owners of the cells, which depend on no cell farther away than one tile. `planes`: number kept per cell. `admit`: lets a
+    frame of a coarser level show where it has what no other frame has; None: never. `toned`: whether tones are equalised along
+    seams. `sharp`: whether each cell belongs to one frame.
     """
 
     see: Callable[[PlacedFrame, Sight | None, Window], Seen]
     decide: Callable[[Cells, Seen], Lattice]
     own: Callable[[Cells], Owned]
-    look: Callable[[Image, Of], Sight] | None = None
+    look: Callable[[ImageBGR, Of], Sight] | None = None
     planes: int = 0
     admit: Admit | None = None
     toned: bool = False

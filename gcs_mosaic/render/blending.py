@@ -1,4 +1,4 @@
-"""Two pictures in shares."""
+"""Weighted mixing of two images."""
 
 from __future__ import annotations
 
@@ -6,26 +6,22 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.warp import upscale
-from gcs_mosaic.render.warp_grid import Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, ImageBGR, Lattice, Share
 
-Image = NDArray[np.uint8]
-
-LEAST_WEIGHT = 1e-3  # keeps ratios of weights finite at borders
+LEAST_WEIGHT = 1e-3  # keeps weight ratios finite at borders
 
 
 def mix(shown: Layer, new: Layer, new_share: Lattice) -> Layer:
-    """Both pictures by the new one's share (0 to 1) at the lattice points; where only one covers, that one alone."""
+    """Mix both layers by the new one's share (0 to 1) at the lattice points; where only one covers, that one alone."""
     share = upscale(np.rint(new_share * 255).astype(np.float32)).astype(np.uint8)
     return mix_pixels(shown, new, share)
 
 
-def mix_pixels(shown: Layer, new: Layer, share: Image) -> Layer:
-    """Both pictures by the new one's share (256, 256), 0 to 255, which is changed to what only one of them covers."""
+def mix_pixels(shown: Layer, new: Layer, share: Share) -> Layer:
+    """Mix both layers by the new one's share (256, 256), 0 to 255, which is modified where only one of them covers."""
     if not shown.is_full:
         share[shown.coverage == 0] = 255
     if not new.is_full:
@@ -39,21 +35,21 @@ def mix_pixels(shown: Layer, new: Layer, share: Image) -> Layer:
     return mixed
 
 
-def _mixed_bands(shown: Layer, new: Layer, share: Image) -> Bands | None:
-    """The bands of both in the shares that their colours have; None if nobody wants them."""
+def _mixed_bands(shown: Layer, new: Layer, share: Share) -> Bands | None:
+    """Both layers' bands mixed like their colours; None if they are not kept."""
     if shown.bands is None or new.bands is None:
         return None
     return blended_bands(new.bands, shown.bands, share)
 
 
-def blended_bands(a: Bands, b: Bands, share_a: Image) -> Bands:
-    """(a * share + b * (255 - share)) / 255, rounded, of any number of bands (h, w, bands)."""
+def blended_bands(a: Bands, b: Bands, share_a: Share) -> Bands:
+    """(a * share + b * (255 - share)) / 255, rounded, for any number of bands (h, w, bands)."""
     of_a = share_a[..., None].astype(np.uint32)
     return np.asarray((a * of_a + b * (255 - of_a) + 127) // 255).astype(a.dtype)
 
 
-def blended(a: Image, b: Image, share_a: Image) -> Image:
-    """The same of colours (h, w, 3), rounded exactly, in integers: half the time of cv2.blendLinear."""
+def blended(a: ImageBGR, b: ImageBGR, share_a: Share) -> ImageBGR:
+    """As above for colours (h, w, 3), rounded exactly, in integers: half the time of cv2.blendLinear."""
     share = np.asarray(cv2.merge([share_a] * 3), dtype=np.uint8)
     total = np.multiply(a, share, dtype=np.uint16)
     total += np.multiply(b, ~share, dtype=np.uint16)

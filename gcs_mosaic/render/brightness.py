@@ -1,4 +1,4 @@
-"""How bright frames are to be painted, by what overlapping ones see of the same ground."""
+"""Exposure of painted frames, from their overlaps."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
-from gcs_mosaic.render.exposure import ExposureSettings, Gain, Levels, OverlapMeans, gain_beside, is_false_colour
+from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept
 
-Size = tuple[int, int]  # width, height of frames as they are painted
-Camera = tuple[Size, int]  # and how many bands they have
+Size = tuple[int, int]  # width, height of frames as painted
+Camera = tuple[Size, int]  # with the number of bands
 
 
 class Brightness(Kept):
-    """Thumbnails of all painted frames, and what their overlaps tell of gains and vignetting.
+    """Thumbnails of all painted frames; their overlaps determine gains and vignetting.
 
-    `dead_of` tells the border that is known to be dead of frames of a size.
+    `dead_of`: the known dead border of frames of a size.
     """
 
     FIXED = frozenset({"_dead_of"})
@@ -31,12 +32,12 @@ class Brightness(Kept):
         self._no_estimate = VignettingEstimate(vignetting)
         self._dead_of = dead_of
         self._thumbnails: dict[str, Levels] = {}
-        self._false_colour: set[str] = set()  # a palette that follows each frame's own range says nothing of brightness
+        self._false_colour: set[str] = set()  # a palette that follows each frame's own range carries no exposure
         self._overlaps: list[Overlap] = []
         self._estimates: dict[Camera, VignettingEstimate] = {}
 
     def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted]) -> Painted:
-        """A frame at the brightness that fits those beside it which are painted; it counts for others from now on."""
+        """A frame with gain and vignetting that match painted frames beside it; used as a reference from now on."""
         self._thumbnails[new.name] = thumbnail
         if is_false_colour(thumbnail):
             self._false_colour.add(new.name)
@@ -46,9 +47,9 @@ class Brightness(Kept):
         return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
 
     def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
-        """What overlaps of these frames told included their dead borders, or left out too much.
+        """Recompute overlaps of these frames, whose dead borders have changed.
 
-        Two frames may be painted on different islands for a while, when these have been joined: what they told stays.
+        After a merge two frames may be painted on different islands for a while: their overlap is kept.
         """
         kept: list[Overlap] = []
         for i, j, means in self._overlaps:
@@ -58,17 +59,17 @@ class Brightness(Kept):
         self._overlaps = kept
 
     def final(self, painted: Mapping[str, Painted]) -> dict[str, tuple[Gain, Vignetting]]:
-        """Gain and vignetting of each frame by all that is known."""
+        """Gain and vignetting of each frame from all overlaps."""
         curves = {name: self.curves_of(one) for name, one in painted.items()}
         gains = agreed_gains(painted.values(), self._overlaps, curves, self._exposure)
         return {name: (gains[name], curves[name]) for name in painted}
 
     def curves_of(self, painted: Painted) -> Vignetting:
-        """The vignetting of a frame's camera, as far as it is known."""
+        """The estimated vignetting of a frame's camera."""
         return self._estimates.get(_camera_of(painted), self._no_estimate).curves
 
     def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
-        """What a new frame has in common with others of the same kind; kept for the end, and told the vignetting."""
+        """Overlaps of a new frame with others of the same kind; kept for the end, and used for vignetting."""
         found: list[tuple[OverlapMeans, Painted]] = []
         for painted in beside:
             if painted.island == new.island and painted.display == new.display:
@@ -81,7 +82,7 @@ class Brightness(Kept):
         return found
 
     def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
-        """Without the borders that are known to be dead, even where these are still painted."""
+        """Excludes borders known to be dead, even if still painted."""
         if not self._false_colour.isdisjoint((one.name, other.name)):
             return None
         i, j = (replace(painted, dead=self._dead_of(size_of(painted))) for painted in (one, other))

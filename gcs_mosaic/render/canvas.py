@@ -1,10 +1,10 @@
-"""Frames onto tiles: added one by one as they come, painted again when poses change, the same picture either way.
+"""Frames onto tiles: added one by one, repainted when poses change, with the same result either way.
 
-Which frame shows where is decided first, on cells, by a fold over the frames in capture order (`cells`); pixels are made only
-where that changes what is shown, and once (`plans`, `pixels`). Coarser tiles are made of finer ones (`overviews`). So a tile is
-a pure function of the `Painted` frames around it, however and whenever it was painted. A tile that no longer follows its frames
-is *behind*: it goes on showing what it showed, with newer frames laid on top so that nothing new is held back, until `repaint`
-has made it anew.
+Which frame shows where is decided first, on cells, by a fold over the frames in capture order (`cells`); pixels are only made
+where that changes the result, and once (`plans`, `pixels`). Coarser tiles are made from finer ones (`overviews`). So a tile is
+a pure function of the `Painted` frames around it, however and whenever it was painted. A tile that no longer matches its frames
+is *stale* (`behind`): it stays displayed, with newer frames laid on top so that nothing new is held back, until `repaint` has
+made it again.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from gcs_mosaic.render.territory import Territory
 from gcs_mosaic.render.tile_cache import Layer, Store
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.tile_maker import Maker
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 logger = logging.getLogger(__name__)
 
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
-BLOCK = 96  # tiles a side that are repainted together: so many that most frames are decoded once
+BLOCK = 96  # tiles a side repainted together: large enough that most frames are decoded once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CanvasSettings:
     """How frames are painted."""
 
-    # Which frame shows where several do: seam (the one that sees best), edge (the paper's mixture), newest or first.
+    # How overlapping frames are blended: seam (the best view), edge (the paper's blending), newest or first.
     blend: str = "seam"
     interpolation: str = "cubic"  # keeps 97 % of a frame's finest detail; "linear" 70-88 % in two thirds of the time
-    memory_mb: int = 160  # tiles and looks kept in memory, about 500; the others wait in a scratch file
-    threads: int = 2  # how many tiles are painted at a time
+    memory_mb: int = 160  # tiles and looks kept in memory, about 500; the others go to a scratch file
+    threads: int = 2  # number of tiles painted in parallel
 
     def __post_init__(self) -> None:
         for value, known in ((self.blend, list(MODES)), (self.interpolation, list(INTERPOLATIONS))):
@@ -62,7 +62,7 @@ class CanvasSettings:
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
-    """Tiles whose cells are being decided anew: with each the frames folded so far, which are those up to a turn."""
+    """Tiles whose cells are being decided again, each with the frames folded so far: those up to a turn."""
 
     turn: Turn | None
     tiles: Mapping[TileKey, tuple[Painted, ...]]
@@ -70,19 +70,19 @@ class _Fold:
 
 @dataclass(frozen=True, slots=True)
 class _Making:
-    """Tiles whose pixels are being made: their plans, and the frames that are still to be warped, in capture order."""
+    """Tiles whose pixels are being made: their plans, and the frames still to be warped, in capture order."""
 
     plans: Mapping[TileKey, Plan]
     left: tuple[str, ...]
-    changes: int  # of cells and frames, when the plans were made
+    changes: int  # number of changes of cells and frames when the plans were made
 
 
 class Canvas(Kept):
-    """All tiles of all islands. Used by one thread; the work on tiles is spread over a few of its own.
+    """All tiles of all islands. Used by one thread; tile work is spread over a few of its own.
 
-    `load_image(name)` gives a frame's original, or None if it is gone for good; `load_tile` a tile that an earlier run wrote
-    (for `resume`); `scratch` is a folder for the tiles that do not fit into memory. `keep_bands`: whether tiles have, besides
-    what is shown, all bands of the frames, which then must have the same ones.
+    `load_image(name)` returns a frame's original, or None if it is gone for good; `load_tile` a tile written by an earlier run
+    (for `resume`); `scratch` is a folder for tiles that exceed memory. `keep_bands`: whether tiles also hold all bands of the
+    frames, which then must have the same ones.
     """
 
     FIXED = frozenset({"_pool", "_gallery", "_maker"})
@@ -106,11 +106,11 @@ class Canvas(Kept):
         self._territory = Territory(self._store, mode, self._gallery, self._frames, self._pool)
         flag = INTERPOLATIONS[self._settings.interpolation]
         self._maker = Maker(self._gallery, self._frames, self._store, self._pool, flag, keep_bands)
-        self._behind: dict[TileKey, float] = {}  # tiles whose cells do not follow their frames, with how urgent each is
-        self._due: dict[TileKey, float] = {}  # tiles that may not show what their cells tell
-        self._recipes: dict[TileKey, Recipe] = {}  # what tiles that show it are made of
-        self._unhosted: frozenset[TileKey] = frozenset()  # tiles that guests may show on in other places than they do
-        self._left: dict[str, frozenset[TileKey]] = {}  # by frames that are on another level or island: where they were
+        self._behind: dict[TileKey, float] = {}  # tiles with stale cells, with their urgency
+        self._due: dict[TileKey, float] = {}  # tiles that may not display what their cells require
+        self._recipes: dict[TileKey, Recipe] = {}  # recipes of displayed tiles
+        self._unhosted: frozenset[TileKey] = frozenset()  # tiles whose guests may have changed
+        self._left: dict[str, frozenset[TileKey]] = {}  # by frames that changed level or island: their former tiles
         self._work: _Fold | _Making | None = None
         self._changes = 0
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
@@ -120,10 +120,10 @@ class Canvas(Kept):
         return {"gone": self.gone}
 
     def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
-        """Add a frame; returns the tiles that may look different now (all levels).
+        """Add a frame; returns the tiles that may have changed (all levels).
 
-        A frame that is not the last in capture order is laid on top all the same, and its tiles are behind. `hastily`: so are
-        tiles that would want the original of another frame which is not at hand. ValueError if the image does not fit the camera.
+        A frame that is not the last in capture order is still laid on top, and its tiles become stale. `hastily`: so do tiles
+        that would need another frame's original that is not in memory. ValueError if the image does not fit the camera.
         """
         frame = self._gallery.placed(painted)
         picture = None if frame is None else self._gallery.take(painted, image)
@@ -145,23 +145,23 @@ class Canvas(Kept):
         return self._refresh(told, {painted.island} | {island for island, _ in told})
 
     def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
-        """Begin to see, while its place is sought, what a frame looks like that may come by `paint`."""
+        """Begin to analyse, while it is being placed, an image that may follow by `paint`."""
         self._gallery.begin_look(name, image, display, dead)
 
     def look(self, image: Bands, painted: Painted) -> None:
-        """See what a frame looks like that is to come by `move`, so that it need not be loaded for that. ValueError as for
-        `paint`."""
+        """Analyse a frame that will follow by `move`, so that it need not be loaded for that. ValueError as in `paint`."""
         self._gallery.look_ahead(painted, image)
 
     def resume(self, frames: Iterable[Painted]) -> None:
-        """Know of frames that an earlier run painted. Their tiles are behind, and shown from `load_tile` until repainted."""
+        """Register frames painted by an earlier run. Their tiles are stale, displayed from `load_tile` until repainted."""
         for painted, frame in self._gallery.all_placed(list(frames)):
             keys = self._register(painted, frame)
             self._fall_behind(keys)
             self._stack.expect(keys)
 
     def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
-        """Frames have new poses, gains, levels or islands, or are new; their old and new tiles are behind. Returns how many.
+        """Frames have new poses, gains, levels or islands, or are new; their old and new tiles become stale. Returns the number
+        changed.
 
         `repaint` takes the most urgent tiles first.
         """
@@ -175,26 +175,27 @@ class Canvas(Kept):
         return len(changed)
 
     def expect(self, frames: Sequence[Painted]) -> None:
-        """Begin to work out where a few frames lie that are to come by `move` next."""
+        """Begin to compute the lattices of a few frames that follow by `move`."""
         self._gallery.expect_places(frames)
 
     def remove(self, names: Iterable[str]) -> None:
-        """Take frames out; their tiles are behind."""
+        """Remove frames; their tiles become stale."""
         for name in names:
             self._fall_behind(self._frames.remove(name))
 
     @property
     def behind(self) -> int:
-        """How many tiles wait for `repaint`."""
+        """Number of tiles waiting for `repaint`."""
         return len(self._behind.keys() | self._due.keys() | self._unhosted)
 
     def repaint(self, block: int = BLOCK) -> Iterator[set[TileKey]]:
-        """Bring all tiles that are behind up to date, a frame's work at a time; yields tiles that may look different now.
+        """Repaint all stale tiles, one frame's work at a time; yields tiles that may have changed.
 
-        `block` by `block` tiles change together: a large block decodes each original less often, a small one shows sooner.
+        `block` by `block` tiles change together: a large block decodes each original less often, a small one is displayed
+        sooner.
 
-        Stop between any two steps, call `paint` or `move` in between, go on or start again: a tile is replaced only when it
-        is whole, and nothing is lost but the work since. One such iterator at a time.
+        It may be stopped between any two steps, interleaved with `paint` or `move`, and continued or restarted: a tile is only
+        replaced when complete, and no more than the work since is lost. One such iterator at a time.
         """
         try:
             while self.behind:
@@ -203,7 +204,7 @@ class Canvas(Kept):
             self._drop_work()
 
     def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
-        """One step of `repaint`, to be called while tiles are behind: a frame's work, or the change itself."""
+        """One step of `repaint`, while there are stale tiles: a frame's work, or the replacement of tiles."""
         if self._guests_wait:
             self._settle(self._unhosted)
             self._note_due(self._territory.with_guests(self._unhosted))
@@ -211,7 +212,7 @@ class Canvas(Kept):
             return set()
         work = self._work = self._work or self._begun(block)
         if isinstance(work, _Fold):
-            # Asked anew at each step, because frames may come and move between steps.
+            # Queried at each step, because frames may arrive and move between steps.
             painted = self._frames.next_after(work.turn, work.tiles)
             if painted is None:
                 self._end(work)
@@ -223,7 +224,7 @@ class Canvas(Kept):
         return self._commit(work)
 
     def skip_step(self, block: int = BLOCK) -> None:
-        """Leave what `repaint_step` would do next for good: its tiles go on showing what they show."""
+        """Abandon what `repaint_step` would do next: its tiles stay as displayed."""
         if self._guests_wait:
             self._unhosted = frozenset()
         elif self._work is None:
@@ -237,21 +238,21 @@ class Canvas(Kept):
             self._work = self._unmade(self._work, self._work.left[0] if self._work.left else None)
 
     def tile(self, island: int, tile: Tile) -> TilePicture | None:
-        """A tile as it is shown; None if there is nothing on it. Its arrays are not to be changed."""
+        """A tile as displayed; None if empty. Its arrays must not be modified."""
         return self.tile_later(island, tile)()
 
     def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]:
-        """What gives a tile as it is shown now, whenever it is called and in whatever thread."""
+        """A callable that returns the tile as displayed now, whenever and in whatever thread it is called."""
         return self._stack.shown((island, tile))
 
     def extent(self, island: int) -> Extent | None:
-        """The canvas box around an island's tiles and the levels it has tiles of; None if it has none."""
+        """Canvas box around an island's tiles and its range of tile levels; None if it has none."""
         extent = self._frames.extent(island)
         return None if extent is None else extent._replace(coarsest=top_level(extent))
 
     @property
     def problem(self) -> str | None:
-        """What the operator should know: the scratch file cannot grow, so memory does."""
+        """Message for the operator: the scratch file cannot grow, so memory does."""
         return self._store.problem
 
     def __enter__(self) -> Self:
@@ -261,7 +262,7 @@ class Canvas(Kept):
         self.close()
 
     def close(self) -> None:
-        """Give back all memory, threads and the scratch file."""
+        """Release all memory, threads and the scratch file."""
         self._pool.shutdown()
         self._store.close()
         self._gallery.clear()
@@ -270,7 +271,7 @@ class Canvas(Kept):
         return self._frames.add(painted, () if frame is None else frame.lattice.tiles())
 
     def _settle(self, changed: Collection[TileKey]) -> set[TileKey]:
-        """Tiles whose cells have changed, and those around, are due where that makes a difference; returns those."""
+        """Update owners for tiles with changed cells and their neighbours; returns those that are due because of it."""
         self._changes += 1
         due = self._territory.settle(changed)
         for key in due:
@@ -278,7 +279,7 @@ class Canvas(Kept):
         return due
 
     def _note_due(self, keys: Collection[TileKey]) -> None:
-        """Tiles whose frames are others than they were, wherever they show, are due, and those around, for their tones."""
+        """Mark displayed tiles whose frames have changed as due, and their neighbours, whose tones may change."""
         for key in around(keys):
             if key in self._recipes:
                 self._due.setdefault(key, 0.0)
@@ -286,7 +287,7 @@ class Canvas(Kept):
     # Pixels
 
     def _unlike(self, keys: Collection[TileKey]) -> dict[TileKey, Plan]:
-        """Plans of those of these tiles that do not show what they are to; the others are not due."""
+        """Plans of those tiles that are not displayed accordingly; the others are no longer due."""
         plans = self._territory.plans(keys)
         same = {key for key, plan in plans.items() if self._recipes.get(key) == plan.recipe}
         for key in same:
@@ -296,7 +297,7 @@ class Canvas(Kept):
     def _lay_on_top(
         self, frame: PlacedFrame, picture: FramePicture, parts: Mapping[TileKey, Part | None]
     ) -> set[TileKey]:
-        """Lay a frame on tiles that are behind, in the share that it is to have if that is known, else as well as can be."""
+        """Lay a frame on stale tiles, in its planned share if known, else by weight."""
         made = self._maker.whole(frame, picture, parts)
         for key, layer in made.items():
             shown, part = self._stack.own(key), parts[key]
@@ -329,11 +330,11 @@ class Canvas(Kept):
             self._behind[key] = max(urgency, self._behind.get(key, 0.0))
 
     def _next_block(self, side: int) -> set[TileKey]:
-        """Tiles that are behind and close together, so that they share frames; the most urgent one is among them."""
+        """Stale tiles close together, so that they share frames; the most urgent one is among them."""
 
         waiting = {**self._due, **self._behind}
         ready = waiting.keys() - self._kept() or waiting.keys()
-        # Counted from where the waiting tiles begin: a map that fits into one block is not cut in two.
+        # Counted from the first waiting tile: a map that fits into one block is not split.
         top, left = min(key[1].y for key in ready), min(key[1].x for key in ready)
 
         def block(key: TileKey) -> tuple[int, int, int, int]:
@@ -343,7 +344,8 @@ class Canvas(Kept):
         return {key for key in ready if block(key) == chosen}
 
     def _kept(self) -> set[TileKey]:
-        """Tiles that go on showing frames which have left them until those are shown where they are now: no hole between."""
+        """Tiles that keep displaying frames which have left them until those are displayed at their new place: no
+        temporary hole."""
         waiting = self._behind.keys() | self._due.keys()
         arrived = [name for name in self._left if waiting.isdisjoint(self._frames.tiles_of(name))]
         for name in arrived:
@@ -352,7 +354,7 @@ class Canvas(Kept):
 
     @property
     def _guests_wait(self) -> bool:
-        """Whether it is time to let guests in: once for all, when it is decided who shows else."""
+        """Whether to admit guests: once for all, after the cells of all tiles are decided."""
         return bool(self._unhosted) and self._work is None and not self._behind
 
     def _begun(self, block: int) -> _Fold | _Making:
@@ -378,7 +380,7 @@ class Canvas(Kept):
         return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
 
     def _expect_after(self, painted: Painted, fold: _Fold) -> None:
-        """Begin to see the frame that is next in a fold. What goes wrong with that one is met again at its own step, and told."""
+        """Begin to process the next frame of a fold. Its errors will occur again, and be reported, at its own step."""
         following = self._frames.next_after(painted.turn, fold.tiles)
         try:
             frame = None if following is None else self._gallery.placed(following)
@@ -388,7 +390,7 @@ class Canvas(Kept):
             logger.warning("the frame after %s cannot be looked at ahead", painted.name, exc_info=True)
 
     def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold | None:
-        """Give up tiles: they stay as they are."""
+        """Abandon tiles: they stay as displayed."""
         self._give_up(keys)
         self._territory.drop_fresh(keys)
         rest = {key: frames for key, frames in fold.tiles.items() if key not in keys}
@@ -400,7 +402,7 @@ class Canvas(Kept):
             self._due.pop(key, None)
 
     def _end(self, fold: _Fold) -> None:
-        """The fold is whole: its tiles are due, and those around that it changes."""
+        """The fold is complete: its tiles are due, and the neighbours that it changes."""
         ready = {key for key, frames in fold.tiles.items() if frames == tuple(self._frames.on(key))}
         changed = self._territory.replace(ready)
         self._territory.drop_fresh(fold.tiles)
@@ -411,11 +413,11 @@ class Canvas(Kept):
         self._settle(changed)
 
     def _with_pixels(self, work: _Making) -> _Making | None:
-        """Warp the next frame, and finish the tiles that wait for no other."""
+        """Warp the next frame, and finish the tiles that need no other."""
         name = work.left[0]
         painted = self._frames.get(name)
         if any(painted not in plan.recipe[1] for plan in work.plans.values() if name in plan.parts):
-            return self._unmade(work, name, due=True)  # it has moved meanwhile
+            return self._unmade(work, name, due=True)  # it has moved in the meantime
         for following in work.left[1:2]:
             self._gallery.expect(following)
         if not self._maker.step(work.plans, name):
@@ -424,7 +426,7 @@ class Canvas(Kept):
         return replace(work, left=work.left[1:])
 
     def _unmade(self, work: _Making, name: str | None, *, due: bool = False) -> _Making | None:
-        """Leave the tiles that a frame shows on (None: all), until later if they are `due`."""
+        """Abandon the tiles that a frame shows on (None: all), or postpone them if `due`."""
         keys = {key for key, plan in work.plans.items() if name is None or name in plan.parts}
         self._maker.drop({key: work.plans[key] for key in keys})
         if not due:
@@ -434,7 +436,7 @@ class Canvas(Kept):
         return replace(work, plans=rest, left=tuple(one for one in work.left if one in needed)) if rest else None
 
     def _commit(self, work: _Making) -> set[TileKey]:
-        """Show what is made, unless it is to look otherwise meanwhile: then it stays due."""
+        """Display the finished tiles, except those whose recipe has changed: they stay due."""
         keys = [key for key in work.plans if key in self._due and key not in self._behind]
         now = work.plans if self._changes == work.changes else self._territory.plans(keys)
         shown = {key for key in keys if now[key].recipe == work.plans[key].recipe}

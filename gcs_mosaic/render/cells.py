@@ -1,47 +1,44 @@
 """Which frame shows where: decided on cells of 8 tile px, by a fold over the frames in capture order, before any pixel is made.
 
-Of each cell the fold keeps the frame that sees it best and the next one, so that a seam may still be moved (`seam_path`). It is
-a function of the cell's frames alone, whatever else is decided at the same time, and all of it is done for many tiles at once.
+For each cell the fold keeps the frame with the best view and the next best, so that a seam can still be moved (`seam_path`). It
+is a function of the cell's frames alone, whatever else is decided at the same time, and vectorised over many tiles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.painted import TileKey
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
-from gcs_mosaic.render.warp_grid import FrameLattice, Lattice
+from gcs_mosaic.render.warp_grid import FrameLattice
+from gcs_mosaic.stitch.arrays import AnyArray, CellFlags, FrameNumbers, Lattice, Mask, Planes, Share
 
 CELL = 8  # tile px
 CELLS = TILE_SIZE // CELL  # along a tile's side
-NOBODY = -1  # in the place of a frame's number
+NOBODY = -1  # in place of a frame's number
 PARTLY, WHOLLY = 1, 2  # how far a frame covers a cell; 0: not at all
-OPEN = 1.4  # log ratio: where one frame is up to four times as good, the seam is free to run elsewhere
-
-Image = NDArray[np.uint8]
-Numbers = NDArray[np.int32]
+OPEN = 1.4  # log ratio: where one frame is at most four times better, the seam may be moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """What the fold keeps of cells (h, w). `first`, `second`: numbers of the frame that shows and of the next best; `lead`: by
-    how much the first was decided for, infinite if there was no other; `score` of the first; `inside` (2, h, w): how far both
-    cover the cell; `planes` (k, h, w): what the mode keeps of both."""
+    """State of the fold for cells (h, w). `first`, `second`: numbers of the frame that shows and of the next best; `lead`: margin
+    of the decision for the first, infinite without another; `score` of the first; `inside` (2, h, w): how far each covers the
+    cell; `planes` (k, h, w): what the mode keeps of both."""
 
-    first: Numbers
-    second: Numbers
+    first: FrameNumbers
+    second: FrameNumbers
     lead: Lattice
     score: Lattice
-    inside: Image
-    planes: Image
+    inside: Planes
+    planes: Planes
 
     @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[AnyArray, ...]:
         return self.first, self.second, self.lead, self.score, self.inside, self.planes
 
     @property
@@ -51,15 +48,15 @@ class Cells:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Owned:
-    """Which frames the cells (h, w) show: `first` in its `share` (255: alone), `second` in what is left; a second of a first that
-    has all is shown where that one does not cover the cell, and `NOBODY` where it does."""
+    """Which frames the cells (h, w) show: `first` with its `share` (255: alone), `second` with the rest. If the first has all,
+    the second shows where the first does not cover the cell; it is `NOBODY` where it does."""
 
-    first: Numbers
-    second: Numbers
-    share: Image
+    first: FrameNumbers
+    second: FrameNumbers
+    share: Share
 
     @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[AnyArray, ...]:
         return self.first, self.second, self.share
 
     @property
@@ -72,15 +69,15 @@ T = TypeVar("T", Cells, Owned)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What a new frame brings to cells (h, w): how far it covers them (`inside`), its score, and its planes (k, h, w)."""
+    """A new frame's contribution to cells (h, w): how far it covers them (`inside`), its score, and its planes (k, h, w)."""
 
-    inside: Image
+    inside: CellFlags
     score: Lattice
-    planes: Image
+    planes: Planes
 
 
 class Window(NamedTuple):
-    """A rectangle of tiles of one level of an island; the last row and column are part of it."""
+    """A rectangle of tiles of one level of an island, inclusive of the last row and column."""
 
     island: int
     level: int
@@ -95,31 +92,31 @@ class Window(NamedTuple):
         return (self.bottom - self.top + 1) * CELLS, (self.right - self.left + 1) * CELLS
 
     def place(self, key: TileKey, rim: int = 0) -> tuple[slice, slice]:
-        """A tile's rows and columns of cells, with some more around."""
+        """A tile's rows and columns of cells, with a margin of `rim`."""
         y, x = (key[1].y - self.top) * CELLS, (key[1].x - self.left) * CELLS
         return slice(y - rim, y + CELLS + rim), slice(x - rim, x + CELLS + rim)
 
     def wider(self) -> Window:
-        """With the tiles around."""
+        """Extended by one tile on each side."""
         return self._replace(top=self.top - 1, left=self.left - 1, bottom=self.bottom + 1, right=self.right + 1)
 
     def above(self, levels: int) -> Window:
-        """The window of so much coarser tiles that holds this one."""
+        """The window of tiles this many levels coarser that contains this one."""
         top, left, bottom, right = (edge >> levels for edge in (self.top, self.left, self.bottom, self.right))
         return Window(self.island, self.level - levels, top, left, bottom, right)
 
     def below(self, levels: int) -> Window:
-        """The window of so much finer tiles that covers the same."""
+        """The window of tiles this many levels finer that covers the same area."""
         top, left, bottom, right = self.top, self.left, self.bottom + 1, self.right + 1
         top, left, bottom, right = (edge << levels for edge in (top, left, bottom, right))
         return Window(self.island, self.level + levels, top, left, bottom - 1, right - 1)
 
     def part(self, y: int, x: int) -> Window:
-        """Its tile in a row and a column, counted from 0."""
+        """Its tile at a row and a column, counted from 0."""
         return self._replace(top=self.top + y, bottom=self.top + y, left=self.left + x, right=self.left + x)
 
     def common(self, other: Window) -> Window | None:
-        """The tiles of both, which are of one level and island."""
+        """Intersection with a window of the same level and island."""
         top, left = max(self.top, other.top), max(self.left, other.left)
         bottom, right = min(self.bottom, other.bottom), min(self.right, other.right)
         return (
@@ -127,7 +124,7 @@ class Window(NamedTuple):
         )
 
     def of(self, other: Window) -> tuple[slice, slice]:
-        """Rows and columns of cells of a window within this one."""
+        """Rows and columns of cells of another window within this one."""
         (y, x), (height, width) = ((other.top - self.top) * CELLS, (other.left - self.left) * CELLS), other.shape
         return slice(y, y + height), slice(x, x + width)
 
@@ -138,7 +135,7 @@ class Window(NamedTuple):
 
 
 def window_around(keys: Collection[TileKey]) -> Window:
-    """The least window that holds these tiles, which are of one level of one island."""
+    """The smallest window that contains these tiles, all of one level of one island."""
     (island, first), *_ = keys
     xs, ys = [tile.x for _, tile in keys], [tile.y for _, tile in keys]
     return Window(island, first.z, min(ys), min(xs), max(ys), max(xs))
@@ -151,7 +148,7 @@ def window_of(island: int, lattice: FrameLattice) -> Window:
 
 
 def around(keys: Iterable[TileKey]) -> set[TileKey]:
-    """These tiles and those that touch them."""
+    """These tiles and their eight neighbours."""
     return {
         (island, Tile(tile.z, tile.x + dx, tile.y + dy))
         for island, tile in keys
@@ -161,7 +158,7 @@ def around(keys: Iterable[TileKey]) -> set[TileKey]:
 
 
 def grouped(keys: Iterable[TileKey]) -> list[set[TileKey]]:
-    """By island and level."""
+    """Tiles grouped by island and level."""
     groups: dict[tuple[int, int], set[TileKey]] = {}
     for key in keys:
         groups.setdefault((key[0], key[1].z), set()).add(key)
@@ -169,7 +166,7 @@ def grouped(keys: Iterable[TileKey]) -> list[set[TileKey]]:
 
 
 def unknown(shape: tuple[int, int], planes: int) -> Cells:
-    """Cells that nobody has seen."""
+    """Cells without any frame."""
     nobody = np.full(shape, NOBODY, np.int32)
     infinite, score = np.full(shape, np.inf, np.float32), np.zeros(shape, np.float32)
     return Cells(
@@ -178,18 +175,18 @@ def unknown(shape: tuple[int, int], planes: int) -> Cells:
 
 
 def unowned(shape: tuple[int, int]) -> Owned:
-    """Cells that nobody shows."""
+    """Cells without an owner."""
     nobody = np.full(shape, NOBODY, np.int32)
     return Owned(nobody, nobody.copy(), np.full(shape, 255, np.uint8))
 
 
 def part(whole: T, place: tuple[slice, slice]) -> T:
-    """A part of such arrays, on its own."""
+    """A copy of a part of these arrays."""
     return type(whole)(*[array[..., place[0], place[1]].copy() for array in whole.arrays])
 
 
 def put_together(whole: T, parts: Mapping[TileKey, T], window: Window) -> None:
-    """Put these tiles' values into `whole`."""
+    """Copy these tiles' values into `whole`."""
     for key, one in parts.items():
         rows, columns = window.place(key)
         for array, values in zip(whole.arrays, one.arrays, strict=True):
@@ -197,12 +194,12 @@ def put_together(whole: T, parts: Mapping[TileKey, T], window: Window) -> None:
 
 
 def alike(one: T, other: T) -> bool:
-    """Whether all values are the same."""
+    """Whether all values are equal."""
     return all(np.array_equal(a, b) for a, b in zip(one.arrays, other.arrays, strict=True))
 
 
-def touched(cells: NDArray[np.bool_], window: Window) -> set[TileKey]:
-    """The tiles of a window any of whose cells (h, w) are so."""
+def touched(cells: Mask, window: Window) -> set[TileKey]:
+    """The tiles of a window that contain any true cell (h, w)."""
     rows, columns = cells.shape[0] // CELLS, cells.shape[1] // CELLS
     tiles = cells.reshape(rows, CELLS, columns, CELLS).any(axis=(1, 3))
     return {
@@ -210,23 +207,21 @@ def touched(cells: NDArray[np.bool_], window: Window) -> set[TileKey]:
     }
 
 
-def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[Cells, NDArray[np.bool_]]:
-    """One step of the fold: a frame laid over what is known, `decided` above 0 where it is to show rather than the first one.
+def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[Cells, Mask]:
+    """One step of the fold: a frame over the present cells; `decided` is above 0 where it is to show instead of the first.
 
-    Cells keep all planes of the first, and the last few of the second. Also returns which cells (h, w) are others now.
+    Cells keep all planes of the first, and the last few of the second. Also returns which cells (h, w) have changed.
     """
     wins = (seen.inside > 0) & ((cells.first == NOBODY) | (decided > 0))
     follows = (seen.inside > 0) & ~wins & (-decided < cells.lead)
     return laid(cells, seen, number, decided, wins, follows), wins | follows
 
 
-def laid(
-    cells: Cells, seen: Seen, number: int, decided: Lattice, wins: NDArray[np.bool_], follows: NDArray[np.bool_]
-) -> Cells:
+def laid(cells: Cells, seen: Seen, number: int, decided: Lattice, wins: Mask, follows: Mask) -> Cells:
     """The cells with a frame as their first where it `wins` (h, w), as their second where it `follows`."""
     known = cells.first != NOBODY
 
-    def second(of_first: NDArray[Any], of_second: NDArray[Any], new: NDArray[Any] | np.int32) -> NDArray[Any]:
+    def second(of_first: AnyArray, of_second: AnyArray, new: AnyArray | np.int32) -> AnyArray:
         return np.where(wins, of_first, np.where(follows, new, of_second))
 
     of_all, of_both = len(seen.planes), len(cells.planes) - len(seen.planes)

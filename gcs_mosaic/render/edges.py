@@ -1,15 +1,14 @@
-"""The paper's blend: alpha blending by the distance to each frame's own border, and less of it where edges are dense.
+"""The paper's blend: alpha blending by distance to each frame's border, and steeper where edges are dense.
 
 Dense edges (Canny, then a morphological closing) raise the new frame's weight. Portakal, Kındıroğlu, Uluyağmur Öztürk, "Real
 Time Incremental Image Mosaicking Without Use of Any Camera Parameter", section III.D. Added here: where edges are dense, the
-blend is also steep, so that such a place comes from one frame only.
+transition is also steep, so that such a place comes from one frame only.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import NOBODY, PARTLY, WHOLLY, Cells, Owned, Seen, Window
@@ -17,25 +16,21 @@ from gcs_mosaic.render.looks import Of, Sight
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.warp import shrunk
-from gcs_mosaic.render.warp_grid import Lattice
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, Lattice
 
-Image = NDArray[np.uint8]
-
-EDGE_PIXELS = 750_000  # the size a frame is looked at for edges; finer edges are noise and grass
-STRONGEST = (
-    0.1  # share of a frame's pixels whose gradient may begin an edge: the light differs too much for fixed bounds
-)
-LEAST_GRADIENT = 24  # of Sobel's operator, grey levels; below it is the noise of flat ground
+EDGE_PIXELS = 750_000  # image size for edge detection; finer edges are noise and grass
+STRONGEST = 0.1  # share of a frame's pixels that may start an edge: lighting varies too much for fixed thresholds
+LEAST_GRADIENT = 24  # of the Sobel operator, grey levels; below is the noise of uniform ground
 CLOSING = 5  # px at that size
-NEIGHBOURHOOD = 31  # px at that size over which edges are counted; about a tree
-DENSE = 0.4  # share of pixels on closed edges that counts as wholly dense
-BOOST = 1.3  # the new frame's weight counts so many times more where edges are dense
-SOFT, STEEP = 4.0, 32.0  # exponents of the weights' ratio on smooth ground and where edges are dense
+NEIGHBOURHOOD = 31  # px at that size over which edge density is averaged; about a tree
+DENSE = 0.4  # share of pixels on closed edges that counts as fully dense
+BOOST = 1.3  # factor on the new frame's weight where edges are dense
+SOFT, STEEP = 4.0, 32.0  # exponents of the weight ratio on smooth ground and where edges are dense
 
 
-def edge_density(look: Image) -> NDArray[np.float32]:
-    """How dense edges are around each place of a frame, 0 to 1, (h, w, 1), a quarter as wide as the ~0.75 MP picture it is
-    told from."""
+def edge_density(look: ImageBGR) -> FloatImage:
+    """Edge density around each place of a frame, 0 to 1, (h, w, 1), at a quarter of the width of the ~0.75 MP image it is
+    computed from."""
     small = shrunk(look, EDGE_PIXELS)
     size = small.shape[1], small.shape[0]
     grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)
@@ -46,21 +41,21 @@ def edge_density(look: Image) -> NDArray[np.float32]:
     return np.asarray(np.minimum(share / (255 * DENSE), 1), dtype=np.float32)[..., None]
 
 
-def _edges(grey: Image) -> Image:
+def _edges(grey: ImageGrey) -> ImageGrey:
     dx, dy = cv2.Sobel(grey, cv2.CV_16S, 1, 0), cv2.Sobel(grey, cv2.CV_16S, 0, 1)
     some = np.abs(dx[::4, ::4]).astype(np.int32) + np.abs(dy[::4, ::4])
     high = max(float(np.quantile(some, 1 - STRONGEST)), LEAST_GRADIENT)
     return np.asarray(cv2.Canny(dx, dy, high / 2.5, high), dtype=np.uint8)
 
 
-def look_for_edges(look: Image, of: Of) -> Sight:
-    """What is kept of a frame's picture: how dense its edges are."""
+def look_for_edges(look: ImageBGR, of: Of) -> Sight:
+    """What is kept of a frame's image: its edge density."""
     density = edge_density(look)
     return Sight(of, (np.asarray(np.rint(density * 255), np.uint8),))
 
 
 def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
-    """What a frame brings to the cells of a window: the log of its weight, and how dense its edges are."""
+    """A frame's contribution to the cells of a window: log weight and edge density."""
     assert sight is not None, "edges need a look"
     where = lattice_part(frame.lattice, window)
     pixels, weight = at_cells(frame.lattice.pixels[where]), at_cells(frame.lattice.weight[where])
@@ -71,14 +66,14 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
 
 
 def decide(cells: Cells, seen: Seen) -> Lattice:
-    """The log ratio of weights, soft on smooth ground and steep where the new frame's edges are dense."""
+    """Log ratio of weights, soft on smooth ground and steep where the new frame's edges are dense."""
     density = seen.planes[0] / np.float32(255)
     steepness = SOFT + (STEEP - SOFT) * density
     return np.asarray(steepness * (seen.score - cells.score + np.log(1 + (BOOST - 1) * density)), np.float32)
 
 
 def mixed(cells: Cells) -> Owned:
-    """The first in its share of both, where both cover the cell."""
+    """The first with its share, where both cover the cell."""
     both = (cells.inside[0] == WHOLLY) & (cells.inside[1] == WHOLLY)
     share = np.where(both, np.rint(255 / (1 + np.exp(-np.minimum(cells.lead, 30)))), 255).astype(np.uint8)
     shown = (share < 255) | (cells.inside[0] != WHOLLY)

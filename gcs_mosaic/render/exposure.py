@@ -1,10 +1,9 @@
-"""Making the brightness of overlapping frames agree: one gain per frame and colour channel.
+"""Gain compensation between overlapping frames: one gain per frame and colour channel.
 
-The gains solve a regularised least-squares problem over the overlaps in log space, after the gain compensation of
-M. Brown and D. Lowe, "Automatic Panoramic Image Stitching using Invariant Features", IJCV 74(1), 2007, section 6. In log
-space it is linear, the same factor up or down costs the same, and the trivial solution "all black" is none.
-The prior (gain 1) keeps long chains of frames from drifting away; each channel has its own gain because automatic white
-balance moves them apart.
+The gains solve a regularised least-squares problem over the overlaps in log space, after M. Brown and D. Lowe, "Automatic
+Panoramic Image Stitching using Invariant Features", IJCV 74(1), 2007, section 6. In log space it is linear, equal factors up
+and down cost the same, and the trivial solution "all black" is excluded. The prior (gain 1) keeps long chains of frames from
+drifting; each channel has its own gain because automatic white balance changes them separately.
 """
 
 from __future__ import annotations
@@ -14,41 +13,35 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
 from gcs_mosaic.render.vignetting import NO_SUMS, RadialSums, Vignetting, log_brightness, radial_sums, radii
 from gcs_mosaic.render.warp import warped
+from gcs_mosaic.stitch.arrays import ImageBGR, Levels, Mask, PointsNx2, Vector
 
-Image = NDArray[np.uint8]
-Levels = NDArray[np.uint8] | NDArray[np.float32]
-Array = NDArray[np.float64]
-Gain = tuple[float, ...]  # one for each band
+Gain = tuple[float, ...]  # one per band
 
-# Of the colours in a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
-PALETTE_SATURATION = 75  # median of highest less lowest channel
-PALETTE_SPREAD = (
-    40  # RMS distance from the mean of what is not grey: ground is of one hue, a palette runs through several
-)
-DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and says nothing about exposure
+# Colours of a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
+PALETTE_SATURATION = 75  # median of highest minus lowest channel
+PALETTE_SPREAD = 40  # RMS distance from the mean of all that is not grey: ground has one hue, a palette several
+DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and is ignored
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureSettings:
-    """How strongly gains follow what is seen in overlaps."""
+    """How strongly gains follow the overlaps."""
 
-    gain_sigma: float = 1.0  # log gain expected of a frame; large, so that steps of automatic exposure (0.7) go through
-    overlap_sigma: float = 0.02  # log brightness; how well two frames' means over their overlap agree at equal exposure
-    full_trust: int = 200  # thumbnail px in common at which an overlap is half as good as an endless one
-    least_gain: float = 0.25  # below and above these the picture would only be noise
+    gain_sigma: float = 1.0  # expected spread of log gains; large, to allow for steps of automatic exposure (0.7)
+    overlap_sigma: float = 0.02  # log brightness; spread between two frames' overlap means at equal exposure
+    full_trust: int = 200  # thumbnail px of overlap that have half the weight of an infinite overlap
+    least_gain: float = 0.25  # beyond these limits the image would only be noise
     most_gain: float = 4.0  # see least_gain
 
 
 @dataclass(frozen=True, slots=True)
 class OverlapMeans:
-    """Mean levels of each band over the ground two frames share, how many thumbnail pixels that is, and what it tells of
-    vignetting."""
+    """Mean levels of each band over the overlap of two frames, its size in thumbnail pixels, and its sums for vignetting."""
 
     mean_i: Gain
     mean_j: Gain
@@ -56,7 +49,7 @@ class OverlapMeans:
     radial: RadialSums = NO_SUMS
 
     def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:
-        """The same with the vignetting of both frames taken out."""
+        """The means with both frames' vignetting removed."""
         (fall_i,), (fall_j,) = (
             log_brightness(curves, np.array([at]))
             for curves, at in ((of_i, self.radial.mean_i), (of_j, self.radial.mean_j))
@@ -68,12 +61,12 @@ class OverlapMeans:
         return replace(self, mean_i=flat_i, mean_j=flat_j)
 
 
-Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, what they see of each other
+Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, their overlap
 
 
-def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], Array]) -> OverlapMeans | None:
-    """Means over the common ground of two thumbnails (h, w, bands) in grey levels; None if they have other bands, or share
-    nothing that is not clipped.
+def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx2], PointsNx2]) -> OverlapMeans | None:
+    """Means over the overlap of two thumbnails (h, w, bands) in grey levels; None if their bands differ or no unclipped pixels
+    are shared.
 
     `j_from_i` maps pixels (n, 2) of thumbnail i to pixels of thumbnail j, NaN for nowhere.
     """
@@ -99,7 +92,7 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[Array], 
 def solve_gains(
     count: int, seen: Sequence[Observation], settings: ExposureSettings | None = None, bands: int = 3
 ) -> list[Gain]:
-    """Gains of `count` frames of so many bands such that `gain_i * mean_i` and `gain_j * mean_j` agree; 1 for unseen frames."""
+    """Gains of `count` frames such that `gain_i * mean_i` and `gain_j * mean_j` agree; 1 for frames without overlaps."""
     settings = settings or ExposureSettings()
     if not seen:
         return [(1.0,) * bands] * count
@@ -118,10 +111,10 @@ def solve_gains(
 def gain_beside(
     seen: Sequence[tuple[OverlapMeans, Gain]], settings: ExposureSettings | None = None, bands: int = 3
 ) -> Gain:
-    """The gain of one new frame i beside frames j whose gains stay as they are; 1 if it overlaps none.
+    """The gain of a new frame i beside frames j with fixed gains; 1 without overlaps.
 
-    The frames j hold it less firmly than their overlaps alone would tell: in a long chain that is solved as a whole, gains go
-    back to 1 by sqrt(prior / trust) a frame. Without that, a hundredth of error a frame would grow to any brightness.
+    The frames j are weighted below their overlaps: in a long chain solved as a whole, gains return to 1 by sqrt(prior / trust)
+    per frame. Without that, an error of a hundredth per frame would accumulate without limit.
     """
     settings = settings or ExposureSettings()
     trust = np.array([_trust(means, settings) for means, _ in seen])
@@ -133,8 +126,8 @@ def gain_beside(
 def is_false_colour(small: Levels) -> bool:
     """Whether a thumbnail (h, w, bands) in grey levels shows a thermal camera's palette.
 
-    Its colours are temperatures, on a scale that follows each frame: a gain would turn them into colours that mean others,
-    or that the palette does not have.
+    Its colours encode temperatures on each frame's own scale: a gain would turn them into other colours of the palette, or
+    colours outside it.
     """
     if small.shape[2] != 3:
         return False
@@ -144,8 +137,8 @@ def is_false_colour(small: Levels) -> bool:
     return float(np.median(np.ptp(colours, axis=1))) > PALETTE_SATURATION and spread > PALETTE_SPREAD
 
 
-def apply_gain(image: Image, gain: Gain) -> Image:
-    """The image (h, w, 3) with its channels multiplied and clipped; the same array if there is nothing to do."""
+def apply_gain(image: ImageBGR, gain: Gain) -> ImageBGR:
+    """The image (h, w, 3) with its channels multiplied and clipped; the same array for gains of 1."""
     if gain == (1.0, 1.0, 1.0):
         return image
     levels = np.arange(256)[:, None] * np.array(gain)
@@ -153,7 +146,7 @@ def apply_gain(image: Image, gain: Gain) -> Image:
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 
 
-def _unclipped(image: Levels) -> NDArray[np.bool_]:
+def _unclipped(image: Levels) -> Mask:
     return np.asarray(((image >= DARKEST) & (image <= BRIGHTEST)).all(axis=-1))
 
 
@@ -165,10 +158,10 @@ def _trust(means: OverlapMeans, settings: ExposureSettings) -> float:
     return means.count / (means.count + settings.full_trust) / settings.overlap_sigma**2
 
 
-def _log_ratio(means: OverlapMeans) -> Array:
-    """log gain_i - log gain_j that makes the two means agree."""
+def _log_ratio(means: OverlapMeans) -> Vector:
+    """log gain_i - log gain_j for which the two means agree."""
     return np.asarray(np.log(np.array(means.mean_j) / np.array(means.mean_i)), dtype=np.float64)
 
 
-def _bounded(log_gain: Array, settings: ExposureSettings) -> Gain:
+def _bounded(log_gain: Vector, settings: ExposureSettings) -> Gain:
     return tuple(np.clip(np.exp(log_gain), settings.least_gain, settings.most_gain).tolist())

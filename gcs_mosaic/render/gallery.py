@@ -1,4 +1,4 @@
-"""The frames at hand: where each lies on the tiles, its picture, what it looks like."""
+"""Frames in use: their lattices on the tiles, their images, and their looks."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass
 
 from gcs_mosaic.render.blend_modes import Mode
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.looks import LOOK_PIXELS, Image, Of, Sight
+from gcs_mosaic.render.looks import LOOK_PIXELS, Of, Sight
 from gcs_mosaic.render.originals import LoadImage, Originals
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, frame_picture
 from gcs_mosaic.render.placed import PlacedFrame, placed
 from gcs_mosaic.render.tile_cache import Store
 from gcs_mosaic.render.warp import shrunk
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, ImageBGR
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
-LOOKS_AHEAD = 2  # frames that are being looked at while others are placed
-PLACED_TOGETHER = 8  # frames whose places are worked out side by side
+LOOKS_AHEAD = 2  # frames analysed in the background while others are placed
+PLACED_TOGETHER = 8  # frames whose lattices are computed in parallel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Placed:
-    """A frame as it was placed last; `frame` None where it sees no ground."""
+    """A frame as placed last; `frame` is None where it sees no ground."""
 
     painted: Painted
     frame: PlacedFrame | None
@@ -35,8 +35,8 @@ class _Placed:
 
 
 class Gallery:
-    """All of it can be had again at any time, from `load_image`, so nothing here is ever put back. Places and sights are in the
-    store."""
+    """Everything here can be recomputed from `load_image` at any time, so nothing is ever restored. Lattices and sights are kept
+    in the store."""
 
     def __init__(self, load_image: LoadImage, store: Store, mode: Mode, keep: KeepBands, pool: Executor) -> None:
         self._originals = Originals(load_image, pool)
@@ -46,10 +46,10 @@ class Gallery:
         self._keep: KeepBands = keep
         self._placing: dict[str, tuple[Painted, Future[_Placed]]] = {}
         self._looking: dict[str, Future[Sight]] = {}
-        self._begun: tuple[str, Future[Sight]] | None = None  # of a frame that may not be painted at all
+        self._begun: tuple[str, Future[Sight]] | None = None  # of a frame that may never be painted
 
     def placed(self, painted: Painted) -> PlacedFrame | None:
-        """The frame on the tiles of its level; None where it sees no ground. ValueError if that would be absurdly fine for it."""
+        """The frame on the tiles of its level; None where it sees no ground. ValueError if the level is absurdly fine for it."""
         known = self._known_place(painted.name)
         if known is None or known.painted != painted:
             known = self._coming_place(painted) or _place(painted, known)
@@ -57,28 +57,28 @@ class Gallery:
         return known.frame
 
     def all_placed(self, frames: Sequence[Painted]) -> Iterator[tuple[Painted, PlacedFrame | None]]:
-        """Each of these frames with its place as in `placed`, in their order; they are worked out side by side."""
+        """Each of these frames with its result of `placed`, in order; computed in parallel."""
         for first in range(0, len(frames), PLACED_TOGETHER):
             some = frames[first : first + PLACED_TOGETHER]
-            if len(some) > 1:  # one alone may be among those that are expected
+            if len(some) > 1:  # a single one may already be expected
                 self.expect_places(some)
             yield from ((painted, self.placed(painted)) for painted in some)
 
     def expect_places(self, frames: Sequence[Painted]) -> None:
-        """Begin to work out the places of a few frames that are wanted next."""
+        """Begin to compute the lattices of a few frames that are needed next."""
         known = [(painted, self._known_place(painted.name)) for painted in frames]
         new = [(painted, before) for painted, before in known if before is None or before.painted != painted]
         self._placing = {one.name: (one, self._pool.submit(_place, one, before)) for one, before in new[1:]}
 
     def take(self, painted: Painted, image: Bands) -> FramePicture:
-        """Keep a frame's picture at hand, and what it looks like. ValueError if it does not fit."""
+        """Keep a frame's image in memory, and analyse it. ValueError if it does not fit."""
         picture = frame_picture(image, painted, self._keep)
         self._originals.put(painted.name, image)
         self._look(painted, picture)
         return picture
 
     def look_ahead(self, painted: Painted, image: Bands) -> None:
-        """Keep a frame's picture at hand, and begin to look at it while other things are done. ValueError if it does not fit."""
+        """Keep a frame's image in memory, and analyse it in the background. ValueError if it does not fit."""
         picture = frame_picture(image, painted, self._keep)
         self._originals.put(painted.name, image)
         while len(self._looking) >= LOOKS_AHEAD:
@@ -87,7 +87,7 @@ class Gallery:
             self._looking[painted.name] = self._pool.submit(self._looked, painted, picture)
 
     def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
-        """Begin to look at a frame that may be painted next, while other things are done; nothing is kept if it is not."""
+        """Begin to analyse a frame that may be painted next, in the background; nothing is kept if it is not."""
         self._begun = None
         if self._mode.look is not None and display.fits(image):
             self._begun = (
@@ -96,31 +96,31 @@ class Gallery:
             )
 
     def expect(self, name: str) -> None:
-        """Begin to load the original that is wanted next, while other things are done."""
+        """Begin to load the original that is needed next, in the background."""
         self._originals.expect(name)
 
     def is_at_hand(self, name: str) -> bool:
-        """Whether the frame's original need not be loaded."""
+        """Whether the frame's original is in memory."""
         return name in self._originals
 
     def picture(self, painted: Painted) -> FramePicture | None:
-        """None if the original is gone."""
+        """The frame's image; None if the original is gone."""
         image = self._originals.get(painted.name)
         return None if image is None else frame_picture(image, painted, self._keep)
 
     def sight(self, painted: Painted) -> Sight | None:
-        """What the frame looks like, as far as that is known."""
+        """The frame's look, if known."""
         self._take_look(painted.name)
         sight: Sight | None = self._store.get(("sight", painted.name))
         return sight
 
     def has_seen(self, painted: Painted) -> bool:
-        """Whether it is known what the frame looks like, or nobody wants to know."""
+        """Whether the frame's look is known, or not needed."""
         sight = self.sight(painted)
         return self._mode.look is None or (sight is not None and sight.fits(painted))
 
     def can_see(self, painted: Painted) -> bool:
-        """Whether it is known, or can be, what the frame looks like."""
+        """Whether the frame's look is known, or can be computed."""
         if self.has_seen(painted):
             return True
         picture = self.picture(painted)
@@ -139,7 +139,7 @@ class Gallery:
         return known
 
     def _coming_place(self, painted: Painted) -> _Placed | None:
-        """None if it has raised, too: that is left to whoever asks."""
+        """Result of an expected placing; None also if it raised, as the caller's own attempt will."""
         expected, coming = self._placing.pop(painted.name, (None, None))
         wanted = coming is not None and expected == painted and coming.exception() is None
         return coming.result() if wanted and coming is not None else None
@@ -151,7 +151,7 @@ class Gallery:
             self._store.put(("sight", painted.name), begun or self._looked(painted, picture))
 
     def _begun_look(self, painted: Painted) -> Sight | None:
-        """What has come of `begin_look`, if that was at this frame and as it is painted."""
+        """Result of `begin_look`, if it was for this frame as it is painted."""
         begun, self._begun = self._begun, None
         if begun is None or begun[0] != painted.name or begun[1].exception() is not None:
             return None
@@ -161,13 +161,13 @@ class Gallery:
     def _looked(self, painted: Painted, picture: FramePicture) -> Sight:
         return self._seen(picture.image, (painted.display, painted.dead))
 
-    def _seen(self, image: Image, of: Of) -> Sight:
+    def _seen(self, image: ImageBGR, of: Of) -> Sight:
         assert self._mode.look is not None
         return self._mode.look(shrunk(image, LOOK_PIXELS), of)
 
     def _take_look(self, name: str) -> None:
-        """Keep what a look has found, if one was begun. If it has raised, that is left to the next look at the frame: whoever is
-        here may be at work on another one."""
+        """Store the result of a background look. If it raised, the frame's next look will: the caller may be working on another
+        frame."""
         coming = self._looking.pop(name, None)
         if coming is not None and coming.exception() is None:
             self._store.put(("sight", name), coming.result())

@@ -1,9 +1,9 @@
-"""Frames of coarser levels on tiles of finer ones: what was seen only from higher up stays on the map.
+"""Guests: frames of coarser levels on finer tiles, so that what was seen only from higher up stays on the map.
 
-Finer tiles hide coarser ones, and whoever only those have seen. So a frame of a coarser level is a guest on the finer tiles
-below it: it shows there where it has a thing (`saliency`) that the frame which shows has none of, however closely that one
-looks. The two see the ground on different scales: what stands out from high up may be a roof, and from near its edge alone.
-So the host is looked at once more as coarsely as the guest sees, and what stands out in it then counts as well.
+Finer tiles hide coarser ones, and people seen only there. So a frame of a coarser level is a guest on the finer tiles below it:
+it shows where it has a salient thing (`saliency`) that the host frame lacks. The two see the ground at different scales: what
+is salient from high up may be a roof, which at close range is salient only near its edge. So the host is also analysed at the
+guest's resolution, and what is salient there counts as well.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Image, Window, laid, part
+from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Window, laid, part
 from gcs_mosaic.render.looks import AT_ONCE, Sight, contrasts_around
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.placed import PlacedFrame
@@ -22,26 +21,27 @@ from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import at_middles
 from gcs_mosaic.render.seams import FAR, LOOK, SALIENT, THINGS, beyond, contrasts_at, decide, only, see
 from gcs_mosaic.render.warp_grid import LATTICE
+from gcs_mosaic.stitch.arrays import Mask, Planes
 
-# A frame by its number, and what it looks like, on a window of tiles; None if it is not there.
+# A frame and its look on a window of tiles, by number; None if it is not there.
 Seer = Callable[[Window, int], tuple[PlacedFrame, Sight] | None]
 Admit = Callable[[Cells, Window, "Things", int, Seer], Cells]
 
 GROUPS = -(-WAYS // AT_ONCE)  # of planes that hold the things
-POINTS = LATTICE - 1  # of the lattice on a tile's side
-CLEARLY = 0.5  # share of a thing's least contrast by which it must exceed all that the host has around
+POINTS = LATTICE - 1  # of the lattice along a tile's side
+CLEARLY = 0.5  # share of the minimum contrast by which a thing must exceed everything near it in the host
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Things:
-    """What stands out in a frame, at the middles between its lattice points: `planes` (`WAYS`, h, w) over its window's tiles.
+    """Salient things of a frame, at the centres between its lattice points: `planes` (`WAYS`, h, w) over its window's tiles.
 
-    No place of a thing is farther from such a middle than `saliency.REACH`, so there is one for each that knows of the thing.
+    No part of a thing is farther than `saliency.REACH` from such a centre, so at least one records the thing.
     """
 
     painted: Painted
     window: Window
-    planes: Image
+    planes: Planes
 
     @property
     def nbytes(self) -> int:
@@ -49,14 +49,14 @@ class Things:
 
 
 def things(frame: PlacedFrame, sight: Sight) -> Things:
-    """What stands out in a frame on the tiles of its own level."""
+    """Salient things of a frame on the tiles of its own level."""
     planes = contrasts_at(frame, sight.planes[:GROUPS], frame.window, at_middles)[THINGS]
     return Things(frame.painted, frame.window, planes)
 
 
 def admit(cells: Cells, window: Window, guest: Things, number: int, seer: Seer) -> Cells:
-    """Cells (h, w) of a window with a guest as the first where it alone has something. It covers nothing that nobody else does:
-    that is left to the tiles of its own level. The window's edges are those of tiles of `GUEST_LEVELS` coarser."""
+    """Cells (h, w) of a window with a guest as the first where only it has a thing. It covers no empty cells: those are left to
+    tiles of its own level. The window is aligned to tiles `GUEST_LEVELS` coarser."""
     changed = [
         (one, after)
         for one, there in _where_it_may(cells, window, guest)
@@ -72,9 +72,9 @@ def admit(cells: Cells, window: Window, guest: Things, number: int, seer: Seer) 
     return cells
 
 
-def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple[Window, NDArray[np.bool_]]]:
-    """The parts of a window, as large as the guest's own tiles, and which of their cells (h, w): those where a first look, at one
-    in a square between lattice points, finds things of the guest's that the host has nothing of."""
+def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple[Window, Mask]]:
+    """Parts of a window as large as the guest's own tiles, with a mask of their cells (h, w): where a quick check, one per square
+    between lattice points, finds guest things that the host lacks."""
     finer = window.level - guest.window.level
     above = window.above(finer).common(guest.window)
     if above is None:
@@ -90,8 +90,8 @@ def _where_it_may(cells: Cells, window: Window, guest: Things) -> Iterator[tuple
         yield above.part(y, x).below(finer), there.repeat(side, axis=0).repeat(side, axis=1)
 
 
-def _with_guest(cells: Cells, window: Window, there: NDArray[np.bool_], number: int, seer: Seer) -> Cells | None:
-    """The cells of a window, with the guest where it is to show of those that are `there`; None if that is nowhere."""
+def _with_guest(cells: Cells, window: Window, there: Mask, number: int, seer: Seer) -> Cells | None:
+    """The cells of a window with the guest shown on some of the cells `there`; None if on none."""
     known = seer(window, number)
     assert known is not None, "it has been seen there"
     guest, sight = known
@@ -105,7 +105,7 @@ def _with_guest(cells: Cells, window: Window, there: NDArray[np.bool_], number: 
         beside = seer(window, host)
         if beside is None:
             wins &= ~here
-        elif beside[0].painted.level != window.level:  # another guest: whoever sees better
+        elif beside[0].painted.level != window.level:  # another guest: the better view wins
             wins &= ~here | (decide(cells, seen) > 0)
         else:
             around = _seen_coarsely(*beside, window, 2.0 ** (window.level - guest.painted.level))
@@ -113,8 +113,8 @@ def _with_guest(cells: Cells, window: Window, there: NDArray[np.bool_], number: 
     return laid(cells, seen, number, decided, wins, np.zeros_like(wins)) if wins.any() else None
 
 
-def _seen_coarsely(frame: PlacedFrame, sight: Sight, window: Window, coarser: float) -> Image:
-    """What stands out far around the cells of a window in a frame that is looked at so many times as coarsely, in all ways."""
+def _seen_coarsely(frame: PlacedFrame, sight: Sight, window: Window, coarser: float) -> Planes:
+    """Salience far around the cells of a window in a frame at `coarser` times lower resolution, by kind of contrast."""
     here = frame.window.common(window)
     assert here is not None, "it is seen there"
     whole = np.zeros((WAYS, *window.shape), np.uint8)

@@ -1,4 +1,4 @@
-"""The level each frame is painted at: that of its island's other frames, if it sees the ground about as finely as they do."""
+"""Painting level of each frame: that of its island's other frames if its ground sampling distance is similar."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from gcs_mosaic.render.tile_grid import level_among
 from gcs_mosaic.render.warp_grid import resolved
 from gcs_mosaic.stitch.transaction import Kept
 
-# The share of an island's frames that see the ground more finely than the one its level suits: a level finer than needed
-# costs four times the pixels, and a flight begins with a climb.
+# Share of an island's frames finer than the one its level is chosen for: a level finer than needed costs four times the pixels,
+# and a flight begins with a climb.
 FINER = 0.75
 
 
 class PaintingLevels(Kept):
-    """The ground sampling distances of all frames that see any ground."""
+    """Ground sampling distances of all frames that see ground."""
 
     def __init__(self) -> None:
-        self._seen: dict[str, tuple[int, float]] = {}  # island and distance, by the frame's name
+        self._seen: dict[str, tuple[int, float]] = {}  # island and distance, by frame name
 
     def settled(self, painted: Painted) -> Painted:
-        """The frame at the level where it is to be painted, 0 if it sees no ground; it counts for the others from now on."""
+        """The frame with its painting level, 0 if it sees no ground; a reference for others from now on."""
         gsd = resolved(painted.pose, painted.camera)
         if gsd is None:
             self._seen.pop(painted.name, None)

@@ -1,4 +1,4 @@
-"""What a frame looks like, told once from its picture as it came and kept: gains and places may change without another look."""
+"""Look of a frame: maps computed once from its original image and kept; gains and places may change without another look."""
 
 from __future__ import annotations
 
@@ -12,37 +12,35 @@ from numpy.typing import NDArray
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.saliency import LEAST_CONTRAST, POOL, REACH, TALL, greatest_contrast, saliency
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
-Image = NDArray[np.uint8]
-Map = NDArray[np.float16]  # half the memory; none needs more than three digits
-Of = tuple[Display, DeadBorder]  # what of `Painted` a look depends on
+Map = NDArray[np.float16]  # half the memory; three digits suffice
+Of = tuple[Display, DeadBorder]  # the fields of `Painted` that a look depends on
 
-# The size a frame is looked at: 6 px of a 12 MP frame are still 3.
+# Size at which a frame is analysed: 6 px of a 12 MP frame are still 3.
 LOOK_PIXELS = 3_000_000
 AT_ONCE = 4  # channels that OpenCV samples together
-# Pixels of the picture that a frame is looked at in: what is finer than the one is detail, told over squares of the other,
-# which are so large that a thing, or noise, does not make a frame the sharper one.
+# Pixels of the analysed image: structure finer than the first is detail, averaged over squares of the second, large enough that
+# no single thing, or noise, makes a frame the sharper one.
 DETAIL, DETAIL_AROUND = 5, 241
-TONE_SHRINK = (
-    8  # the size of a pixel of the maps of tone and detail, in pixels of the picture that a frame is looked at in
-)
-TONE_BLUR = 7  # pixels of that map, a side, that make a tone: so wide that no person changes it
-LEAST_GROUND = 0.02  # what a thing counts for in a tone beside ground, which counts 1
-BEYOND = 1.5  # times the contrast of anything around that a thing must have for the other frame not to have it
-LEAST = 20  # in the contrasts kept here: those of L, a and b are scaled so that this is the least of each
+TONE_SHRINK = 8  # pixel size of the maps of tone and detail, in pixels of the analysed image
+TONE_BLUR = 7  # pixels of that map, a side, averaged for a tone: so wide that no person changes it
+LEAST_GROUND = 0.02  # weight of a thing in a tone relative to ground, which has 1
+BEYOND = 1.5  # factor by which a thing's contrast must exceed all around it in the other frame to be missing there
+LEAST = 20  # minimum contrast in the units kept here: L, a and b are each scaled to it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """Maps of all of a frame (rows, columns, ...), each of its own size.
+    """Maps over a whole frame (rows, columns, ...), each of its own size.
 
-    `planes`: uint8 in groups of four channels at most. `detail` (rows, columns): grey levels. `tone` (rows, columns, 4): the mean
-    colour around (b, g, r), and how far things may colour it.
+    `planes`: uint8 in groups of at most four channels. `detail` (rows, columns): grey levels. `tone` (rows, columns, 4): local
+    mean colour (b, g, r), and how far things may affect it.
     """
 
     of: Of
-    planes: tuple[Image, ...]
+    planes: tuple[PlaneStack, ...]
     detail: Map | None = None
     tone: Map | None = None
 
@@ -54,13 +52,13 @@ class Sight:
         return self.of == (painted.display, painted.dead)
 
 
-def grouped_planes(planes: Sequence[Image]) -> tuple[Image, ...]:
+def grouped_planes(planes: Sequence[ImageGrey]) -> tuple[PlaneStack, ...]:
     return tuple(np.dstack(planes[k : k + AT_ONCE]) for k in range(0, len(planes), AT_ONCE))
 
 
-def contrasts(look: Image) -> list[Image]:
-    """Planes a quarter as wide as the look: the contrasts of things, of anything near, of anything far, six ways each; those
-    near and far as great as a thing may be that they are."""
+def contrasts(look: ImageBGR) -> list[ImageGrey]:
+    """Contrast planes at a quarter of the look's width: of things, of anything near, of anything far, six kinds each; near and
+    far scaled by BEYOND."""
     things, near, far = saliency(look)
     found: list[cv2.typing.MatLike] = []
     for maps, times in ((things, 1.0), (near, BEYOND), (far, BEYOND)):
@@ -68,32 +66,32 @@ def contrasts(look: Image) -> list[Image]:
     return [np.asarray(one, np.uint8) for one in found]
 
 
-def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[Image, ...]:
-    """The contrasts of anything far in a frame that is looked at so many times as coarsely, as great as a thing may be that they
-    are: planes in groups. `colours`: where the small look is among the planes."""
+def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[PlaneStack, ...]:
+    """Far contrasts of a frame at `coarser` times lower resolution, scaled by BEYOND: planes in groups. `colours`: position of
+    the small look among the planes."""
     planes = [one for group in sight.planes for one in cv2.split(group)][colours]
     reach = round((REACH + TALL) * coarser / POOL)
     found = _in_least_ones(greatest_contrast(np.dstack(planes).astype(np.uint8), reach), BEYOND)
     return grouped_planes([np.asarray(one, np.uint8) for one in cv2.split(found)])
 
 
-def _in_least_ones(maps: NDArray[np.float32], times: float) -> Image:
-    """Contrasts (h, w, `WAYS`) as they are kept."""
+def _in_least_ones(maps: FloatImage, times: float) -> PlaneStack:
+    """Contrasts (h, w, `WAYS`) in the units kept."""
     return np.clip(np.rint(maps * (times * LEAST / LEAST_CONTRAST)), 0, 255).astype(np.uint8)
 
 
-def small_look(look: Image, shape: tuple[int, ...]) -> list[Image]:
-    """Its colours as three planes of a shape."""
+def small_look(look: ImageBGR, shape: tuple[int, ...]) -> list[ImageGrey]:
+    """Its colours as three planes of this shape."""
     small = cv2.resize(look, shape[1::-1], interpolation=cv2.INTER_AREA)
     return [np.asarray(one, np.uint8) for one in cv2.split(small)]
 
 
-def coarse_size(look: Image) -> tuple[int, int]:
+def coarse_size(look: ImageBGR) -> tuple[int, int]:
     return max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
 
 
-def detail_of(look: Image) -> Map:
-    """How much detail there is around a place; the same ground has more of it in a sharper frame."""
+def detail_of(look: ImageBGR) -> Map:
+    """Local amount of detail; the same ground has more of it in a sharper frame."""
     grey = cv2.cvtColor(look, cv2.COLOR_BGR2GRAY)
     fine = cv2.absdiff(grey, cv2.blur(grey, (DETAIL, DETAIL)))
     around = DETAIL_AROUND // TONE_SHRINK
@@ -101,9 +99,9 @@ def detail_of(look: Image) -> Map:
     return np.asarray(cv2.blur(mean, (around, around)), dtype=np.float16)
 
 
-def tone_of(look: Image, things: Sequence[Image]) -> Map:
-    """The mean colour of the ground around a place, of things only where there is nothing else, and the log (base 2) of 1 and
-    the greatest contrast of a thing, in the least ones."""
+def tone_of(look: ImageBGR, things: Sequence[ImageGrey]) -> Map:
+    """Local mean colour of the ground (of things only where there is nothing else), and log2 of 1 + the greatest contrast of a
+    thing, in units of the minimum."""
     size, box, side = coarse_size(look), (TONE_BLUR, TONE_BLUR), TONE_SHRINK * TONE_BLUR // POOL | 1
     small, contrast = cv2.resize(look, size, interpolation=cv2.INTER_AREA).astype(np.float32), np.max(things, axis=0)
     ground = cv2.resize((contrast == 0).astype(np.float32), size, interpolation=cv2.INTER_AREA) + np.float32(

@@ -1,4 +1,4 @@
-"""Pictures of the frames that are being painted, so that few are decoded more than once."""
+"""Images of the frames being painted, cached so that few are decoded more than once."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 
 LoadImage = Callable[[str], Bands | None]
 
-MOST_BYTES = 80 << 20  # that are kept, but for the last one: two frames of 12 MP
+MOST_BYTES = 80 << 20  # cached, except for the last one: two frames of 12 MP
 
 
-MOST_COMING = 2  # that are being loaded; what nobody has taken by then is not wanted any more
+MOST_COMING = 2  # being loaded; those not taken by then are no longer needed
 
 
 class Originals:
-    """The pictures used last. `load(name)` gives a frame's original, or None if it is gone for good; any thread may call it."""
+    """The images used last. `load(name)` returns a frame's original, or None if it is gone for good; callable from any thread."""
 
     def __init__(self, load: LoadImage, pool: Executor) -> None:
         self.load = load
         self._pool = pool
         self._kept: OrderedDict[str, Bands] = OrderedDict()
         self._bytes = 0
-        self._coming: dict[str, Future[Bands | None]] = {}  # what is wanted next
+        self._coming: dict[str, Future[Bands | None]] = {}  # needed next
 
     def expect(self, name: str) -> None:
-        """Begin to load what is wanted next, while other things are done."""
+        """Begin to load an original that is needed next, in the background."""
         if name not in self._kept and name not in self._coming:
             self._coming[name] = self._pool.submit(self.load, name)
             while len(self._coming) > MOST_COMING:

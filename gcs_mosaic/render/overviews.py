@@ -1,26 +1,25 @@
-"""How coarser tiles are made: four finer ones at half size, laid over what frames painted at the coarser level itself."""
+"""Coarser tiles: four finer ones at half size, over frames painted at the coarser level itself."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import mix
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.render.warp_grid import LATTICE
-from gcs_mosaic.stitch.camera.bands import Bands, resized
+from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage
+from gcs_mosaic.stitch.camera.bands import resized
 
-# Weight (share of the way from a frame's border to its middle) at which the finer picture stands alone: some ten pixels.
+# Weight (fraction of the way from a frame's border to its centre) from which the finer image is opaque: some ten pixels.
 FEATHER = 0.02
 
 
 def shrink(layer: Layer) -> Layer | None:
-    """A layer at half size: the mean of each 2 x 2 pixels over what is covered; None if nothing is left of it."""
+    """A layer at half size: the mean of each 2 x 2 pixels over covered ones; None if nothing remains."""
     weight = np.ascontiguousarray(layer.weight[::2, ::2])
     bands = None if layer.bands is None else _shrunk_bands(layer.bands, None if layer.is_full else layer.coverage)
     if layer.is_full:
@@ -33,7 +32,7 @@ def shrink(layer: Layer) -> Layer | None:
 
 
 def assemble(quarters: Sequence[Layer | None]) -> Layer | None:
-    """A tile of its four quarters (top left, top right, bottom left, bottom right); None if there is none."""
+    """A tile of four quarters (top left, top right, bottom left, bottom right); None if all are empty."""
     if not any(quarters):
         return None
     half, points = TILE_SIZE // 2, LATTICE // 2
@@ -60,14 +59,14 @@ def assemble(quarters: Sequence[Layer | None]) -> Layer | None:
 
 
 def composite(own: Layer | None, finer: Layer | None) -> Layer | None:
-    """What a tile shows: the finer picture over its own, fading in from the finer frames' borders."""
+    """A displayed tile: the finer image over its own, fading in from the finer frames' borders."""
     if own is None or finer is None:
         return finer if own is None else own
     return mix(own, finer, np.minimum(finer.weight / FEATHER, 1))
 
 
-def _shrunk_bands(bands: Bands, coverage: NDArray[np.uint8] | None) -> Bands:
-    """The mean of each 2 x 2 pixels over what is covered (None: everywhere), as of the colours."""
+def _shrunk_bands(bands: Bands, coverage: Coverage | None) -> Bands:
+    """Mean of each 2 x 2 pixels over covered ones (None: all), as for colours."""
     half = len(bands) // 2, len(bands) // 2
     if coverage is None:
         return resized(bands, half)
@@ -76,6 +75,6 @@ def _shrunk_bands(bands: Bands, coverage: NDArray[np.uint8] | None) -> Bands:
     return np.asarray(np.rint(mean), dtype=bands.dtype)
 
 
-def _halved(picture: NDArray[Any]) -> NDArray[Any]:
+def _halved(picture: AnyImage) -> AnyImage:
     size = picture.shape[1] // 2, picture.shape[0] // 2
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))

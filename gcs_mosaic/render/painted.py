@@ -1,4 +1,4 @@
-"""Which frames are painted, where, and in what order: the list that a mosaic's tiles are a function of."""
+"""Render list: which frames are painted, where and in what order. Tiles depend on nothing else."""
 
 from __future__ import annotations
 
@@ -19,17 +19,15 @@ from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.transaction import Kept
 
 TileKey = tuple[int, Tile]  # island, tile
-Turn = tuple[int, str]  # a frame's place in the capture order: `order`, then name
+Turn = tuple[int, str]  # position in capture order: `order`, then name
 
-GUEST_LEVELS = (
-    2  # how much coarser frames may be that are guests on a tile: nobody is seen by those that are coarser still
-)
+GUEST_LEVELS = 2  # maximum level difference of a guest: frames coarser than that resolve no people
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Painted:
-    """A frame as it is (to be) painted. `gain` multiplies what each of its bands has above the display's black, and
-    `vignetting` is taken out; `dead` pixels of `camera`'s picture are left out; `level` is usually `own_level(pose, camera)`."""
+    """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, and `vignetting` is removed;
+    `dead` pixels of `camera`'s image are left out; `level` is usually `own_level(pose, camera)`."""
 
     name: str
     order: int  # capture order
@@ -49,16 +47,16 @@ class Painted:
 
 
 def brightness_apart(one: Painted, other: Painted) -> float:
-    """The greatest difference in log brightness, anywhere in the frame and in any band."""
+    """Maximum difference in log brightness, anywhere in the frame and in any band."""
     gains = np.log(np.array(one.gain) / np.array(other.gain))
     falls = log_brightness(other.vignetting, OUTWARDS) - log_brightness(one.vignetting, OUTWARDS)
     return float(np.abs(gains + falls).max())
 
 
 class Extent(NamedTuple):
-    """How much there is of an island."""
+    """Extent of an island."""
 
-    box: Box  # canvas, around whole tiles
+    box: Box  # canvas, of whole tiles
     coarsest: int  # level
     finest: int  # level
 
@@ -71,13 +69,13 @@ class _Entry:
 
 
 class PaintedFrames(Kept):
-    """The painted frames by name, by tile and by island; pure bookkeeping."""
+    """The painted frames by name, tile and island; pure bookkeeping."""
 
     def __init__(self) -> None:
         self._entries: dict[str, _Entry] = {}
         self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
         self._islands: dict[int, frozenset[str]] = {}
-        self._levels: dict[tuple[int, int], int] = {}  # how many frames are painted there, by island and level
+        self._levels: dict[tuple[int, int], int] = {}  # number of frames by island and level
 
     def __contains__(self, name: str) -> bool:
         return name in self._entries
@@ -90,7 +88,7 @@ class PaintedFrames(Kept):
         return None if entry is None else entry.painted
 
     def add(self, painted: Painted, tiles: Iterable[Tile]) -> set[TileKey]:
-        """Take a frame in, in place of what it was before; returns the tiles it touches now."""
+        """Add or replace a frame; returns the tiles it touches now."""
         self.remove(painted.name)
         touched = tuple(tiles)
         entry = _Entry(painted, touched, _box_of_tiles(touched) if touched else None)
@@ -104,7 +102,7 @@ class PaintedFrames(Kept):
         return self.tiles_of(painted.name)
 
     def remove(self, name: str) -> set[TileKey]:
-        """Forget a frame; returns the tiles it touched."""
+        """Remove a frame; returns the tiles it touched."""
         keys = self.tiles_of(name)
         entry = self._entries.pop(name, None)
         if entry is not None:
@@ -125,7 +123,7 @@ class PaintedFrames(Kept):
         return [self[name] for _, name in self._turns.get(key, ())]
 
     def guests_on(self, key: TileKey) -> list[Painted]:
-        """The frames of coarser levels that may touch a tile which frames are painted on, in capture order."""
+        """Frames of coarser levels that may touch a tile that has frames of its own, in capture order."""
         island, tile = key
         if key not in self._turns:
             return []
@@ -133,7 +131,7 @@ class PaintedFrames(Kept):
         return [self[name] for _, name in sorted(turn for one in above for turn in self._turns.get(one, ()))]
 
     def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """The finer tiles on which frames of these tiles may be guests."""
+        """Finer tiles on which frames of these tiles may be guests."""
         hosts, below = set[TileKey](), set(keys)
         for _ in range(GUEST_LEVELS):
             below = {(i, child) for i, tile in below if self._has_finer(i, tile.z) for child in tile.children}
@@ -144,7 +142,7 @@ class PaintedFrames(Kept):
         return self._turns[key][-1] == painted.turn
 
     def next_after(self, turn: Turn | None, keys: Iterable[TileKey]) -> Painted | None:
-        """Of the frames that touch any of these tiles, the first one captured after `turn`."""
+        """The first frame captured after `turn` that touches any of these tiles."""
         later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
         found = min(later, default=None)
         return None if found is None else self[found[1]]
@@ -159,7 +157,7 @@ class PaintedFrames(Kept):
             del self._levels[where]
 
     def extent(self, island: int) -> Extent | None:
-        """The box around an island's tiles and the levels that its frames are painted at; None if it has no tiles."""
+        """Box around an island's tiles and the range of levels its frames are painted at; None if it has no tiles."""
         entries = [self._entries[name] for name in self._islands.get(island, ())]
         extents = [Extent(e.box, e.painted.level, e.painted.level) for e in entries if e.box is not None]
         return reduce(_joined, extents) if extents else None

@@ -1,4 +1,4 @@
-"""The pixels of a tile, of the frames that show on it."""
+"""Pixels of a tile from the frames that show on it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import blended, blended_bands
 from gcs_mosaic.render.cells import CELL
@@ -17,58 +16,56 @@ from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
-from gcs_mosaic.render.tone import FINE, Shifts
+from gcs_mosaic.render.tone import FINE
 from gcs_mosaic.render.warp import tile_picture, upscale
-from gcs_mosaic.render.warp_grid import Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, ImageBGR, Lattice, Mask, Share, ToneShifts
 
-Image = NDArray[np.uint8]
 Place = tuple[slice, slice]
 
-KeepBands = Literal["none", "raw", "gained"]  # of the frames' bands on tiles: as the camera wrote them, or with gains
+KeepBands = Literal["none", "raw", "gained"]  # frames' bands kept on tiles: none, raw counts, or with gains
 
 WHOLE = slice(0, TILE_SIZE), slice(0, TILE_SIZE)
-# The share that a frame has wherever it is made at all: it shows where those that should do not cover the tile.
+# Minimum share of a frame wherever it is made: it shows where the frames with larger shares do not cover the tile.
 LEAST_SHARE = 1e-3  # of 255
-# A sharp transition takes half a cell, not a whole one: somebody on a seam is transparent on fewer pixels.
+# A sharp transition takes half a cell, not a whole one: a person on a seam is transparent on fewer pixels.
 STEEP = np.clip(2 * np.arange(256) - 127.5, 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """What a frame shows of a tile: its `share` (34, 34) of the cells of the tile and around, 0 to 255, which all parts have in
-    full together; `needed` (34, 34), where it is made; `shift` (3, 18, 18) of its tone on the squares of the tile and around,
-    None if there is none."""
+    """A frame's part of a tile: its `share` (34, 34) of the cells of the tile and around, 0 to 255, where all parts add up to
+    255; `needed` (34, 34), where it is made; `shift` (3, 18, 18) of its tone on the squares of the tile and around, None if
+    zero."""
 
-    share: Image
-    needed: NDArray[np.bool_]
-    shift: Shifts | None
-    sharp: bool = False  # the transition between cells is no wider than it must be
+    share: Share
+    needed: Mask
+    shift: ToneShifts | None
+    sharp: bool = False  # narrowest possible transition between cells
 
-    def at_pixels(self) -> Image:
+    def at_pixels(self) -> Share:
         """The share (256, 256)."""
         share = enlarged(self.share)
         return np.asarray(cv2.LUT(share, STEEP) if self.sharp else share, np.uint8)
 
     @property
     def place(self) -> Place:
-        """The rows and columns of the tile's pixels where it is made."""
+        """Rows and columns of the tile's pixels where it is made."""
         rows, columns = (np.flatnonzero(self.needed.any(axis=axis)) for axis in (1, 0))
         return _pixels(rows[0], rows[-1]), _pixels(columns[0], columns[-1])
 
 
 def _pixels(first: int, last: int) -> slice:
-    """Those that cells of a patch have a part in, to half a cell beyond."""
+    """Pixels influenced by cells of a patch, to half a cell beyond."""
     return slice(max(0, first * CELL - CELL - CELL // 2), min(TILE_SIZE, last * CELL + CELL // 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A frame's pixels on a part of a tile; `coverage` None: everywhere."""
+    """A frame's pixels on a part of a tile; `coverage` None: full."""
 
     place: Place
-    colour: Image
-    coverage: Image | None
+    colour: ImageBGR
+    coverage: Coverage | None
     bands: Bands | None
     weight: Lattice
 
@@ -79,26 +76,26 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FramePicture:
-    """A frame's picture (h, w, 3) before gain and, if somebody wants them, all its bands."""
+    """A frame's image (h, w, 3) before gain and, if kept, all its bands."""
 
-    image: Image
+    image: ImageBGR
     bands: Bands | None
 
 
 def frame_picture(image: Bands, painted: Painted, keep: KeepBands) -> FramePicture:
-    """`image`: (h, w, bands) uint8 or uint16, ValueError if that is not what the frame's camera and display tell of."""
+    """`image`: (h, w, bands) uint8 or uint16, ValueError if it does not match the frame's camera and display."""
     size, display = (painted.camera.height, painted.camera.width), painted.display
     if image.shape[:2] != size or not display.fits(image) or image.dtype not in (np.uint8, np.uint16):
         wanted = (*size, len(display.black))
         raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8 or uint16")
-    filled = painted.dead.filled(image)  # so that nothing of it is mixed into the pixels beside it
+    filled = painted.dead.filled(image)  # so that none of it is interpolated into neighbouring pixels
     return FramePicture(display.picture(filled), None if keep == "none" else filled)
 
 
 def piece(
     frame: PlacedFrame, picture: FramePicture, tile: Tile, part: Part | None, interpolation: int, keep: KeepBands
 ) -> Piece | None:
-    """A frame's part of a tile, or all that it has of it (`part` None); None if it turns out to have nothing there."""
+    """A frame's part of a tile, or all it has of it (`part` None); None if it has nothing there."""
     place = WHOLE if part is None else part.place
     window = frame.lattice.window(tile)
     colour, coverage = tile_picture(frame.lattice, picture.image, tile, interpolation, place)
@@ -126,15 +123,15 @@ def piece(
     return Piece(place, colour, coverage, bands, frame.lattice.weight[window].copy())
 
 
-def enlarged(patch: NDArray[Any]) -> NDArray[Any]:
-    """Values (n + 2, n + 2[, k]) at the middles of a tile's n * n parts and of those around, at its pixels (256, 256[, k])."""
+def enlarged(patch: AnyImage) -> AnyImage:
+    """Values (n + 2, n + 2[, k]) at the centres of a tile's n * n parts and those around, at its pixels (256, 256[, k])."""
     step = TILE_SIZE // (len(patch) - 2)
     wide = cv2.resize(patch, (TILE_SIZE + 2 * step, TILE_SIZE + 2 * step), interpolation=cv2.INTER_LINEAR)
     return np.asarray(wide)[step:-step, step:-step]
 
 
-def _lit(colour: Image, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> Image:
-    """A picture (h, w, 3) times its gains and a factor (h, w, 3), and shifted (h, w, 3)."""
+def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> ImageBGR:
+    """An image (h, w, 3) times its gains and a factor (h, w, 3), plus a shift (h, w, 3)."""
     lit: Any = colour
     if bright is not None:
         lit = cv2.multiply(
@@ -148,7 +145,7 @@ def _lit(colour: Image, gain: tuple[float, float, float], bright: Lattice | None
 
 
 def mixed(parts: Sequence[tuple[Part, Piece]]) -> Layer | None:
-    """A tile of what frames show of it, in capture order."""
+    """A tile from its frames' parts, in capture order."""
     if not parts:
         return None
     weight = np.maximum.reduce([made.weight for _, made in parts])
@@ -160,7 +157,7 @@ def mixed(parts: Sequence[tuple[Part, Piece]]) -> Layer | None:
 
 
 def _in_full(parts: Sequence[tuple[Part, Piece]]) -> bool:
-    """Whether the parts have all cells together; beyond the map's border nobody does."""
+    """Whether the parts fill all cells; beyond the map's border they do not."""
     return int(np.add.reduce([part.share for part, _ in parts], dtype=np.uint16).min()) == 255
 
 

@@ -13,12 +13,13 @@ from gcs_mosaic.render.sampling import at_cells, lattice_part
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.vignetting import FLAT, brightening
 from gcs_mosaic.render.warp import refined
-from gcs_mosaic.render.warp_grid import FrameLattice, Lattice, frame_lattice
+from gcs_mosaic.render.warp_grid import FrameLattice, frame_lattice
+from gcs_mosaic.stitch.arrays import Lattice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlacedFrame:
-    """`brightening`: at the lattice points, by band, what takes the vignetting out; None: nothing has to."""
+    """`brightening`: factor at the lattice points, by band, that removes the vignetting; None for a factor of 1."""
 
     painted: Painted
     lattice: FrameLattice
@@ -26,7 +27,7 @@ class PlacedFrame:
 
     @property
     def nbytes(self) -> int:
-        """Of its arrays."""
+        """Size of its arrays."""
         parts = (self.lattice.pixels, self.lattice.weight, self.lattice.useful, self.brightening)
         return sum(part.nbytes for part in parts if part is not None)
 
@@ -35,7 +36,7 @@ class PlacedFrame:
         return window_of(self.painted.island, self.lattice)
 
     def factors(self, window: Window, at: Callable[[Lattice], Lattice] = at_cells) -> list[Lattice | np.float32]:
-        """What blue, green and red are multiplied by at the cells of a window, or at other places between lattice points."""
+        """Factors of blue, green and red at the cells of a window, or at other places between lattice points."""
         gains = [np.float32(gain) for gain in self.painted.display.of_shown(self.painted.gain)]
         if self.brightening is None:
             return list(gains)
@@ -44,8 +45,8 @@ class PlacedFrame:
 
 
 def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame | None:
-    """None where the frame sees no ground. `before`: the frame as it was painted before, whose lattice may be the same.
-    ValueError if the level is absurdly fine for it."""
+    """The frame on its tiles; None where it sees no ground. `before`: the same frame as painted before, whose lattice may be
+    reused. ValueError if the level is absurdly fine for it."""
     known = before is not None and _lies_as(painted, before.painted)
     lattice = before.lattice if before is not None and known else _lattice(painted)
     if lattice is None:
@@ -56,8 +57,8 @@ def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame |
 
 
 def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
-    """The frame on a window of tiles of its own level or a finer one, exactly where its own tiles have it; None if they do not
-    meet. Values between its lattice points are the means of those, so they are the same whatever the window."""
+    """The frame on a window of tiles of its own level or a finer one, exactly where its own tiles have it; None if disjoint.
+    Values between its lattice points are their means, independent of the window."""
     finer = window.level - frame.lattice.first.z
     above = window.above(finer).common(frame.window)
     if above is None or finer == 0:
@@ -75,7 +76,7 @@ def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
         first=Tile(window.level, above.left << finer, above.top << finer),
         last=Tile(window.level, ((above.right + 1) << finer) - 1, ((above.bottom + 1) << finer) - 1),
         pixels=fine(frame.lattice.pixels),
-        weight=fine(frame.lattice.weight) * np.float32(0.25**finer),  # it goes with the square of the resolution
+        weight=fine(frame.lattice.weight) * np.float32(0.25**finer),  # proportional to the square of the resolution
         useful=None if frame.lattice.useful is None else fine(frame.lattice.useful),
     )
     return PlacedFrame(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))

@@ -1,4 +1,4 @@
-"""What each tile is to be made of: which frames show on it, where, and in which tone."""
+"""Plan of each tile: which frames show on it, where, and with which tone."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.render.cells import NOBODY, Numbers, Owned, Window
+from gcs_mosaic.render.cells import NOBODY, Owned, Window
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.pixels import Part
-from gcs_mosaic.render.tone import SQUARES, Shifts
+from gcs_mosaic.render.tone import SQUARES
+from gcs_mosaic.stitch.arrays import FrameNumbers, ToneShifts
 
-Recipe = tuple[bytes, tuple[Painted, ...]]  # all that a tile's pixels follow from, but for the originals
+Recipe = tuple[bytes, tuple[Painted, ...]]  # everything a tile's pixels depend on, except the originals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Of one tile: the parts by the frames' names, in capture order."""
+    """Plan of one tile: the parts by frame name, in capture order."""
 
     recipe: Recipe
     parts: Mapping[str, Part]
@@ -28,12 +29,11 @@ def planned(
     keys: Iterable[TileKey],
     owned: Owned,
     window: Window,
-    shifts: Mapping[int, tuple[Window, Shifts]],
+    shifts: Mapping[int, tuple[Window, ToneShifts]],
     frames_on: Callable[[TileKey], Mapping[int, Painted]],
     sharp: bool,
 ) -> dict[TileKey, Plan]:
-    """Plans of tiles that lie within the window, with one tile more on each side. `frames_on`: of a tile, by number, in capture
-    order."""
+    """Plans of tiles within the window less one tile on each side. `frames_on`: frames of a tile, by number, in capture order."""
     return {key: _plan(key, _patch(owned, window, key), window, shifts, frames_on(key), sharp) for key in keys}
 
 
@@ -46,13 +46,13 @@ def _plan(
     key: TileKey,
     owned: Owned,
     window: Window,
-    shifts: Mapping[int, tuple[Window, Shifts]],
+    shifts: Mapping[int, tuple[Window, ToneShifts]],
     frames: Mapping[int, Painted],
     sharp: bool,
 ) -> Plan:
     parts: dict[str, Part] = {}
     digest = hashlib.blake2b(digest_size=16)
-    # A frame from beside a tile reaches a little onto it, but where nobody shows there is no tile.
+    # A neighbouring tile's frame extends a little onto this one, but without any owner there is no tile.
     anybody = bool((owned.first[1:-1, 1:-1] != NOBODY).any())
     there = _values(owned.first) | _values(owned.second) if anybody else set()
     for number, painted in frames.items():
@@ -67,13 +67,13 @@ def _plan(
     return Plan((digest.digest(), tuple(frames[n] for n in frames if frames[n].name in parts)), parts)
 
 
-def _values(numbers: Numbers) -> set[int]:
+def _values(numbers: FrameNumbers) -> set[int]:
     least = int(numbers.min())
     return {least} if least == int(numbers.max()) else set(np.unique(numbers).tolist())
 
 
-def _shift_on(key: TileKey, shift: tuple[Window, Shifts] | None) -> Shifts | None:
-    """What of a frame's shift lies on a tile and the squares around; None if that is nothing."""
+def _shift_on(key: TileKey, shift: tuple[Window, ToneShifts] | None) -> ToneShifts | None:
+    """The part of a frame's shift on a tile and the squares around; None if zero."""
     if shift is None:
         return None
     window, values = shift

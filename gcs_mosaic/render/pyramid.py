@@ -1,4 +1,4 @@
-"""The tiles of all levels: each one's own layer, and what its parent shows of it."""
+"""Tile pyramid: each tile's own layer, and the quarter of its parent made from it."""
 
 from __future__ import annotations
 
@@ -10,31 +10,29 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.overviews import assemble, composite, shrink
 from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.spread import spread
 from gcs_mosaic.render.tile_cache import Layer, Store, make_layer
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over
-from gcs_mosaic.render.warp_grid import LATTICE, Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.render.warp_grid import LATTICE
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, Lattice
 from gcs_mosaic.stitch.transaction import Kept
 
-Image = NDArray[np.uint8]
 T = TypeVar("T")
 
-AT_ONCE = 64  # tiles taken out of the store together, 25 MB: enough to keep every thread busy
-UNKNOWN_WEIGHT = 0.5  # of what an earlier run painted, until it is painted anew
+AT_ONCE = 64  # tiles taken from the store together, 25 MB: enough to keep every thread busy
+UNKNOWN_WEIGHT = 0.5  # of tiles painted by an earlier run, until repainted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TilePicture:
-    """A tile as it is shown: `colour` (256, 256, 3) BGR and `coverage` (256, 256), from 0, nothing seen, to 255, all; `bands`
-    (256, 256, bands) of a canvas that keeps them."""
+    """A tile as displayed: `colour` (256, 256, 3) BGR and `coverage` (256, 256), from 0, nothing seen, to 255, fully covered;
+    `bands` (256, 256, bands) if the canvas keeps them."""
 
-    colour: Image
-    coverage: Image
+    colour: ImageBGR
+    coverage: Coverage
     bands: Bands | None = None
 
 
@@ -42,10 +40,10 @@ LoadTile = Callable[[int, Tile], TilePicture | None]
 
 
 class TileStack(Kept):
-    """Layers of tiles in a store. A tile has a quarter if it shows anything and lies below its island's top level.
+    """Layers of tiles in a store. A non-empty tile below its island's top level has a quarter.
 
-    `load_tile` gives back tiles that an earlier run wrote; they stand in until they are painted anew. The store is kept by
-    whoever gave it.
+    `load_tile` returns tiles written by an earlier run; they are placeholders until repainted. The store is restored by its
+    owner.
     """
 
     FIXED = frozenset({"_store", "_pool", "_load_tile"})
@@ -59,7 +57,7 @@ class TileStack(Kept):
         self._tops: dict[int, tuple[Box, int]] = {}
 
     def own(self, key: TileKey) -> Layer | None:
-        """The fold of the frames painted at the tile's level."""
+        """The blend of the frames painted at the tile's level."""
         if key in self._earlier_own:
             self.set_own(key, self._load(key))
         layer: Layer | None = self._store.get((key, "own"))
@@ -70,13 +68,13 @@ class TileStack(Kept):
         self._store.put((key, "own"), layer)
 
     def take_own(self, key: TileKey, under: Hashable) -> bool:
-        """What the store keeps under a key of another's becomes the tile's own; False if that is nothing."""
+        """Move the store's value at another key to the tile's own layer; False if there is none."""
         self._earlier_own.discard(key)
         self._store.take_over((key, "own"), under)
         return (key, "own") in self._store
 
     def expect(self, keys: Iterable[TileKey]) -> None:
-        """An earlier run painted frames on these tiles, and wrote them and all above them."""
+        """An earlier run painted frames on these tiles, and wrote them and all tiles above."""
         if self._load_tile is None:
             return
         for key in keys:
@@ -87,13 +85,13 @@ class TileStack(Kept):
                 tile = tile.parent
 
     def shown(self, key: TileKey) -> Callable[[], TilePicture | None]:
-        """All there is of a tile, put together when it is called, in any thread."""
+        """Everything of a tile, combined when called, in any thread."""
         return partial(_shown, self.own(key), self._quarters(key))
 
     def refresh(self, painted: Iterable[TileKey], extents: dict[int, Extent | None]) -> set[TileKey]:
-        """Bring what is above the painted tiles up to date; returns all tiles that may show something else now.
+        """Update the tiles above the painted ones; returns all tiles that may have changed.
 
-        `extents` holds the islands of these tiles.
+        `extents`: of the islands of these tiles.
         """
         waiting: dict[int, set[TileKey]] = {level: set() for level in range(-1, FINEST_LEVEL + 1)}
         gone = set()
@@ -110,7 +108,7 @@ class TileStack(Kept):
         return touched | gone
 
     def _retop(self, island: int, extent: Extent | None, waiting: dict[int, set[TileKey]]) -> set[TileKey]:
-        """Follow an island that has grown or shrunk; returns the tiles above its new top level, which are no more."""
+        """Follow an island that has grown or shrunk; returns the tiles above its new top level, which are removed."""
         old = self._tops.get(island)
         if extent is None:
             self._tops.setdefault(island, ((0.0, 0.0, 0.0, 0.0), 0))
@@ -152,7 +150,7 @@ class TileStack(Kept):
 
 
 def top_level(extent: Extent) -> int:
-    """The level above which an island has no tiles: there it fits into two by two."""
+    """The top level of an island's tiles, where it fits into two by two."""
     return overview_level(extent.box, extent.coarsest)
 
 

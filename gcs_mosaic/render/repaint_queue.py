@@ -1,4 +1,4 @@
-"""Decides what is painted when: new frames at once, frames that an adjustment has moved when there is time."""
+"""Repaint queue: new frames are painted at once, frames moved by an adjustment when idle."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gcs_mosaic.render.levels import PaintingLevels
 from gcs_mosaic.render.painted import Painted, TileKey, brightness_apart
 from gcs_mosaic.render.pyramid import LoadTile
 from gcs_mosaic.render.vignetting import VignettingSettings
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import reduced_view
 from gcs_mosaic.stitch.features.extraction import Features, without_border
@@ -29,25 +29,25 @@ from gcs_mosaic.stitch.transaction import Kept, Snapshot
 LoadImage = Callable[[str], Bands | None]
 
 BRIGHTNESS = ("as_taken", "auto")
-CHECKED_AT_ONCE = 64  # frames whose displacement is looked at between two new frames: some hundredths of a second
-MOVED_AT_ONCE = 2  # frames whose tiles are found anew between two new frames: a tenth of a second each at 12 MP
-MOVED_TOGETHER = 8  # in the end, their places are worked out side by side
-LIVE_BLOCK = 12  # tiles a side that are repainted together during a flight: a new frame waits 0.2 s for their writing
+CHECKED_AT_ONCE = 64  # frames whose displacement is checked between two new frames: some hundredths of a second
+MOVED_AT_ONCE = 2  # frames whose tiles are recomputed between two new frames: a tenth of a second each at 12 MP
+MOVED_TOGETHER = 8  # at the end, computed in parallel
+LIVE_BLOCK = 12  # tiles a side repainted together during a flight: writing them delays a new frame by 0.2 s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaintSettings:
-    """When what is painted."""
+    """When and how frames are painted."""
 
     canvas: CanvasSettings = field(default_factory=CanvasSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
     vignetting: VignettingSettings = field(default_factory=VignettingSettings)
-    bands: tuple[int, ...] = ()  # shown as red, green, blue, or one as grey, counted from 1; none: told by their number
-    # "as_taken", or "auto": if the first frame is dark, tiles are shown lighter. What is matched stays as it is.
+    bands: tuple[int, ...] = ()  # as red, green, blue, or one as grey, counted from 1; empty: chosen by their number
+    # "as_taken", or "auto": if the first frame is dark, tiles are brightened. Matching is not affected.
     brightness: str = "as_taken"
-    repaint_px: float = 1.0  # how far a corner may be off, in the frame's own pixels, before the frame is repainted
+    repaint_px: float = 1.0  # displacement of a corner, in the frame's own pixels, beyond which it is repainted
     final_px: float = 0.25  # the same at the end of a flight, when there is time
-    final_gain: float = 0.01  # relative change of brightness that is worth repainting at the end; nobody sees less
+    final_gain: float = 0.01  # relative change of brightness worth repainting at the end; smaller ones are invisible
 
     def __post_init__(self) -> None:
         if self.brightness not in BRIGHTNESS:
@@ -60,8 +60,8 @@ class PaintSettings:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A piece of repainting. `do` returns the tiles that look different then. If it raises, and all is put back as it was,
-    `skip` lets it be for good: `what` stays painted as it is, and the other steps go on."""
+    """A unit of repainting. `do` returns the tiles that change. If it raises and its changes are rolled back, `skip` abandons it
+    for good: `what` stays painted as it is, and the other steps proceed."""
 
     what: str
     do: Callable[[], set[TileKey]]
@@ -69,10 +69,10 @@ class Step:
 
 
 class Painter(Kept):
-    """The canvas, and what is to be painted on it.
+    """The canvas, and the queue of what is to be painted on it.
 
-    `record(painted)` is called whenever a frame is painted or is to be painted otherwise, before its tiles change. If nobody
-    looks on (not `live`), new frames wait for repainting.
+    `record(painted)` is called whenever a frame is painted or is to be repainted, before its tiles change. If not `live`, new
+    frames wait for repainting.
     """
 
     FIXED = frozenset({"_record", "_load_image"})
@@ -93,16 +93,15 @@ class Painter(Kept):
         self._load_image = load_image
         self.canvas = Canvas(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
         self._painted: dict[str, Painted] = {}
-        self._displays: dict[
-            tuple[int, str], Display
-        ] = {}  # by number of bands and depth, from the first frame of each kind
+        # By number of bands and depth, from the first frame of each kind.
+        self._displays: dict[tuple[int, str], Display] = {}
         self._levels = PaintingLevels()
         self._borders: dict[Size, BorderWatch] = {}
         self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
-        self._changed: dict[str, float] = {}  # frames that the canvas is to be told of, with how urgent each is
-        self._rimmed: dict[str, None] = {}  # frames that are painted with another dead border than is known now
-        self._unchecked: dict[str, Placement] = {}  # where frames lie now that may have moved
-        # Those that moved too far, and how far in their own pixels.
+        self._changed: dict[str, float] = {}  # frames the canvas is to be told of, with their urgency
+        self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border
+        self._unchecked: dict[str, Placement] = {}  # present placements of frames that may have moved
+        # Frames displaced too far, with their displacement in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
 
     def load(self, saved: Snapshot) -> None:
@@ -113,25 +112,25 @@ class Painter(Kept):
 
     @property
     def has_repaints(self) -> bool:
-        """Whether some frames lie, or may lie, elsewhere than where they are painted, by more than is tolerated."""
+        """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance."""
         return bool(self._unchecked or self._stale or self._rimmed or self._changed) or self.canvas.behind > 0
 
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
     def in_sight(self, features: Features, image: Bands) -> Features:
-        """Features of a frame (full-resolution pixels) without those beside a dead border; its image as it is painted."""
+        """Features of a frame (full-resolution pixels) without those near a dead border; its image as painted."""
         height, width = image.shape[:2]
         return without_border(features, self._dead_of((width, height)).scaled(features.width / width))
 
     def begin_look(self, name: str, image: Bands) -> None:
-        """A frame's place is sought now: see meanwhile what it looks like."""
+        """Begin to analyse a frame's image while it is being placed."""
         display = self._displays.get(_kind_of(image))
         if self._live and display is not None:
             self.canvas.begin_look(name, image, display, self._dead_of((image.shape[1], image.shape[0])))
 
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
-        """Paint a frame for the first time; returns the tiles that look different now."""
+        """Paint a frame for the first time; returns the tiles that changed."""
         display = self._display_of(image)
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
         new = Painted(
@@ -143,7 +142,7 @@ class Painter(Kept):
             relief=placement.relief,
             display=display,
             dead=self._watch_border(image, display),
-            level=0,  # until it is settled among the others'
+            level=0,  # until its level is chosen
         )
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
         painted = self._levels.settled(self._brightness.settled(new, display.levels(thumbnail), beside))
@@ -155,27 +154,27 @@ class Painter(Kept):
         return set()
 
     def follow(self, placements: Iterable[Placement]) -> None:
-        """Take note of where painted frames lie now; what is to be done about it is left to `repaint_some`."""
+        """Take note of new placements of painted frames; `repaint_some` handles them."""
         self._unchecked |= {placement.name: placement for placement in placements if placement.name in self._painted}
 
     # Repainting
 
     def repaint_some(self) -> set[TileKey] | None:
-        """A frame's worth of repainting or less, what is most displaced first.
+        """At most one frame's worth of repainting, the most displaced first.
 
-        Returns tiles that look different now, or None if all is as it should be. After the adjustment of a long flight
-        there are thousands of frames to look at: every call deals with some, so that no new frame waits for the others.
+        Returns tiles that changed, or None if nothing is left to do. After the adjustment of a long flight there are thousands
+        of frames to check: each call handles some, so that no new frame waits for all.
         """
         steps = self.next_steps()
         return set[TileKey]().union(*[step.do() for step in steps]) if steps else None
 
     def repaint_all(self, placements: Iterable[Placement]) -> Iterator[set[TileKey]]:
-        """Bring everything to its final pose and brightness; yields tiles that look different now, frame by frame."""
+        """Bring everything to its final pose and brightness; yields tiles that changed, frame by frame."""
         for steps in self.final_steps(placements):
             yield set[TileKey]().union(*[step.do() for step in steps])
 
     def next_steps(self) -> list[Step]:
-        """What `repaint_some` is to do next, in steps that do not need each other."""
+        """The next work of `repaint_some`, in independent steps."""
         if self._unchecked:
             names = islice(self._unchecked, CHECKED_AT_ONCE)
             return [self._step(name, partial(self._check, name), self._unchecked) for name in names]
@@ -188,12 +187,12 @@ class Painter(Kept):
         return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
 
     def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
-        """What `repaint_all` does, in groups of steps that do not need each other. Each is to be done, or skipped, in turn."""
+        """The work of `repaint_all`, in groups of independent steps. Each is to be done or skipped, in order."""
         looks = [Step("the final brightness", self._take_final_looks, self._forget_moves)]
         moves = [Step(one.name, partial(self._move_finally, one), set) for one in placements]
         levels = [Step(name, partial(self._settle_level, name), set) for name in self._painted]
         yield from (looks, moves, levels)
-        while self._changed:  # once each, however often it was changed
+        while self._changed:  # once each, however often it changed
             names = list(islice(self._changed, MOVED_TOGETHER))
             self.canvas.expect([self._painted[name] for name in names])
             yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
@@ -271,7 +270,7 @@ class Painter(Kept):
         self._changed[painted.name] = max(urgency, self._changed.get(painted.name, 0.0))
 
     def _carry_over(self, name: str) -> set[TileKey]:
-        """Tell the canvas where a frame is to be painted."""
+        """Tell the canvas how a frame is to be painted."""
         self.canvas.move([self._painted[name]], self._changed.pop(name))
         return set()
 
@@ -290,7 +289,7 @@ class Painter(Kept):
         return NO_BORDER if watch is None else watch.border
 
     def _watch_border(self, image: Bands, display: Display) -> DeadBorder:
-        """What is dead of frames like this one, which may tell it; painted ones follow when there is time."""
+        """Dead border of frames like this one, which is also evidence for it; painted frames are updated when idle."""
         size = image.shape[1], image.shape[0]
         before = self._dead_of(size)
         self._borders[size] = self._borders.get(size, BorderWatch()).after(image, display.levels)

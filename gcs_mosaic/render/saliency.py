@@ -1,41 +1,39 @@
-"""What stands out in a frame: small things that differ from their surroundings far more than anything around them does.
+"""Saliency: small things that differ from their surroundings far more than anything else around.
 
-A thing stands out by being brighter, redder or yellower than the mean of the square around it, or darker, greener or bluer:
-six maps of contrast by opponent colours, centre against surround, as in L. Itti, C. Koch and E. Niebur, "A Model of
-Saliency-Based Visual Attention for Rapid Scene Analysis", PAMI 20(11), 1998. Each counts against what is usual all around,
-colours also against the light beside them: towards the corners of a frame lenses give bright edges coloured fringes.
+A thing is salient by being brighter, redder or yellower than the mean of the square around it, or darker, greener or bluer: six
+centre-surround contrast maps by opponent colours, as in L. Itti, C. Koch and E. Niebur, "A Model of Saliency-Based Visual
+Attention for Rapid Scene Analysis", PAMI 20(11), 1998. Each is relative to the usual local contrast, and colour also to the
+adjacent lightness contrast: lenses give bright edges coloured fringes towards the corners.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
-Map = NDArray[np.float32]
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
 
-# All lengths are pixels of the picture that a frame is looked at in (see `looks.LOOK_PIXELS`).
+# All lengths are pixels of the analysed image (see `looks.LOOK_PIXELS`).
 CENTRE = 3  # smaller is noise
-SURROUND = 41  # some times a person
-USUAL = 121  # square over which the usual contrast is told
-DISTINCT = 5.0  # times the usual contrast at which a thing stands out; crowns in a wood and stones on a beach seldom do
-# Steps of L, a and b (8 bit) below which nothing stands out; what is fainter no eye finds.
+SURROUND = 41  # a few times a person
+USUAL = 121  # square over which the usual contrast is averaged
+DISTINCT = 5.0  # ratio to the usual contrast of a salient thing; tree crowns and stones on a beach seldom reach it
+# Minimum contrast in steps of L, a and b (8 bit); anything fainter is invisible.
 LEAST_CONTRAST = np.array([20, 10, 10] * 2, np.float32)
-FRINGE = 0.5  # of the contrast in L beside it that one in a or b must have: less may be what a lens does to edges
-REACH = 12  # around a thing, still as salient as itself: more than half a lattice step, so that all of it is meant
-MISPLACED = 8  # what a low thing may be shifted by in another frame: hardly more than a person is wide
-TALL = 60  # what a tall thing may be shifted by, seen from another side; somebody who walks may get as far, too
+FRINGE = 0.5  # minimum contrast in a or b relative to that in L beside it: less may be a lens' colour fringe
+REACH = 12  # margin around a thing with its full salience: more than half a lattice step, to include all of it
+MISPLACED = 8  # displacement of a low thing in another frame: hardly more than a person is wide
+TALL = 60  # displacement of a tall thing seen from another side; a walking person may move as far
 POOL = 4  # pixels a side that share a value
-WAYS = len(LEAST_CONTRAST)  # in which a thing can stand out
+WAYS = len(LEAST_CONTRAST)  # kinds of contrast
 
 
-def saliency(look: Image) -> tuple[Map, Map, Map]:
-    """Of a picture (h, w, 3), a quarter as wide, each with `WAYS` channels: the contrast of the thing that stands out at or
-    beside a place, 0 if there is none; and the greatest contrast, thing or not, anywhere around it, near and far.
+def saliency(look: ImageBGR) -> tuple[FloatImage, FloatImage, FloatImage]:
+    """Of an image (h, w, 3), at a quarter of the width, `WAYS` channels each: contrast of the salient thing at or beside a place,
+    else 0; and the greatest contrast, of a thing or not, anywhere near and far around it.
 
-    The first is nowhere above the second, and if frames show the same thing, not above the second of another frame either;
-    nor above the third, if that thing is tall.
+    The first never exceeds the second nor, if frames show the same thing, the second of another frame; nor the third, if that
+    thing is tall.
     """
     centre, surround = _centre_and_surround(look)
     contrast = _contrast(centre, surround)
@@ -48,34 +46,35 @@ def saliency(look: Image) -> tuple[Map, Map, Map]:
     return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED), _greatest(contrast, REACH + TALL)
 
 
-def greatest_contrast(look: Image, reach: int) -> Map:
-    """The greatest contrast, thing or not, anywhere within `reach` px of a picture (h, w, 3), a quarter as wide, in `WAYS`."""
+def greatest_contrast(look: ImageBGR, reach: int) -> FloatImage:
+    """Greatest contrast, of a thing or not, within `reach` px in an image (h, w, 3), at a quarter of the width, `WAYS`
+    channels."""
     return _greatest(_contrast(*_centre_and_surround(look)), reach)
 
 
-def _centre_and_surround(look: Image) -> tuple[Image, Image]:
+def _centre_and_surround(look: ImageBGR) -> tuple[PlaneStack, PlaneStack]:
     lab = cv2.cvtColor(look, cv2.COLOR_BGR2Lab)
     centre, surround = (np.asarray(cv2.blur(lab, (side, side)), np.uint8) for side in (CENTRE, SURROUND))
     return centre, surround
 
 
-def _contrast(centre: Image, surround: Image) -> Image:
+def _contrast(centre: PlaneStack, surround: PlaneStack) -> PlaneStack:
     ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
     return np.dstack([_pooled(way) for way in ways])
 
 
-def _pooled(values: cv2.typing.MatLike) -> NDArray[np.uint8]:
-    """The greatest of all values around each fourth pixel."""
+def _pooled(values: cv2.typing.MatLike) -> ImageGrey:
+    """Maximum of all values around each fourth pixel."""
     size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
     widest = cv2.dilate(values, np.ones((POOL + 1, POOL + 1), np.uint8))
     return np.asarray(cv2.resize(widest, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
 
 
-def _quarter(values: cv2.typing.MatLike) -> Map:
+def _quarter(values: cv2.typing.MatLike) -> FloatImage:
     size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
     return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _greatest(values: NDArray[np.uint8], reach: int) -> Map:
+def _greatest(values: PlaneStack, reach: int) -> FloatImage:
     side = 2 * (reach // POOL) + 1
     return np.asarray(cv2.dilate(values, np.ones((side, side), np.uint8)), dtype=np.float32)

@@ -1,20 +1,16 @@
-"""What is known of a frame, at the cells of tiles."""
+"""A frame's maps sampled at the cells of tiles."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.cells import PARTLY, WHOLLY, Window
 from gcs_mosaic.render.warp import NOWHERE, refined
-from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice, Lattice
+from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice
+from gcs_mosaic.stitch.arrays import AnyImage, CellFlags, Lattice
 
-Image = NDArray[np.uint8]
-
-# What a frame's score is less where it covers only a part of a cell: more than all else, so it shows only where nobody else is.
+# Penalty on a frame's score where it only partly covers a cell: exceeds all else, so it shows only where no other frame does.
 CUT = 1000.0
 
 
@@ -27,7 +23,7 @@ def lattice_part(lattice: FrameLattice, window: Window) -> tuple[slice, slice]:
 
 
 def at_cells(values: Lattice) -> Lattice:
-    """Values at lattice points (n + 1, m + 1[, k]), bilinear at the middles of cells (2 n, 2 m[, k])."""
+    """Values at lattice points (n + 1, m + 1[, k]), bilinear at the centres of cells (2 n, 2 m[, k])."""
     rows, columns = values.shape[0] - 1, values.shape[1] - 1
     between = np.empty((2 * rows, columns + 1, *values.shape[2:]), np.float32)
     between[::2] = values[:-1] * np.float32(0.75) + values[1:] * np.float32(0.25)
@@ -39,15 +35,15 @@ def at_cells(values: Lattice) -> Lattice:
 
 
 def at_middles(values: Lattice) -> Lattice:
-    """Values at lattice points (n + 1, m + 1[, k]), at the middles between (n, m[, k])."""
+    """Values at lattice points (n + 1, m + 1[, k]), at the centres between them (n, m[, k])."""
     rows = values[:-1] + values[1:]
     return np.asarray((rows[:, :-1] + rows[:, 1:]) * np.float32(0.25))
 
 
-def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> Image:
-    """How far the cells (h, w) between these lattice points lie in what is painted of the frame: 0, `PARTLY` or `WHOLLY`.
+def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> CellFlags:
+    """How far the cells (h, w) between these lattice points lie within the painted part of the frame: 0, `PARTLY` or `WHOLLY`.
 
-    Pixels lie between those of a cell's corners, so a cell with all corners inside is so itself.
+    Frame pixels within a cell lie between those of its corners, so a cell with all corners inside is inside.
     """
     (left, top), (right, bottom) = lattice.limits
     x, y = np.ascontiguousarray(np.moveaxis(refined(lattice.pixels[where]), 2, 0))
@@ -73,11 +69,11 @@ def _most(points: Lattice) -> Lattice:
 
 
 def places_in(pixels: Lattice, lattice: FrameLattice, shape: tuple[int, ...]) -> Lattice:
-    """Where pixels (h, w, 2) of the frame lie in a map (rows, columns, ...) of all of it."""
+    """Places in a map (rows, columns, ...) of the whole frame, of frame pixels (h, w, 2)."""
     scale = np.array([shape[1] / lattice.camera.width, shape[0] / lattice.camera.height], np.float32)
     return np.asarray(np.nan_to_num((pixels + np.float32(0.5)) * scale - np.float32(0.5), nan=NOWHERE), np.float32)
 
 
-def sampled(values: NDArray[Any], places: Lattice) -> NDArray[Any]:
-    """A map (rows, columns[, up to 4]) at places (h, w, 2) in it, bilinear. The same wherever a window of places begins."""
+def sampled(values: AnyImage, places: Lattice) -> AnyImage:
+    """A map (rows, columns[, up to 4]) at places (h, w, 2) in it, bilinear. Independent of where a window of places begins."""
     return np.asarray(cv2.remap(values, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))  # type: ignore

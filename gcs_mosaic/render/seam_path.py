@@ -1,63 +1,59 @@
-"""Where a seam runs between two frames that are about as good: where they differ least.
+"""Seam path between two frames of similar quality: where they differ least.
 
-A tall thing seen from two sides, or somebody who moves, must not be cut in two. What was decided is held where one frame is
-clearly better; between, each cell follows its neighbours, and the more so the more the two frames differ on the way there. So
-cells on one thing come to agree, and seams run where nothing is seen to change. This is the random walker of L. Grady, "Random
-Walks for Image Segmentation", PAMI 28(11), 2006, with differences in the place of gradients. Every cell has two frames of its
-own to choose from; a neighbour speaks for whichever of them it may show itself.
+A tall thing seen from two sides, or a moving person, must not be cut in two. The decision is fixed where one frame is clearly
+better; in between, each cell follows its neighbours, the more strongly the more the two frames differ there. So cells on one
+thing come to agree, and seams run where no change is visible. This is the random walker of L. Grady, "Random Walks for Image
+Segmentation", PAMI 28(11), 2006, with differences in place of gradients. Every cell has two frames of its own to choose from; a
+neighbour supports whichever of them it may show itself.
 
-A cell knows of others only so far away, so the course is the same however much of the map it is told for.
+The influence of cells has a limited range, so the path is independent of how much of the map is processed.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells, Numbers, Owned
-from gcs_mosaic.render.warp_grid import Lattice
+from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells, Owned
+from gcs_mosaic.stitch.arrays import FrameNumbers, Indices, Lattice, Mask, Planes, Vector32
 
-Image = NDArray[np.uint8]
-Places = NDArray[np.intp]
-Steady = list[Lattice]
-Pulls = list[tuple[Places, Lattice, Lattice]]
+Steady = list[Vector32]
+Pulls = list[tuple[Indices, Vector32, Vector32]]
 
-USUAL = 6.0  # grey levels that two pictures of the same ground differ by, from noise and what light and places leave
-MOST = 400.0  # times as strong as on even ground two cells hold together at most
-BAND = 10  # cells from where it would be that a seam is moved at most
-STEPS = 20  # of relaxation, each of every second cell by those beside it
+USUAL = 6.0  # grey levels; usual difference of images of the same ground: noise, residual exposure and pose errors
+MOST = 400.0  # maximum strength of the coupling of two cells, relative to uniform ground
+BAND = 10  # maximum displacement of a seam, in cells
+STEPS = 20  # of relaxation, each updating every second cell from its neighbours
 assert BAND + STEPS < CELLS, "a tile's owners follow from the tiles around it"
 
 
-def least_seen(cells: Cells, looks: tuple[Image, Image]) -> Owned:
-    """The frames that are to show, hard; `looks` (3, h, w) of the first and the second. Not right within a tile of the rim,
-    unless that is where all ends."""
+def least_seen(cells: Cells, looks: tuple[Planes, Planes]) -> Owned:
+    """The frames to show, with hard seams; `looks` (3, h, w) of the first and the second. Invalid within a tile of the rim,
+    unless the map ends there."""
     free = (cells.lead < OPEN) & (cells.inside[1] == WHOLLY) & _beside_seams(cells.first)
     held = np.where(free, np.float32(0.5) + cells.lead / np.float32(2 * OPEN), np.float32(1))
     taken = free & (_relaxed(held, free, cells, looks) < 0.5)
     return hard(cells, taken)
 
 
-def _beside_seams(first: Numbers) -> NDArray[np.bool_]:
-    """Which cells (h, w) another frame shows nearby."""
+def _beside_seams(first: FrameNumbers) -> Mask:
+    """Which cells (h, w) are near a seam."""
     seams = np.zeros(first.shape, np.uint8)
     seams[1:] |= first[1:] != first[:-1]
     seams[:, 1:] |= first[:, 1:] != first[:, :-1]
     return np.asarray(cv2.dilate(seams, np.ones((2 * BAND + 1, 2 * BAND + 1), np.uint8)) > 0)
 
 
-def hard(cells: Cells, taken: NDArray[np.bool_]) -> Owned:
+def hard(cells: Cells, taken: Mask) -> Owned:
     """The first everywhere, or the second where `taken`; the other one where that covers only a part."""
     first, second = np.where(taken, cells.second, cells.first), np.where(taken, cells.first, cells.second)
     cut = np.where(taken, cells.inside[1], cells.inside[0]) != WHOLLY
     return Owned(first, np.where(cut, second, np.int32(NOBODY)), np.full(first.shape, 255, np.uint8))
 
 
-def _relaxed(held: Lattice, free: NDArray[np.bool_], cells: Cells, looks: tuple[Image, Image]) -> Lattice:
-    """How likely each cell is to show its first, beginning with what is `held`. Only free cells are looked at, one after the
-    other in memory: they are few. Each second one at a time, as on a chessboard: all at once, two that hold together strongly
-    would change places for ever."""
+def _relaxed(held: Lattice, free: Mask, cells: Cells, looks: tuple[Planes, Planes]) -> Lattice:
+    """Probability of each cell to show its first, starting from `held`. Only free cells are updated, contiguous in memory, as
+    they are few. In checkerboard order: updated all at once, two strongly coupled cells would oscillate."""
     wide = np.pad(held, 1)
     p, strength = wide.ravel(), np.pad(_strength(looks), 1).ravel()
     first, second = (np.pad(one, 1, constant_values=NOBODY).ravel() for one in (cells.first, cells.second))
@@ -70,9 +66,9 @@ def _relaxed(held: Lattice, free: NDArray[np.bool_], cells: Cells, looks: tuple[
 
 
 def _pulls(
-    here: Places, width: int, strength: Lattice, first: Numbers, second: Numbers
-) -> tuple[Places, Steady, Pulls]:
-    """What draws these cells to their first and second: the same whatever others show, and by how likely those show theirs."""
+    here: Indices, width: int, strength: Vector32, first: FrameNumbers, second: FrameNumbers
+) -> tuple[Indices, Steady, Pulls]:
+    """Couplings of these cells to their first and second: constant parts, and coefficients of the neighbours' probabilities."""
     mine, steady, pulls = (first[here], second[here]), [np.zeros(here.shape, np.float32) for _ in range(2)], []
     for step in (-width, width, -1, 1):
         there = here + step
@@ -84,8 +80,8 @@ def _pulls(
     return here, steady, pulls
 
 
-def _relax(p: Lattice, here: Places, steady: Steady, pulls: Pulls) -> None:
-    """Bring these of all cells `p` in line with those around them."""
+def _relax(p: Vector32, here: Indices, steady: Steady, pulls: Pulls) -> None:
+    """Update these cells of `p` from their neighbours."""
     to_first, to_second = steady[0].copy(), steady[1].copy()
     for there, for_first, for_second in pulls:
         beside = p[there]
@@ -95,8 +91,8 @@ def _relax(p: Lattice, here: Places, steady: Steady, pulls: Pulls) -> None:
     p[here] = np.where(total > 0, to_first / np.maximum(total, np.float32(1e-6)), p[here])
 
 
-def _strength(looks: tuple[Image, Image]) -> Lattice:
-    """How strongly cells hold together with others."""
+def _strength(looks: tuple[Planes, Planes]) -> Lattice:
+    """Coupling strength of the cells."""
     one, other = looks
     apart = np.max(np.maximum(one, other) - np.minimum(one, other), axis=0).astype(np.float32)
     return np.asarray(np.minimum(1 + (apart / np.float32(USUAL)) ** 4, np.float32(MOST)), np.float32)

@@ -1,15 +1,15 @@
-"""Each place from the frame that sees it best, with a transition of a few pixels: nothing is half transparent.
+"""Seam blending: each place from the frame with the best view, with a transition of a few pixels and no ghosting.
 
-How well a frame sees a place is told by its weight (how far that is from its border, how finely it is resolved) and by how
-sharp the frame is there, because some frames are blurred by motion. A thing that stands out in one frame where another has
-none at all (a person, a vehicle that has moved on) counts more than any weight: so whatever was seen once stays on the map.
-What stands still stands out in all frames, and then weight decides. Between the two is a thing that the other frame has some
-way off: a tall one, seen from another side, or somebody who walks. There weight decides too, with a little more for the thing:
-stacked pipes are not put together of pieces of several frames, and nobody is lost who stepped over the seam between two.
+View quality is a frame's weight (distance to its border, resolution) and local sharpness, because some frames have motion blur.
+A salient thing in one frame where another has none (a person, a vehicle that has moved on) outweighs any weight: whatever was
+seen once stays on the map. A static thing is salient in all frames, and then the weight decides. In between is a thing that the
+other frame has some distance away: a tall one seen from another side, or a walking person. There the weight decides too, with a
+small bonus for the thing: stacked pipes are not assembled from pieces of several frames, and nobody is lost who crossed the
+seam between two.
 
-What is left of different light is taken up in two bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
-Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for the picture and wide for its
-tone (`tone`).
+Residual exposure differences are blended in two frequency bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
+Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for detail and wide for tone
+(`tone`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import PARTLY, Cells, Owned, Seen, Window
@@ -27,33 +26,31 @@ from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.seam_path import least_seen
-from gcs_mosaic.render.warp_grid import Lattice
+from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, PlaneStack
 
-Image = NDArray[np.uint8]
-
-# The planes that are seen of a frame and kept of the one that shows, and the last ones, of the next best, too.
+# Planes seen of a frame and kept of the one that shows; the last ones also of the next best.
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
 LOOK = slice(3 * WAYS, 3 * WAYS + 3)
 SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
 SEEN, KEPT = LOOK.stop, SECOND_LOOK.stop
 
-LEAST_DETAIL = 1.0  # grey levels; what noise makes of bare ground
-SHARP = 3.0  # exponent of the ratio of detail: a frame with a third of it less yields to one with a third of its weight
-SALIENT = 20.0  # what a thing where the other frame has none adds to the log ratio of weights: more than weights can
-# What it adds where the other frame has one some way off: more than the log ratio of weights changes over that way, so that
-# of two frames that see somebody in two places not each can think the other one shows him.
+LEAST_DETAIL = 1.0  # grey levels; the noise level of bare ground
+SHARP = 3.0  # exponent of the detail ratio: a frame with a third less detail yields to one with a third of its weight
+SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lacks: exceeds any weight
+# Added where the other frame has one some distance away: more than the log weight ratio changes over that distance, so that of
+# two frames that see a person in two places not each defers to the other.
 ELSEWHERE = 1.0
 
 
-def look_for_seams(look: Image, of: Of) -> Sight:
-    """What is kept of a frame's picture: contrasts, colours, detail, tone."""
+def look_for_seams(look: ImageBGR, of: Of) -> Sight:
+    """What is kept of a frame's image: contrasts, colours, detail, tone."""
     found = contrasts(look)
     planes = grouped_planes([*found, *small_look(look, found[0].shape)])
     return Sight(of, planes, detail_of(look), tone_of(look, found[THINGS]))
 
 
 def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
-    """What a frame brings to the cells of a window: its planes and how well it sees them."""
+    """A frame's contribution to the cells of a window: its planes and its score."""
     assert sight is not None, "seams need a look"
     assert sight.detail is not None
     where = lattice_part(frame.lattice, window)
@@ -63,7 +60,7 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     planes = _at_places(sight.planes, places_in(pixels, frame.lattice, sight.planes[0].shape))
     planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
     for one in planes[THINGS]:
-        one[weight <= LEAST_WEIGHT] = 0  # what is seen at the very border only is nothing to go by
+        one[weight <= LEAST_WEIGHT] = 0  # things seen only at the very border are unreliable
     detail = sampled(sight.detail.astype(np.float32), places_in(pixels, frame.lattice, sight.detail.shape))
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
@@ -71,26 +68,26 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
 
 
 def contrasts_at(
-    frame: PlacedFrame, groups: Sequence[Image], window: Window, at: Callable[[Lattice], Lattice] = at_cells
-) -> Image:
-    """Planes (k, h, w) of contrasts that come in groups, at the cells of a window, or at other places between lattice points."""
+    frame: PlacedFrame, groups: Sequence[PlaneStack], window: Window, at: Callable[[Lattice], Lattice] = at_cells
+) -> Planes:
+    """Grouped contrast planes as (k, h, w), at the cells of a window, or at other places between lattice points."""
     pixels = at(frame.lattice.pixels[lattice_part(frame.lattice, window)])
     planes = _at_places(groups, places_in(pixels, frame.lattice, groups[0].shape))
     gain = _light(*frame.factors(window, at))
     return np.stack([times(one, gain) for one in planes])
 
 
-def _at_places(groups: Sequence[Image], places: Lattice) -> list[Image]:
+def _at_places(groups: Sequence[PlaneStack], places: Lattice) -> list[ImageGrey]:
     return [np.asarray(one, np.uint8) for group in groups for one in cv2.split(sampled(group, places))]
 
 
 def _light(blue: Lattice | np.float32, green: Lattice | np.float32, red: Lattice | np.float32) -> Lattice | np.float32:
-    """What the light is multiplied by where the colours are by these."""
+    """Factor of the luminance for these factors of the colours."""
     return np.float32(0.114) * blue + np.float32(0.587) * green + np.float32(0.299) * red
 
 
-def times(plane: NDArray[np.uint8], factor: Lattice | np.float32) -> Image:
-    """A plane (h, w) times a factor, within eight bits."""
+def times(plane: ImageGrey, factor: Lattice | np.float32) -> ImageGrey:
+    """A plane (h, w) times a factor, clipped to 8 bit."""
     if isinstance(factor, np.ndarray):
         return np.asarray(cv2.multiply(plane, factor, dtype=cv2.CV_8U), np.uint8)
     table = np.clip(np.rint(np.arange(256) * factor), 0, 255).astype(np.uint8)
@@ -98,19 +95,20 @@ def times(plane: NDArray[np.uint8], factor: Lattice | np.float32) -> Image:
 
 
 def decide(cells: Cells, seen: Seen) -> Lattice:
-    """By how much the new frame sees the cells better than those that show, things before plain ground."""
+    """Score margin of the new frame over those that show, with things before plain ground."""
     nowhere = only(seen.planes, cells.planes, FAR) - only(cells.planes, seen.planes, FAR)
     not_here = only(seen.planes, cells.planes, NEAR) - only(cells.planes, seen.planes, NEAR)
     return np.asarray(seen.score - cells.score + SALIENT * nowhere + ELSEWHERE * not_here, np.float32)
 
 
-def only(one: Image, other: Image, reach: slice) -> Lattice:
-    """(h, w): 1 where one has a thing that is beyond any contrast of the other so far around; 0 where not, and little between."""
+def only(one: Planes, other: Planes, reach: slice) -> Lattice:
+    """(h, w): 1 where one has a thing that exceeds any contrast of the other within reach; 0 where not, with a narrow ramp
+    between."""
     return beyond(one[THINGS], other[reach])
 
 
-def beyond(things: Image, around: Image) -> Lattice:
-    """How far (h, w) things stand out more than what there is around, in each way: 0 to 1."""
+def beyond(things: Planes, around: Planes) -> Lattice:
+    """By how much (h, w) things exceed the contrasts around, over all kinds of contrast: 0 to 1."""
     most = np.zeros(things.shape[1:], np.uint8)
     for thing, other in zip(things, around, strict=True):
         most = np.maximum(most, cv2.subtract(thing, other))
@@ -118,5 +116,5 @@ def beyond(things: Image, around: Image) -> Lattice:
 
 
 def steered(cells: Cells) -> Owned:
-    """The frames that are to show, with seams where they are least seen."""
+    """The frames to show, with seams where they are least visible."""
     return least_seen(cells, (cells.planes[LOOK], cells.planes[SECOND_LOOK]))

@@ -1,4 +1,4 @@
-"""Work on many tiles, spread over threads."""
+"""Parallel work on many tiles."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import TypeVar
 A = TypeVar("A")
 B = TypeVar("B")
 
-AT_ONCE = 8  # tiles a thread takes at a time: handing over costs as much as a tenth of a tile
+AT_ONCE = 8  # tiles per task: handing over costs as much as a tenth of a tile
 
 
 def spread(pool: Executor, work: Callable[[A], B], items: Iterable[A]) -> list[B]:
-    """The work on each item, in their order."""
+    """Results of the work on each item, in order."""
     some = list(items)
     groups = [some[k : k + AT_ONCE] for k in range(0, len(some), AT_ONCE)]
     return [done for group in pool.map(lambda group: [work(one) for one in group], groups) for done in group]

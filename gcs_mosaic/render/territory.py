@@ -1,4 +1,4 @@
-"""Who shows where on all tiles, kept up to date as frames come and move."""
+"""Cell ownership on all tiles, kept up to date as frames arrive and move."""
 
 from __future__ import annotations
 
@@ -33,12 +33,13 @@ from gcs_mosaic.render.painted import GUEST_LEVELS, Painted, PaintedFrames, Tile
 from gcs_mosaic.render.placed import PlacedFrame, on_level
 from gcs_mosaic.render.plans import Plan, planned
 from gcs_mosaic.render.tile_cache import Store
-from gcs_mosaic.render.tone import REACH, Shifts, shifts
+from gcs_mosaic.render.tone import REACH, shifts
+from gcs_mosaic.stitch.arrays import ToneShifts
 from gcs_mosaic.stitch.transaction import Kept
 
 
 class Territory(Kept):
-    """The cells of tiles, and who owns them, in a store that is kept by whoever gave it, like the frames."""
+    """The cells of tiles and their owners, in a store that its owner restores, like the frames."""
 
     FIXED = frozenset({"_store", "_mode", "_gallery", "_frames", "_pool", "_coming"})
 
@@ -48,13 +49,13 @@ class Territory(Kept):
         self._gallery = gallery
         self._frames = frames
         self._pool = pool
-        self._coming: tuple[Painted, Window, Future[Seen]] | None = None  # what comes next
-        self._numbers: dict[str, int] = {}  # of all frames there ever were, by name
+        self._coming: tuple[Painted, Window, Future[Seen]] | None = None  # the next frame's contribution
+        self._numbers: dict[str, int] = {}  # of all frames ever seen, by name
         self._names: list[str] = []  # by number
 
     def lay_over(self, frame: PlacedFrame, keys: Collection[TileKey], *, anew: bool = False) -> set[TileKey]:
-        """Lay a frame over the cells of these tiles, or over those that are to take their place (`anew`); returns the tiles that
-        have changed."""
+        """Lay a frame over the cells of these tiles, or over those being decided again (`anew`); returns the tiles that have
+        changed."""
         if not keys:
             return set()
         window, kind = window_around(keys), "fresh cells" if anew else "cells"
@@ -67,18 +68,18 @@ class Territory(Kept):
         return changed
 
     def expect(self, frame: PlacedFrame, keys: Collection[TileKey]) -> None:
-        """Begin to see what a frame brings to the cells of these tiles, while another one is laid over them."""
+        """Begin to compute a frame's contribution to the cells of these tiles, while another one is laid over them."""
         if self._gallery.has_seen(frame.painted):
             window, sight = window_around(keys), self._gallery.sight(frame.painted)
             self._coming = frame.painted, window, self._pool.submit(self._mode.see, frame, sight, window)
 
     def drop_fresh(self, keys: Iterable[TileKey]) -> None:
-        """Forget what was laid over anew."""
+        """Discard cells decided again."""
         for key in keys:
             self._store.put((key, "fresh cells"), None)
 
     def replace(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """What was laid over anew takes its place; returns the tiles that have changed."""
+        """Replace cells by those decided again; returns the tiles that have changed."""
         changed = set()
         for key in keys:
             before, after = self._store.get((key, "cells")), self._store.get((key, "fresh cells"))
@@ -89,26 +90,26 @@ class Territory(Kept):
         return changed
 
     def hosts(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """Those of these tiles that guests may show on."""
+        """Those of these tiles that may have guests."""
         return {key for key in keys if self._mode.admit is not None and self._frames.guests_on(key)}
 
     def with_guests(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """Those of these tiles that guests show on."""
+        """Those of these tiles that show guests."""
         return {key for key in keys if (key, "hosted") in self._store}
 
     def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """The finer tiles that frames of these may show on as guests."""
+        """The finer tiles on which frames of these tiles may be guests."""
         return set() if self._mode.admit is None else self._frames.hosts_below(keys)
 
     def settle(self, changed: Iterable[TileKey]) -> set[TileKey]:
-        """Bring up to date who owns the cells of tiles that have changed, and around; returns those that may look different."""
+        """Update cell owners of changed tiles and their neighbours; returns the tiles that may look different."""
         groups = grouped(changed)
         for keys in groups:
             self._let_guests_in(keys)
         return set[TileKey]().union(*[self._settle(keys) for keys in groups])
 
     def plans(self, keys: Iterable[TileKey]) -> dict[TileKey, Plan]:
-        """What these tiles are to be made of."""
+        """Plans of these tiles."""
         plans: dict[TileKey, Plan] = {}
         for some in grouped(keys):
             window = window_around(some).wider()
@@ -118,7 +119,7 @@ class Territory(Kept):
         return plans
 
     def _settle(self, changed: set[TileKey]) -> set[TileKey]:
-        """Tiles of one level."""
+        """As `settle`, for tiles of one level."""
         keys = around(changed)
         window = window_around(keys).wider()
         there = {key for key in window.tiles() if (key, "cells") in self._store}
@@ -141,7 +142,7 @@ class Territory(Kept):
         return self._mode.see(frame, self._gallery.sight(frame.painted), window)
 
     def _let_guests_in(self, keys: Iterable[TileKey]) -> None:
-        """Work out anew, for tiles of one level, what their guests have that nobody painted there has."""
+        """Recompute, for tiles of one level, where guests show things that no frame painted there has."""
         hosts = {key for key in self.hosts(keys) if (key, "cells") in self._store}
         for key in set(keys) - hosts:
             self._store.put((key, "hosted"), None)
@@ -158,7 +159,7 @@ class Territory(Kept):
             self._store.put((key, "hosted"), part(cells, window.place(key)) if key in changed else None)
 
     def _cells(self, keys: Iterable[TileKey], window: Window, *kinds: str) -> Cells:
-        """Of each tile the first of these kinds that there is."""
+        """Cells of tiles, each of the first of these kinds that exists."""
         found = {key: next((kind for kind in kinds if (key, kind) in self._store), None) for key in keys}
         known = {key: self._store.get((key, kind)) for key, kind in found.items() if kind is not None}
         put_together(cells := unknown(window.shape, self._mode.planes), known, window)
@@ -169,11 +170,11 @@ class Territory(Kept):
         put_together(owned := unowned(window.shape), known, window)
         return owned
 
-    def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, Shifts]]:
+    def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, ToneShifts]]:
         return shifts(owned.first, window, partial(self._seer, window))
 
     def _things(self, painted: Painted) -> Things | None:
-        """What stands out in a frame; None if that is not known."""
+        """Salient things of a frame; None if unknown."""
         known: Things | None = self._store.get(("things", painted.name))
         if known is None or known.painted != painted:
             frame = self._gallery.placed(painted) if self._gallery.has_seen(painted) else None
@@ -183,7 +184,7 @@ class Territory(Kept):
         return known
 
     def _seer(self, window: Window, number: int) -> tuple[PlacedFrame, Sight] | None:
-        """A frame on a window, and what it looks like; None if it is not there any more."""
+        """A frame on a window, and its look; None if it is no longer there."""
         painted = self._frames.get(self._names[number])
         if painted is None or not _may_be_on(painted, window):
             return None
@@ -192,7 +193,7 @@ class Territory(Kept):
         return None if here is None or sight is None else (here, sight)
 
     def _frames_on(self, key: TileKey) -> dict[int, Painted]:
-        """All that may show on a tile, in capture order."""
+        """All frames that may show on a tile, in capture order."""
         there = sorted([*self._frames.on(key), *self._frames.guests_on(key)], key=lambda painted: painted.turn)
         return {self._number(painted.name): painted for painted in there}
 

@@ -1,4 +1,4 @@
-"""Pictures of tiles with what is needed to go on painting them, and a store that keeps most of them off the memory."""
+"""Tile layers with the state needed to continue painting, and a store that keeps most of them out of memory."""
 
 from __future__ import annotations
 
@@ -14,24 +14,19 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.render.warp_grid import Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, Lattice
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 logger = logging.getLogger(__name__)
 
-Image = NDArray[np.uint8]
 Key = Hashable
 
-ROOM = (
-    4096  # bytes; the size of a place in the scratch file is a multiple of it, so that another value may have it later
-)
+ROOM = 4096  # bytes; slots in the scratch file are multiples of it, so that they can be reused
 
 
 @cache
-def full_coverage(side: int) -> Image:
+def full_coverage(side: int) -> Coverage:
     """The one array that stands for "everywhere", so that full layers need no mask of their own."""
     coverage = np.full((side, side), 255, dtype=np.uint8)
     coverage.setflags(write=False)
@@ -40,15 +35,15 @@ def full_coverage(side: int) -> Image:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layer:
-    """A square picture; never changed in place, so it may be handed to other threads.
+    """A square image; immutable, so it may be handed to other threads.
 
-    `colour` (n, n, 3) BGR, 0 where there is none; `coverage` (n, n), 0 to 255; `weight` (n / 16 + 1, n / 16 + 1) at the
-    lattice points, 0 where nothing is sure and 1 in the middle of a frame; `bands` (n, n, bands) uint8 or uint16, the frames'
-    own bands mixed as the colour is, only where somebody wants them (an export).
+    `colour` (n, n, 3) BGR, 0 where uncovered; `coverage` (n, n), 0 to 255; `weight` (n / 16 + 1, n / 16 + 1) at the lattice
+    points, 0 at borders and 1 in the middle of a frame; `bands` (n, n, bands) uint8 or uint16, the frames' own bands mixed like
+    the colour, only if kept (for an export).
     """
 
-    colour: Image
-    coverage: Image
+    colour: ImageBGR
+    coverage: Coverage
     weight: Lattice
     bands: Bands | None = None
 
@@ -66,11 +61,13 @@ class Layer:
         return sum(0 if part is None else part.nbytes for part in parts)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """So that a full layer is one again when it comes back from a file."""
+        """Pickles a full layer such that it is recognised as full again."""
         return make_layer, (self.colour, None if self.is_full else self.coverage, self.weight, self.bands)
 
 
-def make_layer(colour: Image, coverage: Image | None, weight: Lattice, bands: Bands | None = None) -> Layer | None:
+def make_layer(
+    colour: ImageBGR, coverage: Coverage | None, weight: Lattice, bands: Bands | None = None
+) -> Layer | None:
     """A layer of these parts (`coverage` None: full); None if nothing is covered."""
     side = colour.shape[0]
     if coverage is None or int(coverage.min()) == 255:
@@ -79,14 +76,14 @@ def make_layer(colour: Image, coverage: Image | None, weight: Lattice, bands: Ba
 
 
 class Sized(Protocol):
-    """What a store keeps: values that never change and can be pickled."""
+    """Values of a store: immutable and picklable."""
 
     @property
     def nbytes(self) -> int: ...
 
 
 class _Place:
-    """Room in the scratch file. Given back when nobody knows of it any more, neither the store nor a snapshot of it."""
+    """A slot in the scratch file. Freed when neither the store nor a snapshot refers to it."""
 
     __slots__ = ("_holes", "offset", "size")
 
@@ -94,13 +91,13 @@ class _Place:
         self.offset, self.size, self._holes = offset, size, holes
 
     def __del__(self) -> None:
-        if hasattr(self, "_holes"):  # it has not been interrupted before it was anything
+        if hasattr(self, "_holes"):  # false if the constructor was interrupted
             self._holes.setdefault(self.size, []).append(self.offset)
 
 
 @dataclass(slots=True, eq=False)
 class _Held:
-    """A value, in memory or in the file or both. Which value never changes, only where it is."""
+    """A value, in memory or in the file or both. The value never changes, only its location."""
 
     value: Any
     place: _Place | None = None
@@ -109,12 +106,12 @@ class _Held:
 class Store(Kept):
     """Values by key: the most recently used in memory, the others losslessly in an unnamed file that vanishes by itself.
 
-    Uncompressed: reading and writing a tile takes 0.1 ms so; PNG at its fastest takes 3 ms to write for a quarter of the
-    bytes. `folder` None means the system's own place for such files. While the disk is full values stay in memory and
-    `problem` says why; nothing is lost. What a snapshot knows of stays in memory or in the file as long as the snapshot.
+    Uncompressed: reading and writing a tile takes 0.1 ms; PNG at its fastest takes 3 ms to write for a quarter of the bytes.
+    `folder` None: the system's folder for temporary files. While the disk is full, values stay in memory and `problem` says
+    why; nothing is lost. Values in a snapshot stay in memory or in the file as long as the snapshot.
     """
 
-    # Where values are is nothing that could be undone, nor needs to be: only which there are.
+    # The location of values cannot and need not be restored: only which values there are.
     FIXED = frozenset({"_memory_bytes", "_file", "_cached", "_holes", "_end", "_used", "problem"})
 
     def __init__(self, memory_bytes: int, folder: Path | None = None) -> None:
@@ -122,7 +119,7 @@ class Store(Kept):
         self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 -- lives as long as the store
         self._held: dict[Key, _Held] = {}
         self._cached: OrderedDict[Key, _Held] = OrderedDict()  # those of them that are in memory
-        self._holes: dict[int, list[int]] = {}  # offsets of free places, by size
+        self._holes: dict[int, list[int]] = {}  # offsets of free slots, by size
         self._end = 0
         self._used = 0
         self.problem: str | None = None
@@ -150,7 +147,7 @@ class Store(Kept):
         return value
 
     def put(self, key: Key, value: Sized | None) -> None:
-        """Keep a value under a key, in place of what was there; None drops it."""
+        """Store a value under a key, replacing the old one; None removes it."""
         self._held.pop(key, None)
         old = self._cached.pop(key, None)
         self._used -= 0 if old is None or old.value is None else old.value.nbytes
@@ -159,7 +156,7 @@ class Store(Kept):
             self._keep(key, held, value)
 
     def take_over(self, key: Key, old: Key) -> None:
-        """Keep what is under the old key under this one, in place of what was there; nothing has to be written again."""
+        """Move the value at the old key to this one, replacing its value; nothing is written again."""
         self.put(key, None)
         held = self._held.pop(old, None)
         if held is not None:
@@ -172,7 +169,7 @@ class Store(Kept):
         return self._end
 
     def close(self) -> None:
-        """Give back all memory and disk."""
+        """Release all memory and disk space."""
         self._cached.clear()
         self._held.clear()
         self._file.close()

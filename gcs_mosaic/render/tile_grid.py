@@ -1,8 +1,8 @@
 """The tile grid: standard XYZ, 256 px, finer with growing z, y down; level 16 has one pixel per canvas unit.
 
-Pixel k of level z covers canvas [k, k+1) * 2**(16-z) - 2**23 - 1/2, the same in x and y, so that at level 16 pixel centres
-are the whole canvas units, indices are never negative and no tile is ever renamed however the mosaic grows.
-Boxes are (left, top, right, bottom) in canvas units, the outer edges of what they hold.
+Pixel k of level z covers canvas [k, k+1) * 2**(16-z) - 2**23 - 1/2, the same in x and y, so that at level 16 pixel centres are
+integer canvas units, indices are never negative and no tile is ever renamed however the mosaic grows. Boxes are (left, top,
+right, bottom) in canvas units, outer edges.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import Array, PointsNx2
 
 TILE_SIZE = 256  # px
 BASE_LEVEL = 16  # one tile pixel per canvas unit
-FINEST_LEVEL = 24  # 1/256 canvas unit; nothing that was measured is finer
-HALF_SPAN = 2.0**23  # canvas units from the middle of the grid to its edge
-RESOLUTION_LOSS = 0.2  # of a frame's linear resolution, given up rather than painting four times the pixels
-SAME_HEIGHT = 1.15  # how far a frame's ground sampling distance may lie beyond what suits a level that others have
+FINEST_LEVEL = 24  # 1/256 canvas unit; finer than anything measured
+HALF_SPAN = 2.0**23  # canvas units from the centre of the grid to its edge
+RESOLUTION_LOSS = 0.2  # of a frame's linear resolution, sacrificed rather than painting four times the pixels
+SAME_HEIGHT = 1.15  # tolerance of a frame's ground sampling distance for the level of others
 
-Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 
 
@@ -42,7 +42,7 @@ class Tile(NamedTuple):
 
 
 def ancestor(tile: Tile, level: int) -> Tile:
-    """The tile of a coarser (or the same) level that holds this one."""
+    """The tile of a coarser (or the same) level that contains this one."""
     up = tile.z - level
     return Tile(level, tile.x >> up, tile.y >> up)
 
@@ -78,8 +78,8 @@ def tile_box(tile: Tile) -> Box:
     return left, top, right, bottom
 
 
-def box_of(places: Array) -> Box | None:
-    """The box around points (n, 2), those that are nowhere (NaN) left out; None if no point is left."""
+def box_of(places: PointsNx2) -> Box | None:
+    """Bounding box of points (n, 2), ignoring NaN; None if no point is left."""
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):
         return None
@@ -88,12 +88,12 @@ def box_of(places: Array) -> Box | None:
 
 
 def join(a: Box, b: Box) -> Box:
-    """The box around two boxes."""
+    """Bounding box of two boxes."""
     return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
 
 
 def tile_range(box: Box, level: int) -> tuple[Tile, Tile]:
-    """The first and last tile (both included) that a box touches, clipped to the grid.
+    """The first and last tile (inclusive) that a box touches, clipped to the grid.
 
     A box that only touches an edge from outside counts as touching on its left and top, not on its right and bottom.
     """
@@ -111,8 +111,8 @@ def tiles_over(box: Box, level: int) -> Iterator[Tile]:
 
 
 def painting_level(gsd: float) -> int:
-    """The coarsest level at which a frame with this ground sampling distance (canvas units per frame pixel) loses at
-    most 20 % of its linear resolution; between level 0 and `FINEST_LEVEL`."""
+    """The coarsest level at which a frame with this ground sampling distance (canvas units per frame pixel) loses at most 20 % of
+    its linear resolution; between level 0 and `FINEST_LEVEL`."""
     if not (math.isfinite(gsd) and gsd > 0):
         raise ValueError(f"a ground sampling distance is a positive number, not {gsd}")
     level = BASE_LEVEL - math.log2(gsd / (1 - RESOLUTION_LOSS))
@@ -120,14 +120,14 @@ def painting_level(gsd: float) -> int:
 
 
 def level_among(gsd: float, usual: float) -> int:
-    """The painting level of a frame among others, whose level suits the ground sampling distance `usual`: theirs if its own
-    is nearly so. Of frames on different levels the finer ones hide the others, and whoever only those have seen."""
+    """Painting level of a frame among others whose level suits the ground sampling distance `usual`: theirs, if its own is
+    similar. Frames on finer levels hide those on coarser ones, and people seen only there."""
     theirs, coarsest, finest = (painting_level(one) for one in (usual, gsd * SAME_HEIGHT, gsd / SAME_HEIGHT))
     return theirs if coarsest <= theirs <= finest else painting_level(gsd)
 
 
 def overview_level(box: Box, finest: int) -> int:
-    """The finest level, `finest` at most, at which a box fits into two tiles by two."""
+    """The finest level, at most `finest`, at which a box fits into two by two tiles."""
     for level in range(finest, 0, -1):
         first, last = tile_range(box, level)
         if last.x - first.x <= 1 and last.y - first.y <= 1:

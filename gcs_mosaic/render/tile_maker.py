@@ -1,4 +1,4 @@
-"""Tiles are made by their plans, frame by frame: at once, or in steps between which other things happen."""
+"""Making tiles from their plans, frame by frame: at once, or in steps that can be interleaved with other work."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Plans = Mapping[TileKey, Plan]
 
 
 class Maker:
-    """What is made in steps waits in the store, under the tile's key. `interpolation` is OpenCV's."""
+    """Intermediate results are kept in the store, under the tile's key. `interpolation` is an OpenCV flag."""
 
     def __init__(
         self,
@@ -45,9 +45,9 @@ class Maker:
         return tuple(sorted(names, key=lambda name: self._frames[name].turn))
 
     def made(self, plans: Plans, *, hastily: bool = False) -> dict[TileKey, Layer | None]:
-        """The tiles, but for those that need a frame which cannot be had or, `hastily`, is not at hand."""
+        """The tiles, except those that need a frame which is unavailable or, if `hastily`, not in memory."""
         pieces: dict[TileKey, dict[str, Piece | None]] = {key: {} for key in plans}
-        # Those at hand first: loading another one may take their place.
+        # Those in memory first: loading another one may evict them.
         for name in sorted(self.order(plans), key=lambda name: not self._gallery.is_at_hand(name)):
             wanted = self._gallery.is_at_hand(name) or not hastily
             picture = self._picture_now(self._frames[name]) if wanted else None
@@ -63,7 +63,7 @@ class Maker:
         return dict(zip(plans, spread(self._pool, mixed, parts), strict=True))
 
     def step(self, plans: Plans, name: str) -> bool:
-        """Make a frame's pieces, and the tiles that wait for no other; False if its original is gone."""
+        """Make a frame's pieces, and the tiles that need no other; False if its original is gone."""
         picture = self._gallery.picture(self._frames[name])
         if picture is None:
             return False
@@ -79,18 +79,18 @@ class Maker:
 
     @staticmethod
     def finished(key: TileKey) -> Hashable:
-        """Where in the store is what the steps have made of a tile; nothing is, if nothing is on it."""
+        """Store key of a tile finished by steps; absent if the tile is empty."""
         return key, "fresh"
 
     def drop(self, plans: Plans) -> None:
-        """Forget what the steps have made."""
+        """Discard the results of steps."""
         for key, plan in plans.items():
             self._store.put(self.finished(key), None)
             for name in plan.parts:
                 self._store.put((key, "piece", name), None)
 
     def whole(self, frame: PlacedFrame, picture: FramePicture, keys: Iterable[TileKey]) -> dict[TileKey, Layer]:
-        """All that a frame has of tiles, of those on which it has anything."""
+        """A frame's full contribution to tiles, where not empty."""
         some = sorted(keys)
 
         def layer(key: TileKey) -> Layer | None:
@@ -119,7 +119,7 @@ class Maker:
         return [(part, one) for part, one in made if one is not None]
 
     def _picture_now(self, painted: Painted) -> FramePicture | None:
-        """None also if it cannot be had for reasons that later steps will meet again: they are not the new frame's fault."""
+        """A frame's image; None also on errors that later steps will meet again: they are not the new frame's fault."""
         try:
             return self._gallery.picture(painted)
         except Exception:

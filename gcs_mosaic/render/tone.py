@@ -1,8 +1,8 @@
-"""What is left of different light is brought together along seams: the frames beside one take on a common tone.
+"""Tone equalisation: residual exposure differences are removed along seams by a common tone of the frames on either side.
 
-The common tone at a place is the mean of those of the frames that show around it, by how much of the ground around each shows
-and, at a frame's border, by how sure it is there. So it is one smooth field all over the map: it knows of no tiles, and
-on either side of a seam it is the same.
+The common tone at a place is the mean over the frames shown around it, weighted by the ground that each shows nearby and, at a
+frame's border, by confidence. So it is one smooth field over the whole map, independent of tiles, and equal on both sides of a
+seam.
 """
 
 from __future__ import annotations
@@ -11,29 +11,26 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
-from gcs_mosaic.render.cells import CELLS, Numbers, Window
+from gcs_mosaic.render.cells import CELLS, Window
 from gcs_mosaic.render.looks import Sight
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.sampling import at_middles, lattice_part, places_in, sampled
-from gcs_mosaic.render.warp_grid import Lattice
+from gcs_mosaic.stitch.arrays import FrameNumbers, Lattice, Mask, ToneShifts
 
-Shifts = NDArray[np.int8]
-
-# Tones are told on squares of two by two cells, of which a tile has so many along its side.
+# Tones are computed on squares of two by two cells; number along a tile's side.
 SQUARES = CELLS // 2
-BOX = 5  # squares a side over which, twice, it is told how much a frame shows around
-REACH = 2 * BOX  # cells from which something shown counts, at most
-SURE = 0.05  # weight from which on a frame's tone counts fully
-MOST_SHIFT = 12.0  # grey levels that a tone is shifted at most; more is no light but a thing that has moved
-FINE = 8  # steps of a shift in a grey level, finer than anybody sees
+BOX = 5  # squares a side of the box filter, applied twice, that measures how much a frame shows around
+REACH = 2 * BOX  # maximum distance in cells at which a frame counts
+SURE = 0.05  # weight from which a frame's tone counts fully
+MOST_SHIFT = 12.0  # grey levels; maximum shift, as larger differences are things that have moved
+FINE = 8  # steps of a shift per grey level, finer than visible
 
 
-def wide(shown: NDArray[np.bool_]) -> Lattice:
-    """How much of the ground around each square (h / 2, w / 2) is shown, of cells (h, w), in whole numbers: so it is the same
-    wherever the picture begins."""
+def wide(shown: Mask) -> Lattice:
+    """Weight of the ground shown around each square (h / 2, w / 2), from cells (h, w), in integers: so it is independent of where
+    the window begins."""
     rows = shown[::2].astype(np.float32) + shown[1::2]
     box = rows[:, ::2] + rows[:, 1::2]
     for _ in range(2):
@@ -42,7 +39,7 @@ def wide(shown: NDArray[np.bool_]) -> Lattice:
 
 
 def tone(frame: PlacedFrame, sight: Sight, window: Window) -> tuple[Lattice, Lattice]:
-    """A frame's tone at the squares of a window: (4, h, w) blue, green, red and how far things colour it; and how sure it is."""
+    """A frame's tone at the squares of a window: (4, h, w) blue, green, red and the influence of things; and its confidence."""
     assert sight.tone is not None
     where = lattice_part(frame.lattice, window)
     places = places_in(at_middles(frame.lattice.pixels[where]), frame.lattice, sight.tone.shape)
@@ -56,12 +53,11 @@ def tone(frame: PlacedFrame, sight: Sight, window: Window) -> tuple[Lattice, Lat
 Seer = Callable[[int], tuple[PlacedFrame, Sight] | None]
 
 
-def shifts(first: Numbers, window: Window, seer: Seer) -> dict[int, tuple[Window, Shifts]]:
-    """What the tones of the frames that show on a window's cells (h, w) are to be shifted by, in `FINE` steps of a grey level:
-    (3, rows, columns) of the squares of a part of the window, by the frame's number. Not right within `REACH` of the rim, unless
-    that is where all ends.
+def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[Window, ToneShifts]]:
+    """Tone shifts of the frames that show on a window's cells (h, w), in 1 / `FINE` grey levels: (3, rows, columns) for the
+    squares of a part of the window, by frame number. Invalid within `REACH` of the rim, unless the map ends there.
 
-    `seer` gives a frame and its sight by its number, None if it is here no more.
+    `seer` returns a frame and its sight by number, None if it is no longer here.
     """
     size = window.shape[0] // 2, window.shape[1] // 2
     total, weight = np.zeros((4, *size), np.float32), np.zeros(size, np.float32)
@@ -88,13 +84,13 @@ def shifts(first: Numbers, window: Window, seer: Seer) -> dict[int, tuple[Window
 
 
 def squares(cells: tuple[slice, slice]) -> tuple[slice, slice]:
-    """The rows and columns of squares of those of cells."""
+    """Rows and columns of squares for those of cells."""
     rows, columns = (slice(one.start // 2, one.stop // 2) for one in cells)
     return rows, columns
 
 
-def shown_boxes(first: Numbers, window: Window) -> dict[int, Window]:
-    """By the numbers of the frames that show on these cells: the tiles that hold those of each."""
+def shown_boxes(first: FrameNumbers, window: Window) -> dict[int, Window]:
+    """By number of the frames that show on these cells: the tiles containing each one's cells."""
     found = {}
     for number, box in enumerate(find_objects(first + 1)):
         if box is not None:
@@ -104,9 +100,9 @@ def shown_boxes(first: Numbers, window: Window) -> dict[int, Window]:
     return found
 
 
-def _shift(common: Lattice, weight: Lattice, place: tuple[slice, slice], values: Lattice) -> Shifts:
-    """From a frame's tone to the common one, as far as it is light that sets them apart: the same thing may stand out twice as
-    much in one frame as in the other, not four times as much."""
+def _shift(common: Lattice, weight: Lattice, place: tuple[slice, slice], values: Lattice) -> ToneShifts:
+    """Shift from a frame's tone to the common one, as far as exposure explains the difference: the same thing may have up to
+    twice the contrast in one frame as in the other, not four times."""
     rows, columns = place
     apart = common[:, rows, columns] - values
     light = np.clip(2 - 2 * np.abs(apart[3]), 0, 1) * (weight[place] > 0)

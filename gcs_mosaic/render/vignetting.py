@@ -1,11 +1,10 @@
-"""Frames are darker towards their corners: how much, told from what overlapping frames see of the same ground.
+"""Vignetting: radial brightness fall-off, estimated from overlapping frames.
 
-One radial curve per camera and band, because many a lens also gives the middle another colour than the corners: the log of the
-brightness at r half-diagonals from the middle is a r + b r**2 + c r**4. The even powers are those of D. Goldman, "Vignette and
-Exposure Calibration and Compensation", PAMI 32(12), 2010; the first one takes up a spot in the middle, which cameras leave that
-correct the shading of another lens than theirs. Ground that one frame sees in its middle and another one at its border tells
-the curve; the exposures, one per frame, drop out with the mean of each pair of frames. A prior keeps it flat where overlaps do
-not tell it.
+One radial curve per camera and band, because many lenses also tint the centre relative to the corners: the log brightness at r
+half-diagonals from the centre is a r + b r**2 + c r**4. The even powers are those of D. Goldman, "Vignette and Exposure
+Calibration and Compensation", PAMI 32(12), 2010; the first models a central spot, left by cameras that correct the shading of a
+different lens. Ground seen by one frame at its centre and by another at its border determines the curve; the exposures, one per
+frame, cancel with the mean of each pair of frames. A prior keeps it flat where overlaps do not determine it.
 """
 
 from __future__ import annotations
@@ -13,32 +12,32 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import Lattice, Matrix, PointsNx2, RowsNx3, Vector
+
 Curve = tuple[float, float, float]  # a, b, c
-Vignetting = tuple[Curve, ...]  # one for each band
+Vignetting = tuple[Curve, ...]  # one per band
 
-FLAT: Vignetting = ()  # whatever bands there are
-OUTWARDS: Array = np.linspace(0, 1, 33)[:, None] ** [1, 2, 4]  # `radii` from the middle to a corner
-USUAL: Array = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0])  # their mean over a disc
-UNLIKE = 0.25  # log brightness; pixels that differ by more from what is usual in an overlap show something else
+FLAT: Vignetting = ()  # for any number of bands
+OUTWARDS: RowsNx3 = np.linspace(0, 1, 33)[:, None] ** [1, 2, 4]  # `radii` from the centre to a corner
+USUAL: Vector = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0])  # their mean over a disc
+UNLIKE = 0.25  # log brightness; pixels that deviate more from the overlap's median show something else
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VignettingSettings:
-    """How strongly the curve follows what is seen in overlaps."""
+    """How strongly the curve follows the overlaps."""
 
-    # Of a, b and c, which stand against each other where the middle is dark: more than the curve itself ever changes by.
+    # Of a, b and c, which partly cancel where the centre is dark: larger than any change of the curve itself.
     sigma: float = 1.0
-    # Log brightness by which a thumbnail pixel of two frames differs; large, because its neighbours differ alike.
+    # Log brightness difference of a thumbnail pixel between two frames; large, because neighbouring pixels are correlated.
     pixel_sigma: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class RadialSums:
-    """What one overlap tells: means of `radii` in both frames; and, of the differences of these and of the log brightness about
-    their means, the sums of products (3, 3) and, by band, (3,)."""
+    """Statistics of one overlap: means of `radii` in both frames; and, of the centred differences of these and of the log
+    brightness, the sums of products (3, 3) and, by band, (3,)."""
 
     mean_i: Curve
     mean_j: Curve
@@ -54,11 +53,11 @@ class VignettingEstimate:
     """The curves of one camera, from all overlaps so far."""
 
     settings: VignettingSettings = field(default_factory=VignettingSettings)
-    products: tuple[Curve, ...] = ()  # summed as in RadialSums
+    products: tuple[Curve, ...] = ()  # sums as in RadialSums
     wanted: tuple[Curve, ...] = ()
 
     def after(self, sums: RadialSums) -> VignettingEstimate:
-        """The estimate with what one more overlap tells."""
+        """The estimate after one more overlap."""
         if not self.wanted:
             return replace(self, products=sums.products, wanted=sums.wanted)
         products, wanted = np.add(self.products, sums.products), np.add(self.wanted, sums.wanted)
@@ -72,18 +71,18 @@ class VignettingEstimate:
         return _curves(np.linalg.solve(np.array(self.products) + prior, np.array(self.wanted).T).T)
 
 
-def _curves(rows: Array) -> tuple[Curve, ...]:
+def _curves(rows: RowsNx3) -> tuple[Curve, ...]:
     return tuple((a, b, c) for a, b, c in rows.tolist())
 
 
-def radii(pixels: Array, width: int, height: int) -> Array:
+def radii(pixels: PointsNx2, width: int, height: int) -> RowsNx3:
     """r, r**2 and r**4 (n, 3) of pixels (n, 2) of a frame."""
     squared = (((pixels - [(width - 1) / 2, (height - 1) / 2]) / (np.hypot(width, height) / 2)) ** 2).sum(axis=1)
     return np.stack([np.sqrt(squared), squared, squared**2], axis=1)
 
 
-def radial_sums(at_i: Array, at_j: Array, log_ratio: Array) -> RadialSums:
-    """Of pixels that two frames share: `radii` (n, 3) of each in both, and log brightness of i less that of j (n, bands)."""
+def radial_sums(at_i: RowsNx3, at_j: RowsNx3, log_ratio: Matrix) -> RadialSums:
+    """Statistics of pixels shared by two frames: `radii` (n, 3) in each, and log brightness of i minus that of j (n, bands)."""
     grey = log_ratio.mean(axis=1)
     alike = np.abs(grey - np.median(grey)) < UNLIKE
     apart = (at_i - at_j)[alike]
@@ -93,15 +92,15 @@ def radial_sums(at_i: Array, at_j: Array, log_ratio: Array) -> RadialSums:
     return RadialSums(mean_i, mean_j, _curves(apart.T @ apart), _curves(wanted))
 
 
-def log_brightness(vignetting: Vignetting, at: Array) -> Array:
-    """Of places whose `radii` (n, 3) these are, (n, bands), or (n, 1) for all bands. Against the mean of each band over a frame,
-    so that frames keep their colours, and then against the brightest of all, so that nothing is made darker."""
+def log_brightness(vignetting: Vignetting, at: RowsNx3) -> Matrix:
+    """Log brightness (n, bands), or (n, 1) for all bands, at places with these `radii` (n, 3). Relative to the mean of each band
+    over a frame, so that colours are kept, and then to the brightest place, so that nothing is darkened."""
     curves = np.array(vignetting or [(0.0, 0.0, 0.0)]).T
     return np.asarray((at - USUAL) @ curves - ((OUTWARDS - USUAL) @ curves).max())
 
 
-def brightening(vignetting: Vignetting, pixels: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """What takes the vignetting out (h, w, bands) at pixels (h, w, 2) of a frame; 1 where nowhere (NaN)."""
+def brightening(vignetting: Vignetting, pixels: Lattice, width: int, height: int) -> Lattice:
+    """Factor (h, w, bands) that removes the vignetting at pixels (h, w, 2) of a frame; 1 where nowhere (NaN)."""
     at = log_brightness(vignetting, radii(pixels.reshape(-1, 2).astype(np.float64), width, height))
     factors = np.nan_to_num(np.exp(-np.clip(at, -1, 1)), nan=1.0).astype(np.float32)
     return np.asarray(factors.reshape(*pixels.shape[:2], -1))

@@ -1,4 +1,4 @@
-"""A frame's pixels on one tile."""
+"""Warping a frame's pixels to a tile."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ import threading
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
-from gcs_mosaic.render.warp_grid import LATTICE, LATTICE_STEP, FrameLattice, Lattice
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.render.warp_grid import LATTICE, LATTICE_STEP, FrameLattice
+from gcs_mosaic.stitch.arrays import Bands, Coverage, ImageBGR, Lattice
 
-NOWHERE = -1e4  # px; outside every frame, and small enough for the fixed-point coordinates of cv2.remap
+NOWHERE = -1e4  # px; outside every frame, and within the fixed-point range of cv2.remap
 
-AT_ONCE = 4  # bands that cv2.remap takes
-
-Image = NDArray[np.uint8]
+AT_ONCE = 4  # bands per call of cv2.remap
 
 
 class _Scratch(threading.local):
-    """Half a megabyte that would else be taken from the system and given back twice per tile, at twice the cost."""
+    """Half a megabyte of buffers; allocating and freeing them twice per tile would double the cost."""
 
     def __init__(self) -> None:
         side = LATTICE * LATTICE_STEP
@@ -33,10 +30,10 @@ _scratch = _Scratch()
 
 
 def upscale(values: Lattice) -> Lattice:
-    """Values at a tile's lattice points (17, 17[, 2]), or at points twice as close (33, 33[, k]), to its pixel centres
-    (256, 256[, k]), bilinear.
+    """Values at a tile's lattice points (17, 17[, 2]), or at points twice as dense (33, 33[, k]), bilinear at its pixel centres
+    (256, 256[, k]).
 
-    What comes back is overwritten by this thread's next call for lattice points with the same number of channels.
+    The result is overwritten by this thread's next call for lattice points with the same number of channels.
     """
     step = TILE_SIZE // (len(values) - 1)
     size, rim = len(values) * step, step // 2
@@ -47,7 +44,7 @@ def upscale(values: Lattice) -> Lattice:
 
 
 def refined(values: Lattice) -> Lattice:
-    """Values at lattice points (n, m[, k]) with the means of neighbours between them, (2 n - 1, 2 m - 1[, k])."""
+    """Values at lattice points (n, m[, k]) with the means of neighbours in between, (2 n - 1, 2 m - 1[, k])."""
     rows, columns = values.shape[:2]
     fine = np.empty((2 * rows - 1, 2 * columns - 1, *values.shape[2:]), np.float32)
     fine[::2, ::2] = values
@@ -56,8 +53,8 @@ def refined(values: Lattice) -> Lattice:
     return fine
 
 
-def shrunk(image: Image, pixels: int) -> Image:
-    """The image (h, w, 3) with no more than about so many pixels, the mean of those it had; itself if it has no more."""
+def shrunk(image: ImageBGR, pixels: int) -> ImageBGR:
+    """The image (h, w, 3) reduced to about so many pixels by area averaging; unchanged if it has no more."""
     shrink = math.sqrt(pixels / (image.shape[0] * image.shape[1]))
     if shrink >= 1:
         return image
@@ -67,9 +64,9 @@ def shrunk(image: Image, pixels: int) -> Image:
 
 def tile_picture(
     lattice: FrameLattice, image: Bands, tile: Tile, interpolation: int, place: tuple[slice, slice] = np.s_[:, :]
-) -> tuple[Bands, Image | None]:
-    """A frame's part of a tile, or of some rows and columns of it: its bands (h, w, bands), 0 where there is none, and coverage
-    (h, w), 0 or 255, None where there is no gap. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is OpenCV's."""
+) -> tuple[Bands, Coverage | None]:
+    """A frame's part of a tile, or of some rows and columns of it: its bands (h, w, bands), 0 where uncovered, and coverage (h,
+    w), 0 or 255, None if full. `image` (h, w, bands) may be uint8 or uint16; `interpolation` is an OpenCV flag."""
     window = lattice.window(tile)
     pixels = upscale(lattice.pixels[window])[place]
     coverage = _coverage(lattice, pixels, window, place)
@@ -82,7 +79,7 @@ def tile_picture(
 
 def _coverage(
     lattice: FrameLattice, pixels: Lattice, window: tuple[slice, slice], place: tuple[slice, slice]
-) -> Image | None:
+) -> Coverage | None:
     if _well_inside(lattice, window):
         return None
     coverage = cv2.inRange(pixels, *lattice.limits)
@@ -92,7 +89,7 @@ def _coverage(
 
 
 def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:
-    """Whether all of a tile is painted, told from its lattice points (bilinear values lie between those)."""
+    """Whether a whole tile is painted, from its lattice points (bilinear values lie between those)."""
     least, most = lattice.limits
     corners = lattice.pixels[window]
     within = bool(((corners > least) & (corners < most)).all())
@@ -100,7 +97,7 @@ def _well_inside(lattice: FrameLattice, window: tuple[slice, slice]) -> bool:
 
 
 def warped(image: Bands, pixels: Lattice, interpolation: int) -> Bands:
-    """An image (h, w, bands) at pixels (r, c, 2): (r, c, bands), all of them taken at the same places with the same weights."""
+    """An image (h, w, bands) at pixels (r, c, 2): (r, c, bands), with the same places and weights for all bands."""
     # Replicated, not black, beyond the border: the outermost half pixel belongs to the frame.
     if image.shape[2] in (3, 4):
         return cv2.remap(image, pixels, None, interpolation, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
@@ -112,7 +109,7 @@ def warped(image: Bands, pixels: Lattice, interpolation: int) -> Bands:
     return out
 
 
-def _masked(bands: Bands, coverage: Image) -> Bands:
+def _masked(bands: Bands, coverage: Coverage) -> Bands:
     if bands.shape[2] == 3:
         return np.asarray(cv2.copyTo(bands, coverage), dtype=bands.dtype)
     bands[coverage == 0] = 0

@@ -1,8 +1,8 @@
-"""Where a frame lies on the tiles of its level: exact places on a coarse lattice that all tiles share.
+"""A frame on the tiles of its level: exact places on a coarse lattice shared by all tiles.
 
-The camera model is evaluated at every 16th tile pixel and interpolated between (`warping.upscale`). The second derivative of
-a tilted, distorted view is about 4e-4 / px for a 12 MP frame, so this errs by some 0.02 px there, 0.1 px for 0.75 MP.
-There is one lattice per frame and level, so what a tile gets does not depend on which tiles are asked for.
+The camera model is evaluated at every 16th tile pixel and interpolated between (`warp.upscale`). The second derivative of a
+tilted, distorted view is about 4e-4 / px for a 12 MP frame, giving an error of some 0.02 px there, 0.1 px for 0.75 MP. There is
+one lattice per frame and level, so a tile's content does not depend on which tiles are requested.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.tile_grid import (
     RESOLUTION_LOSS,
@@ -25,6 +24,7 @@ from gcs_mosaic.render.tile_grid import (
     pixel_size,
     tile_range,
 )
+from gcs_mosaic.stitch.arrays import Lattice, Mask, Matrix
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import (
     Camera,
@@ -39,24 +39,20 @@ from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, as_seen, on_plan
 
 LATTICE_STEP = 16  # tile px
 LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; neighbours share those on their edge
-USEFUL_RATIO = 4.0  # ground sampling distance at most, relative to the frame's best (oblique frames)
-RIM = 1.5  # lattice steps inside a frame's border where its weight is 0, so that no interpolated weight ends in a step
+USEFUL_RATIO = 4.0  # maximum ground sampling distance relative to the frame's best (oblique frames)
+RIM = 1.5  # lattice steps inside a frame's border where its weight reaches 0, so that interpolated weights have no step
 OBLIQUE_SHARE = 0.8  # a frame's level resolves this much of its root mean square ground sampling distance, and no finer
-COARSE = 8  # lattice steps; heights are told apart over no less than that
-MOST_TILES_PER_PIXEL = 20 / TILE_SIZE**2  # far above what any honest pose needs at its own level
-
-Array = NDArray[np.float64]
-Lattice = NDArray[np.float32]
+COARSE = 8  # lattice steps; sampling of the initial guess for relief
+MOST_TILES_PER_PIXEL = 20 / TILE_SIZE**2  # far above what any plausible pose needs at its own level
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameLattice:
-    """A frame seen from the tile grid of one level.
+    """A frame on the tile grid of one level.
 
     `pixels` (rows * 16 + 1, columns * 16 + 1, 2): frame pixels at the lattice points, NaN where nowhere. `weight` (same, no
-    last axis): 0 at the border of what is alive of the frame and outside, 1 in its middle if it resolves the ground as finely
-    as the level does, less by the square if not. `useful`: above 0 where the ground is resolved well enough, or None if it is
-    so everywhere.
+    last axis): 0 at the border of the live area and outside, 1 in its centre if the frame resolves the ground as finely as the
+    level does, less by the square if not. `useful`: above 0 where the resolution suffices, or None if everywhere.
     """
 
     first: Tile
@@ -69,22 +65,22 @@ class FrameLattice:
 
     @property
     def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The least and the greatest (x, y) of the frame that are painted."""
+        """Minimum and maximum (x, y) of the painted area of the frame."""
         return self.dead.limits(self.camera.width, self.camera.height)
 
     def window(self, tile: Tile) -> tuple[slice, slice]:
-        """Rows and columns of the lattice that belong to a tile."""
+        """Rows and columns of a tile's lattice points."""
         y, x = ((i - first) * (LATTICE - 1) for i, first in ((tile.y, self.first.y), (tile.x, self.first.x)))
         return slice(y, y + LATTICE), slice(x, x + LATTICE)
 
-    def inside(self) -> NDArray[np.bool_]:
-        """Which lattice points lie in what is painted of the frame."""
+    def inside(self) -> Mask:
+        """Which lattice points lie within the painted area of the frame."""
         least, most = self.limits
         within = np.logical_and(self.pixels > least, self.pixels < most).all(axis=-1)
         return np.asarray(within if self.useful is None else within & (self.useful > 0))
 
     def tiles(self) -> Iterator[Tile]:
-        """The tiles that this frame touches, row by row; a few of them may turn out to get no pixel."""
+        """The tiles that this frame touches, row by row; a few of them may turn out to be empty."""
         near = cv2.dilate(self.inside().astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         for y in range(self.first.y, self.last.y + 1):
             for x in range(self.first.x, self.last.x + 1):
@@ -112,8 +108,8 @@ def frame_lattice(
 
 
 def resolved(pose: Pose, camera: Camera) -> float | None:
-    """The ground sampling distance that a frame is painted with: all but its finest tenth keep their resolution, unless that
-    would take more than about four times the frame's own pixels (oblique frames); None if it sees no ground."""
+    """The ground sampling distance a frame is painted at: all but its finest tenth keep their resolution, unless that would take
+    more than about four times the frame's own pixels (oblique frames); None if it sees no ground."""
     gsd = ground_sampling_distance(pose, camera, pixel_grid(camera, 33, 25))
     gsd = gsd[np.isfinite(gsd) & (gsd > 0)]
     if not gsd.size:
@@ -123,14 +119,14 @@ def resolved(pose: Pose, camera: Camera) -> float | None:
 
 
 def own_level(pose: Pose, camera: Camera) -> int:
-    """The level that suits a frame alone; 0 if it sees no ground."""
+    """The level that suits a single frame; 0 if it sees no ground."""
     gsd = resolved(pose, camera)
     return 0 if gsd is None else painting_level(gsd)
 
 
 def useful_ground(pose: Pose, camera: Camera, relief: ReliefDisplacement | None = None) -> tuple[Box, float] | None:
-    """Canvas box of what a frame sees well enough to be painted (a little too large for oblique frames) and the frame's
-    best ground sampling distance; None if it sees no ground."""
+    """Canvas box of the ground that a frame resolves well enough to be painted (slightly too large for oblique frames), and the
+    frame's best ground sampling distance; None if it sees no ground."""
     pixels = np.vstack([frame_border(camera, 64), pixel_grid(camera, 65, 49)])
     places = canvas_from_pixels(pose, camera, on_plane(relief, camera, pixels))
     gsd = ground_sampling_distance(pose, camera, pixels)
@@ -159,7 +155,7 @@ def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | Non
     planar = planar.reshape(len(y), len(x), 2)
     if relief is None:
         return planar.astype(np.float32)
-    # Heights shift neighbours by nearly as much, so some points tell about where the others are, and few steps lead there.
+    # Relief shifts vary slowly, so a coarse grid gives a good initial guess, and few iterations converge from there.
     some = planar[::COARSE, ::COARSE]
     shifts = np.nan_to_num(as_seen(relief, camera, some.reshape(-1, 2)).reshape(some.shape) - some)
     down, across = (_between(count) for count in some.shape[:2])
@@ -167,14 +163,14 @@ def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | Non
     return as_seen(relief, camera, planar.reshape(-1, 2), guess.reshape(-1, 2)).reshape(planar.shape).astype(np.float32)
 
 
-def _between(count: int) -> Array:
-    """What is multiplied with values at every `COARSE`th of lattice points in a row for those at all of them, linear."""
+def _between(count: int) -> Matrix:
+    """Linear interpolation matrix from every `COARSE`th lattice point in a row to all of them."""
     at = np.arange((count - 1) * COARSE + 1)[:, None] / COARSE
     return np.asarray(np.maximum(1 - np.abs(at - np.arange(count)), 0))
 
 
 def _border_weight(pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float) -> Lattice:
-    """Distance to the nearest border of what is alive, 0 up to `rim` px inside it, 1 where it is greatest."""
+    """Distance to the nearest border of the live area, 0 up to `rim` px inside it, normalised to a maximum of 1."""
     x, y, width, height = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5, camera.width, camera.height
     from_sides = np.minimum(x - dead.left, width - dead.right - x), np.minimum(y - dead.top, height - dead.bottom - y)
     distance = np.minimum(*from_sides) - rim
@@ -183,7 +179,7 @@ def _border_weight(pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float
 
 
 def _frame_pixels_per_step(pixels: Lattice) -> Lattice:
-    """How many frame pixels lie between lattice points, as the square root of an area; 0 where nowhere."""
+    """Frame pixels per lattice step, as the square root of an area; 0 where nowhere."""
     along_y, along_x = (np.gradient(pixels, axis=axis) for axis in (0, 1))
     area = along_x[..., 0] * along_y[..., 1] - along_x[..., 1] * along_y[..., 0]
     return np.asarray(np.nan_to_num(np.sqrt(np.abs(area)), nan=0.0), dtype=np.float32)

@@ -1,13 +1,14 @@
-"""From frames to one map, by their pixels alone. `mosaic` is the door.
+"""Frames in, one map out, from pixels alone. The entry point is `mosaic`.
 
-Pure: no clock, no file, no thread but the one in `bundle.worker`. Its rooms, each of which may import only those before it:
+Pure: no clock, no files, no threads except the one in `bundle.worker`. Its rooms; each may import only those before it:
 
-* `camera`: a camera over a plane, with derivatives; what relief shifts; a frame's bands and dead border.
-* `features`: what is seen in a frame, and what is alike in two.
-* `registration`: whether two frames show the same ground, and how one lies on the other.
-* `graph`: all that is known of frames and links, in one place; with whom a frame is compared.
-* `bundle`: all poses and lenses from all matches together: when, in which process, and how sure they are; heights.
-* `mapping`: from links to a pose that can be believed; what waits, islands and how they join.
+* `arrays`: names for the shapes of arrays, for annotations.
+* `camera`: a camera over a plane with analytic derivatives; relief displacement; a frame's bands and dead border.
+* `features`: feature extraction, matching and image retrieval.
+* `registration`: whether two frames overlap, the homography between them, and the evidence for it.
+* `graph`: the state of all frames and links in one place; selection of match candidates.
+* `bundle`: bundle adjustment of poses and lenses: scheduling, worker process, uncertainty; relief.
+* `mapping`: from links to accepted poses; waiting frames; islands and how they are merged.
 
-Why it is done so, with sources: gcs_mosaic/README.md, "The method".
+Reasons and sources: gcs_mosaic/README.md, "The method".
 """

@@ -1,23 +1,23 @@
 """The mosaic: frames in, placements out.
 
-In use:
+Usage:
 
     mosaic = Mosaic()
     for name, image in frames:
         print(mosaic.add(image, name))   # Placement, Covered, Waiting or Rejection
-        mosaic.adjust()                  # as the map grows; mostly there is nothing to do
+        mosaic.adjust()                  # as the map grows; usually there is nothing to do
         for placement in mosaic.moved():
-            ...                          # all that lie elsewhere than before, this frame among them
+            ...                          # every new or changed placement, including this frame's
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import Worker
-from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
@@ -51,9 +51,10 @@ class StitchSettings:
 class Mosaic(Kept):
     """Places frames on one canvas per island, from their pixels alone.
 
-    Large islands are adjusted by `worker` while frames go on being placed, without one in `adjust`. `punctual`: the same
-    frames always give the same map, however fast the worker is. `observer` is told what decides where frames lie.
-    A frame that raises has changed nothing; of several islands to adjust, or frames to compare, each one is or is as it was.
+    Large islands are adjusted by `worker` in the background while frames are still being placed; without a worker, inside
+    `adjust`. `punctual`: results are deterministic, however fast the worker is. `observer` is notified of every placement
+    decision. A frame that raises leaves no trace; when several islands are adjusted or frames compared, each one is either done
+    or unchanged.
     """
 
     FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
@@ -84,15 +85,15 @@ class Mosaic(Kept):
 
     @property
     def islands(self) -> list[Island]:
-        """All islands there have ever been, by number."""
+        """All islands ever founded, by number."""
         return [Island(number, into) for number, into in enumerate(self._graph.merged_into)]
 
     def add(self, image: Bands, name: str) -> Outcome:
-        """Find the features of an image (h, w[, bands]) uint8 or uint16 and place it."""
+        """Extract the features of an image (h, w[, bands]), uint8 or uint16, and place it."""
         return self.place(extract(image, self.settings.features), name)
 
     def place(self, features: Features, name: str, order: int | None = None) -> Outcome:
-        """Place a frame by its features. `order`: its number in the order of capture; none: frames are placed in that order."""
+        """Place a frame by its features. `order`: its capture index; default: frames are placed in capture order."""
         with transaction(self):
             self._graph.turn_to(self._graph.order + 1 if order is None else order)
             features = self._still.without(features, self.settings.features)
@@ -106,76 +107,75 @@ class Mosaic(Kept):
             return placement_of(self._graph, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
 
     def retry_waiting(self) -> None:
-        """Try all that wait with whatever has become known since: for the end of a flight.
+        """Retry all waiting frames with everything learnt since: for the end of a flight.
 
-        A frame that raises is as it was, the others are tried; the first error is raised at the end.
+        A frame that raises is left unchanged and the others are still tried; the first error is raised at the end.
         """
         self._assembly.retry_waiting()
 
     def connect_some(self, frames: int = 2) -> bool:
-        """While no frame comes, and at the end of a flight: compare some frames with those that look most like them and are
-        not connected with them. To be called again while it returns True; `adjust` is to follow.
+        """When idle, and at the end of a flight: compare some frames with the most similar ones they are not connected with. Call
+        again while it returns True, then call `adjust`.
 
-        Two frames that raise are as they were and are not compared again; the first error is raised at the end. So it may be
-        called again after one, too, and comes to an end.
+        Two frames whose comparison raises are left unchanged and not compared again; the first error is raised at the end. So
+        calling again after an error is safe and terminates.
         """
         return self._assembly.connect_some(frames)
 
     def adjust(self, *, everything: bool = False) -> None:
-        """After each frame: adjust the islands that have grown enough since the last time.
+        """After each frame: adjust the islands that have grown enough since their last adjustment.
 
-        With `everything` all that have grown at all, and here and now: for the end of a flight. Each island is adjusted or
-        left as it was; if it raises, for one of them, it may be called again.
+        With `everything`, all that have grown at all, synchronously: for the end of a flight. Each island is either adjusted or
+        left unchanged; if one raises, the call may be repeated.
         """
         self._upkeep.finish() if everything else self._upkeep.after_frame()
         if everything:
             self._tearing.forget_all()
 
     def adjust_in_a_pause(self) -> bool:
-        """While no frame comes: adjust all islands that have grown. To be called again while it returns True."""
+        """When idle: adjust all islands that have grown. Call again while it returns True."""
         return self._upkeep.in_a_pause()
 
     @property
     def problem(self) -> str | None:
-        """What the operator should know: the worker has failed, so frames wait for adjustments."""
+        """Message for the operator: the worker has failed, so frames wait for adjustments."""
         return self._upkeep.problem
 
     def moved(self) -> list[Placement]:
-        """All placements that are new or lie elsewhere than when this was last asked, in the order of their frames.
+        """All placements that are new or have changed since the last call, in frame order.
 
-        Besides the frame just placed these are frames that had waited for it, islands that it joined, and what the
-        adjustment moved.
+        Besides the frame just placed: frames that waited for it, islands it merged, and whatever an adjustment moved.
         """
         moved = [placement_of(self._graph, frame) for frame in sorted(self._graph.moved)]
         self._graph.moved.clear()
         return moved
 
     def hold(self, name: str, pose: Pose, camera: Camera) -> None:
-        """Tell that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
+        """Record that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
         self._graph.note(self._graph.numbers[name], held=(pose, camera))
 
     def placements(self) -> list[Placement]:
-        """All placed frames, in the order in which they came."""
+        """All placed frames, in order of arrival."""
         return [placement_of(self._graph, frame) for frame in self._graph.placed().tolist()]
 
     def covered(self) -> list[Covered]:
-        """All frames that placed ones cover, in the order in which they came."""
+        """All covered frames, in order of arrival."""
         return list(self._covered)
 
     def frame_counts(self) -> dict[int, int]:
-        """Placed frames by island."""
+        """Number of placed frames by island."""
         return self._graph.frame_counts()
 
     def held_out(self) -> dict[int, HeldOut]:
-        """How far each island, as its frames lie now, tears matches apart that it was not fitted to; none of small ones."""
+        """Held-out match error of each island with its present poses; small islands are omitted."""
         return self._tearing.of_islands()
 
     def waiting(self) -> list[Waiting]:
-        """Frames that match nothing so far."""
+        """Frames without a match so far."""
         return [Waiting(self._graph.frames[frame].name) for frame in self._graph.waiting]
 
     def finish(self) -> list[Rejection]:
-        """Nothing more will come: what still waits is rejected."""
+        """No more frames will come: reject those still waiting."""
         return [Rejection(w.name, "matches no other frame") for w in self.waiting()]
 
     def _tell_adjusted(self, island: int) -> None:

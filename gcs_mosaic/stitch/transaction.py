@@ -1,9 +1,8 @@
-"""All or nothing: what is kept between frames changes as a whole, or it is as it was.
+"""All or nothing: state kept between frames changes as a whole or not at all.
 
-Whatever outlives a frame is an attribute of something `Kept`, and consists of values that never change, or of containers
-of such values. So a shallow copy of the containers is a copy of everything, and putting it back undoes whatever happened
-meanwhile: there is no list of things to undo that could be incomplete. An attribute that could not be put back is refused
-when the first copy is made.
+Whatever outlives a frame is an attribute of a `Kept` object and consists of immutable values or of containers of such values.
+So a shallow copy of the containers is a full snapshot, and restoring it undoes any change: there is no undo list that could be
+incomplete. An attribute that could not be restored is refused when the first snapshot is taken.
 """
 
 from __future__ import annotations
@@ -38,19 +37,19 @@ Snapshot = dict[str, Any]
 
 
 class Kept:
-    """Base of all that keeps something between frames.
+    """Base class of everything that keeps state between frames.
 
-    `FIXED` names attributes that belong to no frame: settings, helpers without memory, threads, files.
+    `FIXED` names attributes that no frame changes: settings, stateless helpers, threads, files.
     """
 
     FIXED: ClassVar[frozenset[str]] = frozenset()
 
     def snapshot(self) -> Snapshot:
-        """Everything that is kept, as it is now; for one `restore`. TypeError for an attribute that could not be put back."""
+        """The present state, for one `restore`. TypeError for an attribute that could not be restored."""
         return {name: _copied(name, value) for name, value in vars(self).items() if name not in self.FIXED}
 
     def restore(self, before: Snapshot) -> None:
-        """Be as at the time of the snapshot. What raises keeps nothing else from being put back."""
+        """Return to the snapshot. An attribute that raises does not keep the others from being restored."""
         for name in vars(self).keys() - before.keys() - self.FIXED:
             delattr(self, name)
         _restore_all(partial(_put_back, self, name, value) for name, value in before.items())
@@ -92,7 +91,7 @@ def _saved(value: object) -> object:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Part:
-    """Something kept inside something kept, and how it was."""
+    """A `Kept` object inside another one, and its snapshot."""
 
     owner: Kept
     before: Snapshot
@@ -107,7 +106,7 @@ def _put_back(owner: Kept, name: str, value: object) -> None:
 
 
 def _restore_all(steps: Iterable[Callable[[], None]]) -> None:
-    """Every step, whatever the others raise; the first error is raised afterwards. Half put back is worse than either."""
+    """Run every step even if others raise; the first error is raised afterwards. A partial restore is worse than either state."""
     first: BaseException | None = None
     for step in steps:
         try:
@@ -134,7 +133,7 @@ def _is_frozen(value: object) -> bool:
 
 
 class Attempt:
-    """Something that is tried: undone at its end unless `keep` was called."""
+    """A trial change: undone at its end unless `keep` was called."""
 
     def __init__(self) -> None:
         self.kept = False
@@ -145,7 +144,7 @@ class Attempt:
 
 @contextmanager
 def attempt(*parts: Kept) -> Iterator[Attempt]:
-    """Try something that changes these parts; they are put back unless it is kept, and whenever anything is raised."""
+    """Try a change of these parts; they are restored unless it is kept, and whenever anything raises."""
     before = [part.snapshot() for part in parts]
     trial, raised = Attempt(), True
     try:
@@ -158,17 +157,16 @@ def attempt(*parts: Kept) -> Iterator[Attempt]:
 
 @contextmanager
 def transaction(*parts: Kept) -> Iterator[None]:
-    """Change these parts; if anything is raised on the way, they are put back."""
+    """Change these parts; if anything raises, they are restored."""
     with attempt(*parts) as trial:
         yield
         trial.keep()
 
 
 class EachWhole:
-    """A context for several steps that change these parts, each as a whole or not at all.
+    """Context for several steps that change these parts, each atomically.
 
-    One that raises is undone and logged as `otherwise`, and keeps no other from being tried; the first error is raised at
-    the end.
+    A step that raises is undone and logged as `otherwise`, and the others still run; the first error is raised at the end.
     """
 
     def __init__(self, *parts: Kept, otherwise: str) -> None:
@@ -180,12 +178,12 @@ class EachWhole:
         return self
 
     def tried(self, step: Callable[[], T]) -> T | None:
-        """What the step returns, None if it has raised."""
+        """The step's result, or None if it raised."""
         try:
             with transaction(*self._parts):
                 return step()
         except Exception as error:
-            # The first one is raised: whoever catches it knows best whether its traceback is news.
+            # The first error is re-raised: whoever catches it decides whether to log its traceback.
             logger.warning("%s (%r)", self._otherwise, error, exc_info=self._first is not None)
             self._first = self._first or error
             return None

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Image, Sheet, nice_length
+from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Sheet, nice_length
+from gcs_mosaic.stitch.arrays import ImageBGR
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ class Panel:
     curves: Sequence[Curve]
 
 
-def draw_errors(panels: Sequence[Panel]) -> Image:
+def draw_errors(panels: Sequence[Panel]) -> ImageBGR:
     """The panels side by side; errors on a logarithmic scale that is the same for all."""
     errors = np.concatenate([curve.errors_px for panel in panels for curve in panel.curves])
     known = errors[np.isfinite(errors) & (errors > 0)]

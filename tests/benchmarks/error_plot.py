@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 import sitl.flight
-from gcs_mosaic.debug.sheet import Image
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from sitl.camera import Camera
 from tests.benchmarks.chained import chained
@@ -83,7 +83,7 @@ def simulate(frames: int, folder: Path) -> None:
     sitl.flight.make("survey", folder, SIZE, camera=Camera(lens=LENS), relief=1.0, route=long_route(frames))
 
 
-def png(picture: Image) -> bytes:
+def png(picture: ImageBGR) -> bytes:
     """Compressed as well as it goes."""
     return cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
 

@@ -16,7 +16,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Image, Sheet, nice_length
+from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Sheet, nice_length
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.store.stages import Stage, stages_in
 from tests.benchmarks.error_plot import png
 from tests.benchmarks.flown_live import fly, pictures_in
@@ -55,7 +56,7 @@ def main() -> None:
     given.to.write_bytes(png(draw([path.name for path in pictures], whole, seen)))
 
 
-def draw(names: Sequence[str], whole: Sequence[float], stages: Sequence[Stage]) -> Image:
+def draw(names: Sequence[str], whole: Sequence[float], stages: Sequence[Stage]) -> ImageBGR:
     """A row for each thread, a colour for each frame. `whole`: when each frame's file was whole, as the stages' moments."""
     rows = [thread for thread in ROWS if any(stage.thread.endswith(thread) for stage in stages)]
     first, last = min(whole), max(stage.end for stage in stages)

@@ -1,1 +1,1 @@
-"""Bundle adjustment of one island: poses, lenses and relief from all matches together, and how sure they are."""
+"""Bundle adjustment of an island: poses, lenses and relief from all matches together, with their uncertainty."""

@@ -1,4 +1,4 @@
-"""What is noted of each placed frame about how well it is supported: hops to the root and the deviation of its corners."""
+"""How well each placed frame is supported: hops to the root and corner deviations."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Vector
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 
-def note_adjusted(graph: ViewGraph, island: int, members: Sequence[int], deviations_px: NDArray[np.float64]) -> None:
-    """After the adjustment of a whole island: the deviations of its members, and how far they are from its root now."""
+def note_adjusted(graph: ViewGraph, island: int, members: Sequence[int], deviations_px: Vector) -> None:
+    """After the adjustment of a whole island: record its members' deviations and their hops to the root."""
     hops = hops_from(graph, graph.roots[island])
     for frame, deviation_px in zip(members, deviations_px.tolist(), strict=True):
         graph.note(frame, hops=hops[frame], corner_deviation_px=deviation_px)
 
 
 def note_resected(graph: ViewGraph, frame: int, pose: Pose, deviation_px: float) -> None:
-    """For a frame that is laid beside its neighbours: it is as sure as they are, and as its place beside them.
+    """Uncertainty of a frame resected against its neighbours: theirs, plus its own relative to them.
 
-    Neighbours share most of their error, so theirs counts once: the mean of their variances, weighted by inliers. A frame
-    that reaches far beyond its neighbours is less sure than that; the next adjustment of the island says it exactly.
+    Neighbours share most of their error, so theirs counts once: the mean of their variances, weighted by inliers. A frame that
+    extends far beyond its neighbours is less certain than stated; the island's next adjustment gives the exact value.
     """
     neighbours = graph.frames[frame].inliers
     deviations_px = [_seen_from(graph, pose, other) for other in neighbours]
@@ -34,12 +34,12 @@ def note_resected(graph: ViewGraph, frame: int, pose: Pose, deviation_px: float)
 
 
 def _seen_from(graph: ViewGraph, pose: Pose, other: int) -> float:
-    """A frame's deviation in the pixels of a camera at this pose."""
+    """A frame's deviation in pixels of a camera at this pose."""
     return graph.frames[other].corner_deviation_px * math.exp(graph.pose_of(other).log_gsd - pose.log_gsd)
 
 
 def hops_from(graph: ViewGraph, root: int) -> dict[int, int]:
-    """Fewest links between the root and each frame that is connected with it, breadth first."""
+    """Fewest links from the root to each connected frame, breadth first."""
     hops, waiting = {root: 0}, deque([root])
     while waiting:
         frame = waiting.popleft()

@@ -1,4 +1,4 @@
-"""From links to poses: one frame against its neighbours (resection), or a whole island at once."""
+"""From links to poses: resection of one frame against its neighbours, or adjustment of a whole island."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, PairValues, PointsNx2, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.certainty import note_adjusted
 from gcs_mosaic.stitch.bundle.lens import expected
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens
@@ -22,29 +22,28 @@ from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
 
-Array = NDArray[np.float64]
 Key = tuple[int, int]
 View = tuple[Pose, Camera]
 
 
-def level_pose_over(camera: Camera, pixels: Array, places: Array) -> Pose:
-    """The level pose from which pixels (m, 2) look most like these canvas places (m, 2)."""
+def level_pose_over(camera: Camera, pixels: PointsNx2, places: PointsNx2) -> Pose:
+    """The level pose that best fits pixels (m, 2) to these canvas places (m, 2)."""
     level = Pose(*camera.centre)
     return moved_by_similarity(level, *similarity_between(canvas_from_pixels(level, camera, pixels), places))
 
 
 @dataclass(frozen=True, slots=True)
 class Resected:
-    """A frame's best pose, how well it fits its matches, and how well they determine it."""
+    """A frame's best pose, its fit to the matches, and how well they determine it."""
 
     pose: Pose
     residual_px: float  # median, pixels of the feature picture
-    corner_deviation_px: float  # of its least certain corner against the others as they lie; infinite above the horizon
-    cautious_deviation_px: float  # the same, if matches were not better than the adjustment takes for granted
+    corner_deviation_px: float  # of its least certain corner relative to the fixed others; infinite above the horizon
+    cautious_deviation_px: float  # as above, assuming matches no better than the adjustment's prior
 
 
 def resect(graph: ViewGraph, frame: int, rough: Pose, island: int, settings: AdjustmentSettings) -> Resected:
-    """Best pose of one frame against those of an island that it is linked with, as they lie."""
+    """Best pose of one frame against the linked frames of an island, which stay fixed."""
     linked = [other for other in graph.frames[frame].inliers if graph.islands[other] == island]
     keys = [(frame, other) if (frame, other) in graph.links else (other, frame) for other in linked]
     poses = [rough, *(graph.pose_of(other) for other in linked)]
@@ -60,11 +59,11 @@ def resect(graph: ViewGraph, frame: int, rough: Pose, island: int, settings: Adj
 
 @dataclass(frozen=True, slots=True)
 class IslandTask:
-    """A whole island as it is handed over to be adjusted; nothing in it changes when the graph does. Can be pickled."""
+    """A snapshot of a whole island, ready to be adjusted; independent of later changes to the graph. Picklable."""
 
     island: int
     members: tuple[int, ...]  # frames, in the order of the problem
-    root: int  # row of the frame that founded the island
+    root: int  # row of the island's founding frame
     problem: Problem
     matches: Matched | None  # rows as in the problem
     numbers: tuple[CameraNumber, ...]  # of the problem's cameras
@@ -74,18 +73,18 @@ class IslandTask:
 
 @dataclass(frozen=True, slots=True)
 class AdjustedIsland:
-    """What an adjustment of n frames has found; residuals in pixels of the feature picture, NaN without matches."""
+    """Result of adjusting n frames; residuals in pixels of the feature picture, NaN without matches."""
 
-    poses: Array  # (n, 6)
-    lenses: Array  # (c, 5)
-    lens_information: Array | None  # (c, 5, 5), None where the matches leave something open
-    residuals: Array  # (n,) median over a frame's matches
-    deviations_px: Array  # (n,) of the least certain corner, full-resolution pixels
+    poses: PosesNx6  # (n, 6)
+    lenses: LensesNx5  # (c, 5)
+    lens_information: Matrices | None  # (c, 5, 5), None if the matches leave a degree of freedom open
+    residuals: Vector  # (n,) median over a frame's matches
+    deviations_px: Vector  # (n,) of the least certain corner, full-resolution pixels
     reliefs: list[ReliefDisplacement | None]
 
 
 def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> IslandTask | None:
-    """The adjustment of all frames of an island, as they lie now; None where nothing is linked."""
+    """The adjustment of all frames of an island at their present poses; None without links."""
     members = graph.members(island).tolist()
     inside = set(members)
     keys = [(a, b) for a, b in graph.links if a in inside and b in inside]
@@ -99,7 +98,7 @@ def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> 
 
 
 def adjusted(task: IslandTask) -> AdjustedIsland:
-    """The work itself: a pure function, for whichever process has time."""
+    """Run the adjustment: a pure function, for any process."""
     solution = adjust(task.problem, task.settings)
     certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
     return AdjustedIsland(
@@ -122,9 +121,9 @@ def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | 
 
 
 def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:
-    """Lay the result over the held poses as well as it goes, and carry along the frames that have come meanwhile.
+    """Align the result to the drawn poses as well as possible, and carry along frames placed since.
 
-    False, and nothing is changed, if frames of the task are no longer where they were.
+    Returns False, without changes, if frames of the task have left the island.
     """
     members = list(task.members)
     if (graph.islands[members] != task.island).any():
@@ -150,9 +149,9 @@ def adjust_island(graph: ViewGraph, island: int, settings: AdjustmentSettings) -
 
 
 def _carry_along(graph: ViewGraph, before: dict[int, View], task: IslandTask) -> None:
-    """Frames that joined the island during its adjustment move with those that they are linked with.
+    """Frames that joined the island during its adjustment move with the frames they are linked with.
 
-    What is newer than the task's frames was placed by resection, and is once more: its neighbours lie better now.
+    Frames newer than the task's were placed by resection and are resected again, as their neighbours' poses have improved.
     """
     views, newest = dict(before), max(task.members)
     waiting = [f for f in graph.members(task.island).tolist() if f not in before]
@@ -177,8 +176,8 @@ def _carry_along(graph: ViewGraph, before: dict[int, View], task: IslandTask) ->
         note_relief(graph, frame, task.settings.relief)
 
 
-def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
-    """Median (n,) over the matches of each frame, of residuals (p, k); NaN where there is none."""
+def _residuals_by_frame(problem: Problem, residuals: PairValues) -> Vector:
+    """Median (n,) over each frame's matches, of residuals (p, k); NaN without matches."""
     order = np.argsort(problem.pairs.ravel(), kind="stable")
     ends = np.searchsorted(problem.pairs.ravel()[order], np.arange(len(problem.poses) + 1))
     of_pair = residuals[order // 2]
@@ -188,7 +187,7 @@ def _residuals_by_frame(problem: Problem, residuals: Array) -> Array:
 
 
 def _camera_numbers(graph: ViewGraph, frames: Sequence[int]) -> list[CameraNumber]:
-    """The cameras of these frames, in rising order: the cameras of their adjustment."""
+    """Camera numbers of these frames, ascending: the cameras of their adjustment."""
     return sorted({graph.frames[frame].camera for frame in frames})
 
 
@@ -198,10 +197,10 @@ def _problem(
     frames: Sequence[int],
     poses: list[Pose],
     keys: list[Key],
-    free: NDArray[np.bool_],
+    free: Mask,
     settings: AdjustmentSettings,
 ) -> tuple[Problem, list[Camera]]:
-    """The adjustment of these frames on an island by these links, and its cameras; `free` (n,) says which may move."""
+    """The adjustment of these frames on an island by these links, and its cameras; `free` (n,): frames that may move."""
     row = {frame: i for i, frame in enumerate(frames)}
     numbers = _camera_numbers(graph, frames)
     cameras = [graph.camera_on(island, number) for number in numbers]
@@ -226,11 +225,11 @@ def _problem(
     return problem, cameras
 
 
-def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Array:
-    """What is expected of a camera on an island, and its standard deviation, (2, 5).
+def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: AdjustmentSettings) -> Matrix:
+    """Prior mean and standard deviation of a camera's lens on an island, (2, 5).
 
-    Islands with fewer of its frames learn of the one with most, never the other way round, so that nothing is told to whom
-    it came from.
+    Islands with fewer of its frames learn from the one with most, never the other way round, so that no information returns to
+    its source.
     """
     mean, sigma = any_lens(settings)
     teacher = graph.best_known_lens(number)
@@ -244,8 +243,8 @@ def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: A
 
 def _matches(
     graph: ViewGraph, keys: list[Key], camera: dict[int, int], cameras: list[Camera], most: int
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Matches of all links in the adjustment's units, (2, p, k, 2), and which are there, (p, k)."""
+) -> tuple[Array, Mask]:
+    """Matches of all links in the adjustment's units, (2, p, k, 2), and which are present, (p, k)."""
     links = [graph.links[key] for key in keys]
     present = np.arange(most) < np.array([len(link.pixels_a) for link in links])[:, None]
     centres = np.array([camera.centre for camera in cameras])
@@ -264,7 +263,7 @@ def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]
 
 
 def _aligned_to_held(graph: ViewGraph, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
-    """Move the whole island by the one similarity that disturbs least what is already drawn."""
+    """Move the whole island by the one similarity that least disturbs what is already drawn."""
     held = [(pose, camera, graph.frames[f].held) for f, pose, camera in zip(members, poses, cameras, strict=True)]
     new = _inner_corners([(pose, camera) for pose, camera, drawn in held if drawn])
     old = _inner_corners([drawn for _, _, drawn in held if drawn])
@@ -275,8 +274,8 @@ def _aligned_to_held(graph: ViewGraph, members: list[int], poses: list[Pose], ca
     return [moved_by_similarity(pose, *similarity) for pose in poses]
 
 
-def _inner_corners(views: list[View]) -> Array:
-    """Canvas places of four points of each frame, half-way from the middle to the corners, (4 * n, 2)."""
+def _inner_corners(views: list[View]) -> PointsNx2:
+    """Canvas places of four points of each frame, half-way from the centre to the corners, (4 * n, 2)."""
     if not views:
         return np.empty((0, 2))
     cameras = [camera for _, camera in views]

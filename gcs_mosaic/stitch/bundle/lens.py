@@ -1,4 +1,4 @@
-"""What is known of a lens before any match: what holds for all cameras, and what other islands have shown of this one.
+"""Prior knowledge of a lens: limits of all cameras, and what other islands have found of this one.
 
 Lenses are rows as in `projection.lens_row`: log focal, k1, k2, shift_x, shift_y.
 """
@@ -6,25 +6,23 @@ Lenses are rows as in `projection.lens_row`: log focal, k1, k2, shift_x, shift_y
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import LensesNx5, SquareMatrix, Vector
 from gcs_mosaic.stitch.camera.geometry import lens_reach
-
-Array = NDArray[np.float64]
 
 # Half-diagonals. A fisheye of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.24.
 SHORTEST_FOCAL, LONGEST_FOCAL = 0.5, 6.5
-# Shift of a corner by the two radial terms, in parts of its radius. Wide action cameras shrink theirs by a third and more;
-# lenses that push them outward by more than a twentieth are not made.
+# Displacement of a corner by the two radial terms, relative to its radius. Wide action cameras shrink it by a third and more;
+# no lens is made that pushes it outward by more than a twentieth.
 MOST_BARREL, MOST_PINCUSHION = 0.45, 0.05
-REACH = 1.1  # times the corner's radius up to which a lens must not fold the picture back
-# How much less is believed of what another island has found, in standard deviations: matches of one flight share errors.
+REACH = 1.1  # corner radii up to which a lens must not fold the image back
+# Inflation of another island's standard deviations: matches of one flight share errors.
 DOUBT = 3.0
-LEAST_SIGMA = np.array([0.03, 0.01, 0.01, 0.005, 0.005])  # the camera may have zoomed or focused between
+LEAST_SIGMA = np.array([0.03, 0.01, 0.01, 0.005, 0.005])  # the camera may have zoomed or refocused in between
 
 
-def believable(lenses: Array) -> Array:
-    """The lenses (c, 5) nearest to these that a camera can have; the same where it can."""
+def believable(lenses: LensesNx5) -> LensesNx5:
+    """The nearest lenses (c, 5) that a camera can have; unchanged where already possible."""
     found = lenses.copy()
     found[:, 0] = np.clip(found[:, 0], np.log(SHORTEST_FOCAL), np.log(LONGEST_FOCAL))
     corner = np.exp(-found[:, 0])
@@ -37,11 +35,13 @@ def believable(lenses: Array) -> Array:
     return found
 
 
-FOLDING_STEPS = 20  # each takes a fifth of the distortion away: what is left then folds nothing
+FOLDING_STEPS = 20  # each removes a fifth of the distortion: what remains folds nothing
 
 
-def expected(general_mean: Array, general_sigma: Array, found: Array, information: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation (5,) of a lens of which another island has found this much.
+def expected(
+    general_mean: Vector, general_sigma: Vector, found: Vector, information: SquareMatrix
+) -> tuple[Vector, Vector]:
+    """Mean and standard deviation (5,) of a lens, given another island's estimate.
 
     general_mean, general_sigma: (5,) of any lens; found (5,) and information (5, 5), the inverse of its covariance.
     """

@@ -1,12 +1,12 @@
-"""Joint adjustment of cameras over a plane: bundle adjustment without points.
+"""Bundle adjustment of cameras over a plane, without points.
 
-Unknowns are one pose per frame and one lens (focal length, two radial terms, principal point) per camera. A match of
-pixel a in one frame and b in another says that a, taken down to the plane and up into the other frame, should fall on b,
-and the other way round. Residuals are measured in the frames (in the plane they would reward a shrinking map). The normal
-matrix has one block per frame and per linked pair of frames, so it stays sparse however long the flight is.
+Unknowns are one pose per frame and one lens (focal length, two radial terms, principal point) per camera. A match of pixel a in
+one frame and b in another states that a, projected to the plane and into the other frame, should coincide with b, and vice
+versa. Residuals are measured in the frames (in the plane they would reward a shrinking map). The normal matrix has one block
+per frame and per linked pair, so it stays sparse however long the flight is.
 
-Levenberg-Marquardt with iteratively reweighted least squares, after Triggs et al., "Bundle Adjustment - A Modern
-Synthesis", 2000; Cauchy loss, because relief gives the residuals heavy tails.
+Levenberg-Marquardt with iteratively reweighted least squares, after Triggs et al., "Bundle Adjustment - A Modern Synthesis",
+2000; Cauchy loss, because relief gives the residuals heavy tails.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, PairValues, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.lens import believable
 from gcs_mosaic.stitch.bundle.normal_equations import Normal, assembled, solve, unknowns
 from gcs_mosaic.stitch.bundle.problem import Problem
@@ -25,32 +25,30 @@ from gcs_mosaic.stitch.bundle.residuals import parts, weighed, whitenings
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdjustmentSettings:
-    """How poses and lenses are estimated from all matches together."""
+    """Bundle adjustment of poses and lenses."""
 
-    matches_per_pair: int = 24  # matches that are used of a pair, well spread; 40 gave the same map
-    loss_px: float = 1.0  # Cauchy loss: where a residual begins to count less, in pixels of the feature picture
+    matches_per_pair: int = 24  # matches used per pair, well spread; 40 gave the same map
+    loss_px: float = 1.0  # Cauchy loss scale, in pixels of the feature picture
     # focal length expected of a camera, in half-diagonals: a common field of view (67 degrees across)
     focal_prior: float = 1.5
-    focal_prior_log_sigma: float = 0.3  # how far it may be off, as log: a factor of 1.35
+    focal_prior_log_sigma: float = 0.3  # its standard deviation, as log: a factor of 1.35
     k1_prior_sigma: float = 0.1  # lenses of aerial cameras are within 0.2
     k2_prior_sigma: float = 0.05  # the second radial term
-    shift_prior_sigma: float = 0.02  # principal point off the middle of the frame, half-diagonals
-    tilt_prior_sigma: float = 0.1  # radians; weak: what holds the map level where the matches leave it open
-    steps: int = 30  # most steps of an adjustment; a warm start needs 2-5
-    step_tolerance: float = 3e-4  # relative fall of the cost at which the adjustment is done
+    shift_prior_sigma: float = 0.02  # offset of the principal point from the frame's centre, half-diagonals
+    tilt_prior_sigma: float = 0.1  # radians; weak: keeps the map level where the matches leave its tilt open
+    steps: int = 30  # maximum steps of an adjustment; a warm start needs 2-5
+    step_tolerance: float = 3e-4  # relative decrease of the cost at which the adjustment has converged
     relief: ReliefSettings = field(default_factory=ReliefSettings)
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    poses: Array  # (n, 6)
-    lenses: Array  # (c, 5)
-    residuals_px: Array  # (p, k), the larger of both ways, pixels of the feature picture; NaN where there is no match
+    poses: PosesNx6  # (n, 6)
+    lenses: LensesNx5  # (c, 5)
+    residuals_px: PairValues  # the larger of both directions, pixels of the feature picture; NaN without a match
     normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
     steps: int
 
@@ -58,8 +56,8 @@ class Solution:
 def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
     """Best poses and lenses for the matches and the priors.
 
-    What misfits by more than a pixel (woods, rolling shutters) misfits alike in all matches of a pair, and a lens would
-    follow it: the more the matches miss in the end, the less they may say of the lens, and all is adjusted once more.
+    Model errors of more than a pixel (woods, rolling shutters) are correlated within a pair's matches, and a lens would follow
+    them: the larger the final residuals, the firmer the lens prior, and everything is adjusted once more.
     """
     state = _converged(_first_state(problem, settings), settings)
     excess = _excess(state)
@@ -71,10 +69,10 @@ def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
 
 
 def _converged(state: _State, settings: AdjustmentSettings) -> _State:
-    """Where no step lowers the cost any more.
+    """Iterate until no step lowers the cost.
 
-    A step that would take a lens beyond what is believable was worked out for that lens: with the one that it gets instead
-    it leads nowhere, and the poses would stay where they were. So these go on alone.
+    A step that leaves the lens limits was computed for that lens; with the clipped lens it lowers nothing and the poses would
+    stall. So the poses then continue alone.
     """
     state = _descended(state, settings)
     if not state.stopped_lens:
@@ -96,15 +94,15 @@ def _descended(state: _State, settings: AdjustmentSettings) -> _State:
     return state
 
 
-def any_lens(settings: AdjustmentSettings) -> tuple[Array, Array]:
-    """What is expected of a lens of which nothing is known, and its standard deviation, (5,) each."""
+def any_lens(settings: AdjustmentSettings) -> tuple[Vector, Vector]:
+    """Prior mean and standard deviation of an unknown lens, (5,) each."""
     shift = settings.shift_prior_sigma
     sigma = [settings.focal_prior_log_sigma, settings.k1_prior_sigma, settings.k2_prior_sigma, shift, shift]
     return np.array([np.log(settings.focal_prior), 0.0, 0.0, 0.0, 0.0]), np.array(sigma)
 
 
 def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
-    """Where the adjustment begins, with the lenses' priors filled in."""
+    """Initial state, with the lens priors filled in."""
     if problem.lens_prior is None:
         mean, sigma = (np.tile(row, (len(problem.lenses), 1)) for row in any_lens(settings))
         problem = replace(problem, lens_prior=np.stack([mean, sigma]))
@@ -112,7 +110,7 @@ def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
 
 
 def _excess(state: _State) -> float:
-    """How much larger squared residuals are than where matches are only off by a pixel either way."""
+    """Median squared residual relative to that of one-pixel noise."""
     size2 = state.residuals_px[np.isfinite(state.residuals_px)] ** 2
     return min(float(np.median(size2)) / EXPECTED_SIZE2, MOST_EXCESS) if len(size2) else 1.0
 
@@ -124,26 +122,24 @@ def _with_firmer_lens_prior(state: _State, settings: AdjustmentSettings, excess:
     return replace(_evaluate(firmer, settings, state.whitenings), steps=state.steps)
 
 
-EXPECTED_SIZE2 = 2 * math.log(2)  # median of the squared size of a residual whose parts deviate by a pixel each
-MOST_EXCESS = 25.0  # times that; more is no misfit but matches that are wrong
+EXPECTED_SIZE2 = 2 * math.log(2)  # median squared norm of a residual with one pixel deviation per component
+MOST_EXCESS = 25.0  # relative to that; more indicates wrong matches, not model errors
 
 
 @dataclass(frozen=True, slots=True)
 class _State:
     problem: Problem
-    whitenings: list[Array]  # of each of its parts; they hold for the whole adjustment, see `residuals.whitenings`
+    whitenings: list[Array]  # of each of its parts; fixed for the whole adjustment, see `residuals.whitenings`
     cost: float
     normal: Normal  # over the free unknowns
-    gradient: Array
-    residuals_px: Array
-    steps: int = 0  # that led here
-    stopped_lens: bool = (
-        False  # whether the last of them, or those tried in vain from here, led beyond what is believable
-    )
+    gradient: Vector
+    residuals_px: PairValues
+    steps: int = 0  # number of steps so far
+    stopped_lens: bool = False  # whether the last step, or those rejected since, left the lens limits
 
 
 def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State, float]:
-    """The state after one accepted step, or as it was where no step lowers the cost any more, and the damping for the next."""
+    """The state after one accepted step, or unchanged if no step lowers the cost, and the next damping."""
     stopped = False
     for _ in range(6):
         step = solve(state.normal, state.gradient, damping)
@@ -156,15 +152,15 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tup
     return replace(state, stopped_lens=stopped), damping
 
 
-def _stepped(problem: Problem, step: Array) -> Problem:
+def _stepped(problem: Problem, step: Vector) -> Problem:
     _, pose_unknowns = unknowns(problem)
     poses, lenses = problem.poses.copy(), _lenses_after(problem, step)
     poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
     return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
 
 
-def _lenses_after(problem: Problem, step: Array) -> Array:
-    """The lenses (c, 5) that a step leads to, whether cameras can have them or not."""
+def _lenses_after(problem: Problem, step: Vector) -> LensesNx5:
+    """The lenses (c, 5) after a step, before clipping to the limits."""
     if not problem.lens_free:
         return problem.lenses
     return problem.lenses + step[unknowns(problem)[1] :].reshape(-1, LENS_TERMS)
@@ -187,10 +183,10 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Arra
     )
 
 
-def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Array, Array]:
-    """Cost, diagonal and gradient of what is believed before any match: nearly level flight, an ordinary lens."""
+def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Vector, Vector]:
+    """Cost, diagonal and gradient of the priors: nearly level flight, an ordinary lens."""
     tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
-    # Cauchy again: a frame that really is oblique must be allowed to be.
+    # Cauchy again: a truly oblique frame must be possible.
     tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
     tilt_weight = 1 / (1 + tilt_size2[:, None])
     diagonal, gradient = np.zeros((len(tilt), 6)), np.zeros((len(tilt), 6))
@@ -210,4 +206,4 @@ def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Arra
     )
 
 
-TILT_PRIOR_REACH = 3.0  # sigmas within which the tilt prior is quadratic
+TILT_PRIOR_REACH = 3.0  # standard deviations within which the tilt prior is quadratic

@@ -1,7 +1,6 @@
-"""The normal equations of an adjustment: put together from the pairs, and solved.
+"""Normal equations of an adjustment: assembled from the pairs, and solved.
 
-One block per frame and per linked pair of frames, so the matrix stays sparse however long the flight is; the lenses stand
-at its end.
+One block per frame and per linked pair of frames, so the matrix stays sparse however long the flight is; the lenses come last.
 """
 
 from __future__ import annotations
@@ -9,21 +8,18 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
+from gcs_mosaic.stitch.arrays import Indices, Matrices, Matrix, SquareMatrix, Vector
 from gcs_mosaic.stitch.bundle.problem import COLUMNS, Problem
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 
-Array = NDArray[np.float64]
+Normal: TypeAlias = SquareMatrix | sparse.csc_matrix  # dense for few unknowns
 
 
-Normal: TypeAlias = Array | sparse.csc_matrix  # dense where there are few unknowns
-
-
-def assembled(problem: Problem, blocks: Array, slopes: Array, diagonal: Array) -> tuple[Normal, Array]:
-    """Normal matrix and gradient over the free unknowns from one block and slope (COLUMNS) per pair; `diagonal` is added."""
+def assembled(problem: Problem, blocks: Matrices, slopes: Matrix, diagonal: Vector) -> tuple[Normal, Vector]:
+    """Normal matrix and gradient over the free unknowns from one block and slope (COLUMNS) per pair, plus `diagonal`."""
     first, pose_unknowns = unknowns(problem)
     size = pose_unknowns + (LENS_TERMS * len(problem.lenses) if problem.lens_free else 0)
     index = np.full((len(problem.pairs), COLUMNS), -1)
@@ -42,7 +38,7 @@ def assembled(problem: Problem, blocks: Array, slopes: Array, diagonal: Array) -
     return normal, np.asarray(gradient, dtype=np.float64)
 
 
-def _summed(rows: NDArray[np.intp], columns: NDArray[np.intp], values: Array, diagonal: Array) -> Normal:
+def _summed(rows: Indices, columns: Indices, values: Vector, diagonal: Vector) -> Normal:
     size = len(diagonal)
     if size >= DENSE_BELOW:
         matrix = sparse.coo_matrix((values, (rows, columns)), shape=(size, size)).tocsc()
@@ -52,10 +48,10 @@ def _summed(rows: NDArray[np.intp], columns: NDArray[np.intp], values: Array, di
     return dense.reshape(size, size)
 
 
-def solve(normal: Normal, gradient: Array, damping: float) -> Array:
+def solve(normal: Normal, gradient: Vector, damping: float) -> Vector:
     """Damped Gauss-Newton step. Unknowns are scaled to a unit diagonal first: canvas units and radians differ by 10^4."""
     scale = 1 / np.sqrt(np.maximum(normal.diagonal(), 1e-12))
-    # What the matches leave open (position, heading, scale of the whole) is held by the damping alone.
+    # The gauge freedom (position, heading, scale of the whole) is held by the damping alone.
     held = max(damping, 1e-7)
     if isinstance(normal, np.ndarray):
         damped = normal * scale * scale[:, None]
@@ -69,10 +65,10 @@ def solve(normal: Normal, gradient: Array, damping: float) -> Array:
     return np.asarray(-scale * step)
 
 
-DENSE_BELOW = 900  # unknowns up to which the dense factorisation is the faster one
+DENSE_BELOW = 900  # unknowns up to which the dense factorisation is faster
 
 
-def unknowns(problem: Problem) -> tuple[NDArray[np.intp], int]:
-    """Index of each frame's first unknown, -1 where it is fixed, and the number of pose unknowns."""
+def unknowns(problem: Problem) -> tuple[Indices, int]:
+    """Index of each frame's first unknown (-1 if fixed), and the number of pose unknowns."""
     first = np.where(problem.free, 6 * (np.cumsum(problem.free) - 1), -1)
     return first, 6 * int(problem.free.sum())

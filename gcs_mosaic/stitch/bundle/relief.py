@@ -1,9 +1,8 @@
-"""From links and poses to each frame's relief displacement.
+"""Relief displacement of each frame, from links and poses.
 
-Matched features become tracks, tracks become points of the ground, and where a frame sees those points elsewhere than its
-pose says, a smooth grid of shifts takes that up. The poses stay as they are, so the shape of the map does too: the grid is
-an elastic sheet (a membrane that resists stretching, tied weakly to zero), so where a frame has no tracks it stays a camera
-over a plane.
+Matched features become tracks, tracks become ground points, and a smooth grid of shifts absorbs the residuals between a frame's
+pose and where it sees those points. The poses stay fixed, and with them the shape of the map: the grid is an elastic sheet (a
+membrane that resists stretching, weakly tied to zero), so where a frame has no tracks it remains a camera over a plane.
 """
 
 from __future__ import annotations
@@ -12,9 +11,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
+from gcs_mosaic.stitch.arrays import (
+    Counts,
+    FeaturePairsNx2,
+    IndexPairsNx2,
+    IndexRows,
+    Indices,
+    Matrix,
+    Points32Nx2,
+    PointsNx2,
+    ShiftGrid,
+    Vector,
+)
 from gcs_mosaic.stitch.bundle.relief_points import tracks, triangulate
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, pixels_from_canvas
@@ -22,38 +32,35 @@ from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, ReliefSettings
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
 ROUNDS = 4  # of reweighting
 SIGHTINGS_AT_ONCE = 4096  # projected at a time: what fits into the cache
-FEWEST = 10  # points of a frame below which its grid would be guesswork
+FEWEST = 10  # points of a frame below which no grid is fitted
 
 
 @dataclass(frozen=True, slots=True)
 class Matched:
-    """All matches of p linked pairs among n frames, k in all, as they are kept; gathered quickly. See `sightings`."""
+    """All matches of p linked pairs among n frames, k in all, as stored; quick to gather. See `sightings`."""
 
-    pairs: Indices  # (p, 2) rows of the frames, 0 to n - 1
-    counts: Indices  # (p,) matches of each pair
-    features: NDArray[np.uint32]  # (k, 2) which feature of either frame
-    points: NDArray[np.float32]  # (f, 2) pixels of the features of all frames, frame by frame
-    lengths: Indices  # (n,) how many features each frame has
-    scales: Array  # (n,) full-resolution pixels per pixel of the frame's feature picture
+    pairs: IndexPairsNx2  # (p, 2) rows of the frames, 0 to n - 1
+    counts: Counts  # (p,) number of matches of each pair
+    features: FeaturePairsNx2  # (k, 2) feature index in either frame
+    points: Points32Nx2  # (f, 2) pixels of the features of all frames, frame by frame
+    lengths: Counts  # (n,) number of features of each frame
+    scales: Vector  # (n,) full-resolution pixels per pixel of the frame's feature picture
 
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """Which of n frames saw which point of the ground where, m in all."""
+    """Observations of ground points by n frames, m in all."""
 
     row: Indices  # (m,) the frame, 0 to n - 1
-    pixels: Array  # (m, 2)
+    pixels: PointsNx2  # (m, 2)
     point: Indices  # (m,)
-    scales: Array  # (n,) as in `Matched`
+    scales: Vector  # (n,) as in `Matched`
 
 
 def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
-    """The matches of all links between these frames, or only the links `of` some of them; None where there are none."""
+    """The matches of all links between these frames, or only of the links `of` some of them; None without links."""
     row = {frame: number for number, frame in enumerate(frames)}
     ends = {(f, o) for f in (of or frames) for o in graph.frames[f].inliers if o in row}
     keys = sorted({(a, b) if (a, b) in graph.links else (b, a) for a, b in ends})
@@ -72,7 +79,7 @@ def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = 
 
 
 def sightings(matches: Matched) -> Sightings:
-    """What the matches show: the same feature, matched in several pairs, is one point of the ground."""
+    """Observations from matches: a feature matched in several pairs is one ground point."""
     first = np.concatenate([[0], np.cumsum(matches.lengths)[:-1]])
     ends = first[matches.pairs].repeat(matches.counts, axis=0) + matches.features
     seen, nodes = np.unique(ends, return_inverse=True)
@@ -83,7 +90,7 @@ def sightings(matches: Matched) -> Sightings:
 
 
 def note_relief(graph: ViewGraph, frame: int, settings: ReliefSettings) -> None:
-    """Work out the relief displacement of one placed frame from all that it is linked with, as they lie."""
+    """Compute the relief displacement of one placed frame from all frames it is linked with, at their poses."""
     frames = [frame, *graph.frames[frame].inliers]
     matches = matched(graph, frames, of=[frame])
     views = [(graph.pose_of(f), graph.camera_of(f)) for f in frames]
@@ -93,7 +100,7 @@ def note_relief(graph: ViewGraph, frame: int, settings: ReliefSettings) -> None:
 def displacements(
     seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings, of: Sequence[int] | None = None
 ) -> list[ReliefDisplacement | None]:
-    """The relief displacements of frames seen at these poses, of all or only some rows."""
+    """Relief displacements of frames at these poses, for all rows or only rows `of`."""
     rows = range(len(views)) if of is None else of
     if settings.cells == 0:
         return [None] * len(rows)
@@ -107,8 +114,8 @@ def displacements(
     return found
 
 
-def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> Array:
-    """Canvas places (t, 2) of the points; NaN where one is seen above the horizon."""
+def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> PointsNx2:
+    """Canvas places (t, 2) of the points; NaN for one seen above the horizon."""
     poses = np.array([pose_row(pose) for pose, _ in views])
     lenses = np.array([lens_row(camera) for _, camera in views])
     half = np.array([camera.half_diagonal for _, camera in views])
@@ -126,9 +133,9 @@ def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: Rel
 
 
 def _displacement(
-    pose: Pose, camera: Camera, scale: float, pixels: Array, points: Array, settings: ReliefSettings
+    pose: Pose, camera: Camera, scale: float, pixels: PointsNx2, points: PointsNx2, settings: ReliefSettings
 ) -> ReliefDisplacement | None:
-    """A frame's grid from where it sees points (m, 2) of the ground: pixels (m, 2); None if they are too few."""
+    """A frame's grid from ground points (m, 2) it sees at pixels (m, 2); None if there are too few."""
     shifts = pixels_from_canvas(pose, camera, points) - pixels
     with np.errstate(invalid="ignore"):
         believed = np.linalg.norm(shifts, axis=1) < settings.largest * camera.half_diagonal
@@ -145,8 +152,8 @@ def grid_size(camera: Camera, cells: int) -> tuple[int, int]:
     return (max(2, round(cells * camera.width / longer) + 1), max(2, round(cells * camera.height / longer) + 1))
 
 
-def fitted_sheet(at: Array, values: Array, columns: int, rows: int, settings: ReliefSettings) -> Array:
-    """The elastic sheet (rows, columns, 2) through values (m, 2) at places (m, 2), 0 to 1 along each side; robust."""
+def fitted_sheet(at: PointsNx2, values: PointsNx2, columns: int, rows: int, settings: ReliefSettings) -> ShiftGrid:
+    """Elastic sheet (rows, columns, 2) robustly fitted to values (m, 2) at places (m, 2), 0 to 1 along each side."""
     node, share = _corners(at, columns, rows)
     fixed = _membrane(columns, rows, settings)
     sheet, weight = np.zeros((columns * rows, 2)), np.ones(len(at))
@@ -168,8 +175,8 @@ def fitted_sheet(at: Array, values: Array, columns: int, rows: int, settings: Re
     return np.asarray(sheet).reshape(rows, columns, 2)
 
 
-def _corners(at: Array, columns: int, rows: int) -> tuple[Indices, Array]:
-    """The four nodes (m, 4) around each place, in rising order, and their shares (m, 4) of a bilinear value there."""
+def _corners(at: PointsNx2, columns: int, rows: int) -> tuple[IndexRows, Matrix]:
+    """The four nodes (m, 4) around each place, ascending, and their bilinear weights (m, 4)."""
     cell = at * [columns - 1, rows - 1]
     first = np.clip(cell.astype(np.intp), 0, [columns - 2, rows - 2])
     x, y = (cell - first).T
@@ -178,8 +185,8 @@ def _corners(at: Array, columns: int, rows: int) -> tuple[Indices, Array]:
     return nodes, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
 
 
-def _membrane(columns: int, rows: int, settings: ReliefSettings) -> Array:
-    """Normal matrix (columns + 2, n) of the sheet alone, its lower diagonals."""
+def _membrane(columns: int, rows: int, settings: ReliefSettings) -> Matrix:
+    """Normal matrix (columns + 2, n) of the sheet alone, as lower diagonals."""
     band = np.zeros((columns + 2, columns * rows))
     band[0] = settings.tie
     nodes = np.arange(columns * rows).reshape(rows, columns)

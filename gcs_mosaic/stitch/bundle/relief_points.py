@@ -1,7 +1,7 @@
-"""Points of the ground that several frames have seen: which matches show the same one, and how high it lies.
+"""Ground points seen by several frames: tracks of matches, and their heights.
 
-The poses are given, so a point is found by intersecting its rays, one small linear problem each. Most ground is flat, and
-two frames taken close together say little of heights: a prior holds a point on the plane as far as its rays leave it open.
+With poses given, a point is the intersection of its rays, one small linear problem each. Most ground is flat, and two frames
+taken close together say little about height: a prior keeps a point on the plane as far as its rays leave it open.
 """
 
 from __future__ import annotations
@@ -9,28 +9,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, PointsNx2, Vector
 
 ROUNDS = 5  # of reweighting
 
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
-    """Features that show the same point, m in all: `nodes` (m,) as they were given, `track` (m,) the point's number."""
+    """Features of the same point, m in all: `nodes` (m,) as given, `track` (m,) the point's number."""
 
     nodes: Indices
     track: Indices
 
 
-def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
+def tracks(matches: IndexPairsNx2, frame_of_node: Indices) -> Tracks:
     """Tracks from matched pairs (k, 2) of nodes 0 to n-1, whose frames are (n,).
 
-    What is connected is one point; a track that meets a frame twice contradicts itself and is left out.
+    A connected component is one point; a track that contains a frame twice is inconsistent and dropped.
     """
     n = len(frame_of_node)
     links = sparse.coo_matrix((np.ones(len(matches), np.int8), (matches[:, 0], matches[:, 1])), shape=(n, n))
@@ -42,12 +40,14 @@ def tracks(matches: Indices, frame_of_node: Indices) -> Tracks:
     return Tracks(nodes, track)
 
 
-def triangulate(places: Array, by_height: Array, deviations: Array, track: Indices, height_sigma: float) -> Array:
-    """Places (t, 2) of the points straight below which they stand, from one ray per observation.
+def triangulate(
+    places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
+) -> PointsNx2:
+    """Vertical projections (t, 2) of the points onto the plane, from one ray per observation.
 
-    places (m, 2): where the rays meet the plane; by_height (m, 2): how they move across it per unit of height;
-    deviations (m,): what an observation may be off, canvas units; height_sigma: of the points' heights about the plane.
-    Robust (Cauchy): a wrong observation does not carry its point away.
+    places (m, 2): intersections of the rays with the plane; by_height (m, 2): their shift per unit of height; deviations (m,):
+    standard deviation of an observation, canvas units; height_sigma: of the points' heights about the plane. Robust (Cauchy): a
+    wrong observation does not displace its point.
     """
     weight = 1 / deviations**2
     robust = np.ones(len(track))
@@ -65,5 +65,5 @@ def triangulate(places: Array, by_height: Array, deviations: Array, track: Indic
     return points
 
 
-def _means(values: Array, weights: Array, track: Indices, total: Array) -> Array:
+def _means(values: PointsNx2, weights: Vector, track: Indices, total: Vector) -> PointsNx2:
     return np.stack([np.bincount(track, weights * values[:, k]) / total for k in (0, 1)], axis=1)

@@ -1,8 +1,8 @@
-"""How well poses and lenses fit the matches, and how that changes with them.
+"""Residuals of the matches and their derivatives by poses and lenses.
 
-The ground is not a plane. A point at an unknown height is seen shifted along its parallax, so a residual counts in full
-across that direction and, along it, only as far as it exceeds what the expected heights explain. Across it speaks the
-epipolar geometry, which relief cannot bend; along it the plane, which holds the long shape of the map.
+The ground is not a plane. A point of unknown height is seen shifted along its parallax, so a residual counts in full across
+that direction and, along it, only beyond what the expected heights explain. Across it acts the epipolar geometry, which relief
+cannot bend; along it the plane, which holds the overall shape of the map.
 """
 
 from __future__ import annotations
@@ -11,18 +11,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import (
+    Array,
+    Indices,
+    LensesNx5,
+    Mask,
+    Matrices,
+    Matrix,
+    PairValues,
+    PointsNx2,
+    PosesNx6,
+    Vector,
+)
 from gcs_mosaic.stitch.bundle.problem import COLUMNS, Problem
 from gcs_mosaic.stitch.bundle.robust_parallax import whitening
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS, product
 
-Array = NDArray[np.float64]
-
 
 def parts(problem: Problem) -> Iterator[Problem]:
-    """The same problem with some of the pairs at a time: derivatives of all would fill memory, those of some the cache."""
+    """The problem in batches of pairs: derivatives of all pairs would fill memory, those of a batch fit the cache."""
     for start in range(0, max(len(problem.pairs), 1), PAIRS_AT_ONCE):
         some = slice(start, start + PAIRS_AT_ONCE)
         yield replace(
@@ -39,20 +48,20 @@ PAIRS_AT_ONCE = 128  # twice and half as many take as long
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """What p pairs contribute: their cost, one block of the normal matrix and of the gradient each, and their residuals."""
+    """Contribution of p pairs: their cost, one block of normal matrix and gradient each, and their residuals."""
 
     cost: float
-    blocks: Array  # (p, COLUMNS, COLUMNS)
-    slopes: Array  # (p, COLUMNS)
-    residuals_px: Array  # (p, k)
+    blocks: Matrices  # (p, COLUMNS, COLUMNS)
+    slopes: Matrix  # (p, COLUMNS)
+    residuals_px: PairValues  # (p, k)
 
 
 def weighed(problem: Problem, whitening_by_way: Array, loss_px: float) -> Weighed:
-    """Cost and derivatives of all matches, whitened (2, m, 2, 2) and under a Cauchy loss that reaches `loss_px`."""
+    """Cost and derivatives of all matches, whitened (2, m, 2, 2), under a Cauchy loss of scale `loss_px`."""
     residual, jacobian, valid = _residuals(problem, whitening_by_way)
     size2 = (residual**2).sum(axis=2) / loss_px**2
     weight = np.where(valid, 1 / (1 + size2), 0.0)
-    # A match that cannot be seen any more (behind the horizon) costs as much as a very bad one and pulls nowhere.
+    # A match that is no longer visible (beyond the horizon) costs as much as a very bad one and has no gradient.
     cost = loss_px**2 * np.log1p(np.where(valid, size2, 1e4))[problem.present.repeat(2, axis=1)].sum()
     root = np.sqrt(weight)[:, :, None]
     rows = (residual * root).reshape(len(residual), -1)
@@ -65,18 +74,18 @@ def weighed(problem: Problem, whitening_by_way: Array, loss_px: float) -> Weighe
 
 
 def whitenings(problem: Problem) -> Array:
-    """What makes the residuals of all matches comparable, for either way (2, m, 2, 2), from the poses as they are.
+    """Whitening matrices of all match residuals in either direction, (2, m, 2, 2), from the present poses.
 
-    They hold for the whole adjustment. If they followed the poses, the cost could be lowered by poses that allow more
-    parallax, and steps, which know nothing of that, would end where they do not lower it.
+    Fixed for the whole adjustment. If they followed the poses, poses allowing more parallax would lower the cost, and the
+    steps, which ignore that dependence, would stall.
     """
     return np.stack([whitening(_passage(problem, *way).by_height * problem.relief) for way in ((0, 1), (1, 0))])
 
 
-def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array, Mask]:
     """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, COLUMNS), and which exist (p, 2k).
 
-    The two ways of a match stand side by side: a to b, then b to a.
+    The two directions of a match are adjacent: a to b, then b to a.
     """
     p, k = problem.present.shape
     residual, jacobian = np.empty((p, k, 2, 2)), np.zeros((p, k, 2, 2, COLUMNS))
@@ -88,18 +97,18 @@ def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array,
         valid[:, :, way] = passage.valid.reshape(p, k) & problem.present
         for columns, derivative in passage.derivatives:
             jacobian[:, :, way, :, columns] = product(whiten, derivative).reshape(p, k, 2, -1)
-    residual[~valid], jacobian[~valid] = 0, 0  # where there is nothing to see there may be no number
+    residual[~valid], jacobian[~valid] = 0, 0  # NaN or infinity where nothing is visible
     return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, COLUMNS), valid.reshape(p, 2 * k)
 
 
 @dataclass(frozen=True, slots=True)
 class _Passage:
-    """All matches taken from one side of their pairs down to the plane and up into the other, (m, ...) in feature pixels."""
+    """All matches projected from one side of their pairs to the plane and into the other side, (m, ...) in feature pixels."""
 
-    residual: Array  # (m, 2)
-    by_height: Array  # (m, 2), of the ground above the plane, per canvas unit
-    derivatives: list[tuple[slice, Array]]  # (m, 2, ...) by pose and lens of either side, with their columns
-    valid: NDArray[np.bool_]
+    residual: PointsNx2  # (m, 2)
+    by_height: PointsNx2  # (m, 2), by height of the ground above the plane, per canvas unit
+    derivatives: list[tuple[slice, Matrices]]  # (m, 2, ...) by pose and lens of either side, with their columns
+    valid: Mask
 
 
 def _passage(problem: Problem, source: int, target: int) -> _Passage:
@@ -123,6 +132,6 @@ def _passage(problem: Problem, source: int, target: int) -> _Passage:
     )
 
 
-def _of(problem: Problem, frames: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+def _of(problem: Problem, frames: Indices) -> tuple[PosesNx6, LensesNx5, Vector]:
     camera = problem.camera[frames]
     return problem.poses[frames], problem.lenses[camera], problem.half_diagonal[camera]

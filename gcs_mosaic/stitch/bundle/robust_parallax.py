@@ -1,18 +1,17 @@
-"""How residuals of matches are to be weighed where the ground may lie above or below the plane."""
+"""Weighting of match residuals where the ground may lie above or below the plane."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import Matrices, PointsNx2
 
 
-def whitening(parallax: Array) -> Array:
-    """Matrices (m, 2, 2) that make residuals comparable whose covariance is I + parallax parallax^T.
+def whitening(parallax: PointsNx2) -> Matrices:
+    """Whitening matrices (m, 2, 2) of residuals with covariance I + parallax parallax^T.
 
-    A point that may lie above or below the plane is only known to fall on a line: along it, one standard deviation of
-    height moves it by the parallax (m, 2) px, on top of the pixel by which any match is off.
+    A point that may lie above or below the plane is only known to fall on a line: along it, one standard deviation of height
+    shifts it by the parallax (m, 2) px, on top of one pixel of matching noise.
     """
     squared = (np.nan_to_num(parallax) ** 2).sum(axis=1)
     along = (1 - 1 / np.sqrt(1 + squared)) / np.maximum(squared, 1e-12)

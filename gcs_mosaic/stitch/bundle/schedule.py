@@ -1,10 +1,10 @@
-"""When islands are adjusted as a whole: small ones at once, large ones in the background while frames go on being placed.
+"""When islands are adjusted as a whole: small ones at once, large ones in the background while frames are being placed.
 
-An island is due whenever it has grown by one part in so many, so that all its adjustments together cost in proportion to
-its frames. What comes back from the background is a few frames old: those are carried along (`island.take_in`).
+An island is due whenever it has grown by one part in so many, so that the total cost of its adjustments is proportional to its
+number of frames. Background results are a few frames old: newer frames are carried along (`island.take_in`).
 
-Each island is adjusted or left as it was, whatever becomes of the others. The worker is another process, which goes on
-whatever is undone here; so it only works out a function of its task, and is given the task again if it is at another one.
+Each island is either adjusted or unchanged, independently of the others. The worker is another process, unaffected by rollbacks
+here; so it only computes a function of its task, and gets the task again if it has another one.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ class UpkeepSettings:
     """When islands are adjusted as a whole."""
 
     per_doubling: int = 8  # an island is adjusted whenever it has grown by one part in so many
-    # frames of an island that is adjusted in the background: smaller ones take no longer than a frame
+    # frames from which an island is adjusted in the background: smaller ones take no longer than a frame
     background_from: int = 24
-    # a folder's island of n frames takes in its adjustment n / meanwhile frames later, on any machine
+    # when punctual, an island's result of n frames is taken in n / meanwhile frames later, on any machine
     meanwhile: int = 64
 
 
 class Upkeep(Kept):
-    """Keeps the islands of a graph adjusted. `punctual`: results are taken in after a fixed number of frames, waited for
-    if need be, so that the same frames always give the same map; otherwise as soon as they are there. `adjusted(island)` is
-    called when the frames of an island have been laid anew."""
+    """Keeps the islands of a graph adjusted. `punctual`: results are taken in after a fixed number of frames, waiting if
+    necessary, so that the map is deterministic; otherwise as soon as they are ready. `adjusted(island)` is called when an
+    island's frames have new poses."""
 
     FIXED = frozenset({"_graph", "_worker", "_worker_is_at", "_adjusted"})
 
@@ -52,14 +52,14 @@ class Upkeep(Kept):
         self._settings = settings
         self._adjustment = adjustment
         self._worker = worker
-        self._worker_is_at: IslandTask | None = None  # None also while that is not certain
+        self._worker_is_at: IslandTask | None = None  # None also while uncertain
         self._worker_failed = False
         self._punctual = punctual
         self._adjusted = adjusted
-        self._grown: dict[int, int] = {}  # frames that islands have gained since they were adjusted
-        self._task: IslandTask | None = None  # what the worker is to be at
-        self._frames_before = 0  # in the graph when that began
-        self.problem: str | None = None  # what has last gone wrong in the background
+        self._grown: dict[int, int] = {}  # frames that islands have gained since their last adjustment
+        self._task: IslandTask | None = None  # the worker's task
+        self._frames_before = 0  # in the graph when it began
+        self.problem: str | None = None  # the last failure in the background
 
     def saved(self) -> Snapshot:
         """An adjustment that is under way is due again."""
@@ -70,38 +70,38 @@ class Upkeep(Kept):
         return saved
 
     def grow(self, island: int, frames: int = 1) -> None:
-        """An island has gained frames."""
+        """To be called when an island has gained frames."""
         self._grown[island] = self._grown.get(island, 0) + frames
 
     def forget(self, island: int) -> None:
-        """An island is no more."""
+        """To be called when an island has been merged into another."""
         self._grown.pop(island, None)
 
     def after_frame(self) -> None:
-        """A frame has been placed, or not: take in what is due, adjust what has grown enough.
+        """After each frame, placed or not: take in what is due, adjust what has grown enough.
 
-        To be called again after an exception, or at any other time: what is done is not done twice.
+        May be called again after an exception, or at any other time: nothing is done twice.
         """
         self._each(self._steps(self._take_in_when_due, self._due))
 
     def in_a_pause(self) -> bool:
-        """No frame has come for a while: adjust whatever has grown. True while there is something under way."""
+        """When idle: adjust everything that has grown. True while a background adjustment is running."""
         self._each(self._steps(self._take_in_when_due, lambda: list(self._grown)))
         return self._task is not None
 
     def finish(self) -> None:
-        """Adjust everything that has grown, here and now."""
+        """Adjust everything that has grown, synchronously."""
         self._each(self._steps(self._take_in, lambda: list(self._grown), at_once=True))
 
     def _steps(
         self, first: Callable[[], None], islands: Callable[[], list[int]], *, at_once: bool = False
     ) -> Iterator[Callable[[], None]]:
         yield first
-        for island in islands():  # what was taken in may have changed which
+        for island in islands():  # taking in a result may have changed the list
             yield partial(self._adjust, island, at_once=at_once)
 
     def _each(self, steps: Iterable[Callable[[], None]]) -> None:
-        """Each step as a whole or not at all. One that raises keeps no other from being tried; the first error is raised."""
+        """Run each step atomically. If one raises, the others still run; the first error is raised at the end."""
         with EachWhole(self._graph, self, otherwise="an island was not adjusted") as each:
             for step in steps:
                 each.tried(step)
@@ -131,7 +131,7 @@ class Upkeep(Kept):
         return None if self._worker_failed else self._worker
 
     def _asked(self, task: IslandTask) -> Worker:
-        """The worker, at this task."""
+        """The worker, running this task."""
         assert self._worker is not None, "only a worker is given tasks"
         if self._worker_is_at is not task:
             self._worker_is_at = None
@@ -148,13 +148,13 @@ class Upkeep(Kept):
             self._take_in()
 
     def _take_in(self) -> None:
-        """Wait for the result and use it, unless the island has become part of another one."""
+        """Wait for the result and use it, unless the island has been merged into another."""
         task, self._task = self._task, None
         if task is None:
             return
         found = self._asked(task).result()
         if isinstance(found, Failed):
-            # A flight whose map stands still now and then is better than none.
+            # A flight whose map pauses now and then is better than none.
             self.problem = f"{found.reason}; from now on frames wait while it is adjusted"
             self._worker_failed = True
             self.grow(task.island, len(task.members))

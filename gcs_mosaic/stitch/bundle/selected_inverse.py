@@ -1,12 +1,12 @@
-"""Covariances of single frames from the normal matrix of many: the selected inverse.
+"""Covariances of single frames from a sparse normal matrix: the selected inverse.
 
-Of the inverse only the blocks near the diagonal are wanted, and they need no other ones than those where the
-factorisation has entries (Takahashi's equations: Erisman & Tinney, CACM 18(3), 1975; Rue & Martino, J. Stat. Plan.
-Inference 137, 2007). Here in blocks, as Lin et al. do it (SelInv, ACM TOMS 37(4), 2011): frames are put in order by nested
-dissection (George, SIAM J. Numer. Anal. 10(2), 1973), here with straight cuts of the map, so that the factorisation is a
-tree of small dense fronts (Duff & Reid, ACM TOMS 9(3), 1983). Going up the tree eliminates, going down it inverts.
+Only the diagonal blocks of the inverse are needed, and they depend only on blocks where the factorisation has entries
+(Takahashi's equations: Erisman & Tinney, CACM 18(3), 1975; Rue & Martino, J. Stat. Plan. Inference 137, 2007). Block-wise as in
+Lin et al. (SelInv, ACM TOMS 37(4), 2011): frames are ordered by nested dissection (George, SIAM J. Numer. Anal. 10(2), 1973),
+here with straight cuts of the map, so that the factorisation is a tree of small dense fronts (Duff & Reid, ACM TOMS 9(3),
+1983). Going up the tree eliminates, going down inverts.
 
-Unknowns that concern all frames, the lenses, are eliminated last: they stand in the border of every front.
+Unknowns common to all frames, the lenses, are eliminated last: they are in the border of every front.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from gcs_mosaic.stitch.arrays import Indices, Matrices, Matrix, PointsNx2, SquareMatrix
 
-LEAF_FRAMES = 24  # frames that are eliminated together; half and twice as many take as long
+LEAF_FRAMES = 24  # frames eliminated together; half and twice as many take as long
 
 
 @dataclass(frozen=True, slots=True)
 class Covariances:
-    """What the selected inverse holds of n frames with u unknowns each and l unknowns common to all."""
+    """Selected inverse for n frames with u unknowns each and l unknowns common to all."""
 
-    of_frames: Array  # (n, u, u)
-    with_common: Array  # (n, u, l)
-    of_common: Array  # (l, l)
+    of_frames: Matrices  # (n, u, u)
+    with_common: Matrices  # (n, u, l)
+    of_common: SquareMatrix  # (l, l)
 
 
-def covariances(normal: sparse.csc_matrix, frame_unknowns: int, places: Array, known: Indices) -> Covariances | None:
-    """Diagonal blocks of the inverse of a normal matrix of u unknowns for each frame, then those common to all.
+def covariances(
+    normal: sparse.csc_matrix, frame_unknowns: int, places: PointsNx2, known: Indices
+) -> Covariances | None:
+    """Diagonal blocks of the inverse of a normal matrix with u unknowns per frame, followed by those common to all.
 
-    `places` (n, 2): where the frames lie, for the order of elimination only. `known` (k,): unknowns that are taken for
-    certain; their covariances are zero. None if the matrix leaves some unknown open.
+    `places` (n, 2): positions of the frames, only for the elimination order. `known` (k,): unknowns taken as exact; their
+    covariances are zero. None if the matrix is singular.
     """
     frames, size = len(places), normal.shape[0]
     common = size - frame_unknowns * frames
@@ -45,7 +45,7 @@ def covariances(normal: sparse.csc_matrix, frame_unknowns: int, places: Array, k
     uncertain[known] = False
     scale = np.where(uncertain, 1 / np.sqrt(np.maximum(normal.diagonal(), 1e-300)), 0.0)
     scaling = sparse.diags(scale)
-    # A known unknown is one that nothing else depends on; a unit diagonal keeps the matrix regular.
+    # A known unknown is decoupled from the others; a unit diagonal keeps the matrix regular.
     scaled = (scaling @ normal @ scaling + sparse.diags(np.where(uncertain, 0.0, 1.0))).tocsr()
     tree = _dissected(_frame_graph(normal, frame_unknowns, frames), places)
     order = np.concatenate([part.frames for part in tree.in_order()])
@@ -68,27 +68,27 @@ def covariances(normal: sparse.csc_matrix, frame_unknowns: int, places: Array, k
 
 @dataclass(slots=True)
 class _Part:
-    """A node of the elimination tree: frames that are eliminated together, after those of all parts below."""
+    """A node of the elimination tree: frames eliminated together, after those of all nodes below."""
 
     frames: Indices
     below: list[_Part] = field(default_factory=list)
 
     def in_order(self) -> Iterator[_Part]:
-        """The tree in the order of elimination: what is below comes before."""
+        """The nodes in elimination order: children first."""
         for part in self.below:
             yield from part.in_order()
         yield self
 
 
 def _frame_graph(normal: sparse.csc_matrix, frame_unknowns: int, frames: int) -> sparse.csr_matrix:
-    """Which frames have entries in common (n, n)."""
+    """Adjacency of the frames (n, n): which have entries in common."""
     entries = normal[: frames * frame_unknowns, : frames * frame_unknowns].tocoo()
     linked = (np.ones(entries.nnz, np.int32), (entries.row // frame_unknowns, entries.col // frame_unknowns))
     return sparse.coo_matrix(linked, shape=(frames, frames)).tocsr()
 
 
-def _dissected(graph: sparse.csr_matrix, places: Array) -> _Part:
-    """Cut the map in two across its longer side, set apart the frames that connect the halves, and so on."""
+def _dissected(graph: sparse.csr_matrix, places: PointsNx2) -> _Part:
+    """Nested dissection: halve the map across its longer side, separate the frames that connect the halves, recurse."""
 
     def cut(frames: Indices) -> _Part:
         if len(frames) <= LEAF_FRAMES:
@@ -109,18 +109,18 @@ def _dissected(graph: sparse.csr_matrix, places: Array) -> _Part:
 
 @dataclass(slots=True)
 class _Front:
-    """One step of the elimination: own unknowns (o,), and those later ones (b,) that depend on them."""
+    """One elimination step: own unknowns (o,), and the later ones (b,) that depend on them."""
 
     own: Indices
     border: Indices
-    inverse: Array  # (o, o) of the own block
-    gain: Array  # (o, b): own block inverse times border block
+    inverse: SquareMatrix  # (o, o), of the own block
+    gain: Matrix  # (o, b): own block inverse times border block
     below: list[_Front]
-    update: Array | None  # (b, b): what elimination adds to the border, until the front above has taken it
+    update: SquareMatrix | None  # (b, b): Schur complement added to the border, until the parent front takes it
 
 
 def _selected(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, common: int) -> Covariances:
-    """The selected inverse of a matrix that is in the tree's order."""
+    """Selected inverse of a matrix in the tree's order."""
     frames = (matrix.shape[0] - common) // frame_unknowns
     root = _eliminated(matrix, tree, frame_unknowns, common)
     found = Covariances(
@@ -134,7 +134,7 @@ def _selected(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, commo
 
 
 def _eliminated(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, common: int) -> _Front:
-    """Go up the tree. The common unknowns belong to its root."""
+    """Eliminate up the tree. The common unknowns belong to its root."""
     size, first = matrix.shape[0], 0
     of_all = np.arange(size - common, size)
 
@@ -151,7 +151,7 @@ def _eliminated(matrix: sparse.csc_matrix, tree: _Part, frame_unknowns: int, com
 
 
 def _front(matrix: sparse.csc_matrix, own: Indices, first: int, common: Indices, below: list[_Front]) -> _Front:
-    """Eliminate `own`, the unknowns from `first` on; none where two halves of the map have no link across their cut."""
+    """Eliminate `own`, the unknowns from `first` on; empty where two halves of the map have no link across their cut."""
     columns = matrix[:, own]
     reached = np.concatenate([columns.indices, common, *(front.border for front in below)])
     border = np.setdiff1d(reached[reached >= first], own)
@@ -165,14 +165,14 @@ def _front(matrix: sparse.csc_matrix, own: Indices, first: int, common: Indices,
         dense[np.ix_(at, at)] += front.update
         front.update = None
     o = len(own)
-    # A cut of the map that nothing overlaps has no unknowns of its own; older scipy cannot solve nothing.
+    # A cut that nothing overlaps has no unknowns of its own; older scipy cannot solve empty systems.
     inverse = linalg.cho_solve(linalg.cho_factor(dense[:o, :o]), np.eye(o)) if o else np.zeros((0, 0))
     gain = inverse @ dense[:o, o:]
     return _Front(own, border, inverse, gain, below, dense[o:, o:] - dense[o:, :o] @ gain)
 
 
-def _invert(front: _Front, of_border: Array, found: Covariances) -> None:
-    """Go down the tree from a front whose border's part of the inverse (b, b) is known."""
+def _invert(front: _Front, of_border: SquareMatrix, found: Covariances) -> None:
+    """Invert down the tree from a front whose border block of the inverse (b, b) is known."""
     own, o = front.own, len(front.own)
     whole = np.empty((o + len(front.border),) * 2)
     whole[o:, o:] = of_border

@@ -1,9 +1,8 @@
-"""How sure the map is of where a frame lies: standard deviations from the covariance of an adjustment.
+"""Uncertainty of frame positions: standard deviations from the covariance of an adjustment.
 
-What is stated is relative to the island's first frame, its root: place, heading and size of the root's picture count as
-known. (The matches know nothing of them: a choice of gauge, see Triggs et al., "Bundle Adjustment - A Modern Synthesis",
-2000, section 9.) It says what noise of the matches does. What the model does not know, relief above all, it says only as
-far as that shows in the residuals.
+They are relative to the island's first frame, its root: position, heading and scale of the root's image are fixed (a choice of
+gauge, which the matches do not determine; see Triggs et al., "Bundle Adjustment - A Modern Synthesis", 2000, section 9). They
+propagate match noise. Errors outside the model, relief above all, enter only as far as they show in the residuals.
 """
 
 from __future__ import annotations
@@ -13,37 +12,34 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from gcs_mosaic.stitch.arrays import Array, IndexRows, Indices, Matrices, PairValues, SquareMatrix, Vector
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import Solution
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.selected_inverse import Covariances, covariances
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
 POSE = 6  # unknowns of a pose
-GAUGE = 4  # of these, the first four: place, scale and heading
-WAYS = 2  # a match stands in the normal matrix both ways, a to b and b to a, and is one measurement all the same
+GAUGE = 4  # the first four of these: position, scale and heading
+WAYS = 2  # a match enters the normal matrix in both directions, a to b and b to a, but is one measurement
 
 
 @dataclass(frozen=True, slots=True)
 class IslandCertainty:
-    """How sure an adjustment of n frames is: `deviations_px` (n,), standard deviation of each frame's least certain corner in
-    pixels of the frame, infinite where the matches leave the frame open, and everywhere if they leave anything open;
-    `lens_information` (c, 5, 5), the inverse covariance of each camera's lens terms, None where that is so."""
+    """Uncertainty of n adjusted frames: `deviations_px` (n,), standard deviation of each frame's least certain corner in pixels
+    of the frame, infinite where the matches do not determine the frame, and everywhere if the normal matrix is singular;
+    `lens_information` (c, 5, 5), inverse covariance of each camera's lens terms, None in that case."""
 
-    deviations_px: Array
-    lens_information: Array | None = None
+    deviations_px: Vector
+    lens_information: Matrices | None = None
 
 
 def island_certainty(
     problem: Problem, solution: Solution, cameras: Sequence[Camera], root: int, loss_px: float
 ) -> IslandCertainty:
-    """All n frames of the problem were free; `cameras` (c,) tell the frames' sizes, `root` is the frame that counts as known."""
+    """All n frames of the problem were free; `cameras` (c,) give the frames' sizes, `root` is the gauge frame."""
     size, lens = solution.normal.shape[0], _lens_unknowns(problem)
     factor = variance_factor(solution.residuals_px, loss_px, size - GAUGE)
     shifts = corner_shifts(problem, solution, cameras)[..., : POSE + lens.shape[1]]
@@ -62,17 +58,17 @@ def island_certainty(
     return IslandCertainty(deviations_px, _lens_information(factor * found.of_common, len(problem.lenses)))
 
 
-def _lens_information(covariance: Array, cameras: int) -> Array:
-    """Inverses (c, terms, terms) of what the covariance of all lens terms together says of each camera's."""
+def _lens_information(covariance: SquareMatrix, cameras: int) -> Matrices:
+    """Inverses (c, terms, terms) of each camera's block of the joint lens covariance."""
     terms = len(covariance) // cameras
     of_each = [covariance[i : i + terms, i : i + terms] for i in range(0, len(covariance), terms)]
     return np.linalg.pinv(np.array(of_each), hermitian=True)
 
 
 def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[Camera], factor: float) -> float:
-    """The same of a single free frame, the problem's first, against its neighbours as they lie, with the lens held.
+    """As above for one free frame, the problem's first, against its fixed neighbours, lens fixed.
 
-    `factor` is `variance_factor`, or what a cautious caller puts in its place.
+    `factor` is `variance_factor`, or a more cautious substitute.
     """
     if not math.isfinite(factor):
         return math.inf
@@ -81,12 +77,12 @@ def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[C
     return float(worst_corner(shifts, covariance[None])[0] * problem.half_diagonal[problem.camera[0]])
 
 
-def variance_factor(residuals_px: Array, loss_px: float, unknowns: int) -> float:
-    """By what the inverse of the normal matrix is to be multiplied to be a covariance.
+def variance_factor(residuals_px: PairValues, loss_px: float, unknowns: int) -> float:
+    """Factor that turns the inverse normal matrix into a covariance.
 
-    The normal matrix takes for granted that residuals deviate by one feature pixel. How much they really do, under the
-    Cauchy loss: Huber, Robust Statistics, 1981, section 7.6, for residuals of any direction. Infinite where there are too
-    few matches (those that are not NaN) for so many unknowns, or more wrong than right ones.
+    The normal matrix assumes residuals with a standard deviation of one feature pixel. This estimates the actual one under the
+    Cauchy loss: Huber, Robust Statistics, 1981, section 7.6, for residuals of any direction. Infinite with too few matches (not
+    NaN) for so many unknowns, or more wrong than right ones.
     """
     size2 = (residuals_px[np.isfinite(residuals_px)] / loss_px) ** 2
     measured = 2 * len(size2)
@@ -100,7 +96,7 @@ def variance_factor(residuals_px: Array, loss_px: float, unknowns: int) -> float
 
 
 def corner_shifts(problem: Problem, solution: Solution, cameras: Sequence[Camera]) -> Array:
-    """How each frame's corners shift with its pose and lens, as the frame itself sees it: (n, 4, 2, 6 + lens terms).
+    """Shift of each frame's corners by its pose and lens, in its own image: (n, 4, 2, 6 + lens terms).
 
     In half-diagonals; NaN for corners that see no ground.
     """
@@ -117,28 +113,28 @@ def corner_shifts(problem: Problem, solution: Solution, cameras: Sequence[Camera
     return shifts.reshape(len(sizes), 4, 2, -1)
 
 
-def worst_corner(shifts: Array, covariance: Array) -> Array:
-    """Standard deviation (n,) of each frame's least certain corner; infinite where none sees ground.
+def worst_corner(shifts: Array, covariance: Matrices) -> Vector:
+    """Standard deviation (n,) of each frame's least certain corner; infinite where no corner sees ground.
 
-    `shifts` (n, 4, 2, u) by u unknowns whose `covariance` (n, u, u) is known.
+    `shifts` (n, 4, 2, u) by u unknowns with `covariance` (n, u, u).
     """
     variances = np.einsum("ncij,njk,ncik->nc", shifts, covariance, shifts)
     worst = np.where(np.isnan(variances), -np.inf, variances).max(axis=1)
     return np.sqrt(np.where(np.isneginf(worst), np.inf, np.maximum(worst, 0)))
 
 
-def _lens_unknowns(problem: Problem) -> Indices:
-    """Indices (n, lens terms) of the unknowns of each frame's lens; none if the lenses are held."""
+def _lens_unknowns(problem: Problem) -> IndexRows:
+    """Indices (n, lens terms) of the unknowns of each frame's lens; empty if the lenses are fixed."""
     terms = problem.lenses.shape[1] if problem.lens_free else 0
     return np.asarray(POSE * len(problem.poses) + terms * problem.camera[:, None] + np.arange(terms))
 
 
-def _dependence_of_root(shifts: Array) -> Array | None:
-    """The root's pose and lens (u, u) with place, scale and heading following from the other unknowns.
+def _dependence_of_root(shifts: Array) -> SquareMatrix | None:
+    """The root's pose and lens (u, u) with position, scale and heading as functions of the other unknowns.
 
-    They follow so that no similarity is left in how the root's corners shift (4, 2, u). Simply holding them would hold the
-    point straight below the camera, and a tilt that nobody knows would then move the picture and all others with it.
-    None if the root shows too little ground for that.
+    They are chosen so that the shifts of the root's corners (4, 2, u) contain no similarity. Simply fixing them would fix the
+    nadir point, and an undetermined tilt would then move the image and all other frames. None if the root shows too little
+    ground.
     """
     seen = np.isfinite(shifts).all(axis=(1, 2))
     if seen.sum() < 2:
@@ -150,15 +146,15 @@ def _dependence_of_root(shifts: Array) -> Array | None:
     return dependence
 
 
-def _substitution(size: int, own: Indices, dependence: Array) -> sparse.csc_matrix:
-    """The identity (size, size) but for what concerns the root, whose unknowns are `own`."""
+def _substitution(size: int, own: Indices, dependence: SquareMatrix) -> sparse.csc_matrix:
+    """Identity (size, size) except for the root, whose unknowns are `own`."""
     substitution = sparse.identity(size, format="lil")
     substitution[np.ix_(own, own)] = dependence
     return substitution.tocsc()
 
 
-def _joint(found: Covariances, lens: Indices) -> Array:
-    """Covariances (n, u, u) of each frame's pose and lens, whose place (n, lens terms) among the common unknowns is told."""
+def _joint(found: Covariances, lens: IndexRows) -> Matrices:
+    """Covariances (n, u, u) of each frame's pose and lens; `lens` (n, lens terms): indices into the common unknowns."""
     frames, terms = lens.shape
     joint = np.empty((frames, POSE + terms, POSE + terms))
     joint[:, :POSE, :POSE] = found.of_frames

@@ -1,7 +1,7 @@
-"""A process of its own that adjusts whole islands while frames go on being placed.
+"""Worker process that adjusts whole islands while frames are being placed.
 
-A process, not a thread: an adjustment is thousands of short array operations that would take turns with the placing for
-the interpreter. It runs at low priority, ends with the program, and is started anew should it die.
+A process, not a thread: an adjustment is thousands of short array operations that would compete with the placing for the
+interpreter lock. It runs at low priority, ends with the program, and is restarted if it dies.
 """
 
 from __future__ import annotations
@@ -23,40 +23,40 @@ from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted
 logger = logging.getLogger(__name__)
 
 NICENESS = 5  # of 19: placing and painting come first
-GRACE_S = 1.0  # for a process that has closed its pipe to end by itself
+GRACE_S = 1.0  # time for a process to exit by itself after its pipe is closed
 MOST_S = 900.0  # longest wait for a result that is due: 3,000 frames take half a minute on a core of their own
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The adjustment has come to nothing, and why; `traceback` is that of the other process, if it could still tell."""
+    """The adjustment failed, and why; `traceback`: of the worker process, if available."""
 
     reason: str
     traceback: str = ""
 
 
 class InOtherProcess(Exception):  # noqa: N818 - its only use is to be logged
-    """Carries the traceback of the process that adjusts into the log of the one that has it done."""
+    """Carries the worker process' traceback into this process' log."""
 
     def __str__(self) -> str:
         return f"\n{self.args[0]}"
 
 
 class Worker(Protocol):
-    """Whoever adjusts an island meanwhile: one task at a time."""
+    """Adjusts islands in the background, one task at a time."""
 
     def begin(self, task: IslandTask) -> None:
-        """Start on a task, in place of what it is at; whether that is possible at all shows in `result`."""
+        """Start a task, replacing the running one; whether that was possible shows in `result`."""
 
     def is_ready(self) -> bool:
-        """Whether `result` would not wait."""
+        """Whether `result` would return at once."""
 
     def result(self) -> AdjustedIsland | Failed:
-        """What became of the task begun last, never of another; waits for it, but not for ever. May be asked again."""
+        """Result of the task begun last, never of another; waits for it, with a time limit. May be called again."""
 
 
 class WorkerProcess:
-    """A worker in a process of its own, started with its first task."""
+    """A worker in a process of its own, started with the first task."""
 
     def __init__(self, most_s: float = MOST_S) -> None:
         self._most_s = most_s
@@ -67,10 +67,10 @@ class WorkerProcess:
         self._found: AdjustedIsland | Failed | None = None  # of the task begun last
 
     def begin(self, task: IslandTask) -> None:
-        if self._is_at_work:  # at something that is wanted no more: its answer is not to be taken for that to this task
+        if self._is_at_work:  # its task is obsolete: its answer must not be taken for that of the new one
             self.close()
         self._is_at_work, self._found = True, None
-        # From a thread: a process that has just been started takes a second before it reads, and a large task fills the pipe.
+        # In a thread: a newly started process takes a second before it reads, and a large task fills the pipe.
         self._sender = threading.Thread(target=_send, args=(self._started(), task), name="adjust", daemon=True)
         self._sender.start()
 
@@ -105,17 +105,17 @@ class WorkerProcess:
         return found
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """Kill the process, whatever it is doing."""
         if self._process is not None and self._pipe is not None:
             self._process.kill()
             self._process.join()
             if self._sender is not None:
-                self._sender.join()  # nobody reads any more, so it has failed; before that the pipe is in use
+                self._sender.join()  # the reader is gone, so it has failed; until then the pipe is in use
             self._pipe.close()
         self._process = self._pipe = self._sender = None
 
     def _last_sign(self) -> str:
-        """How the process has ended: -9 is what the system does when memory runs out."""
+        """How the process ended: -9 is the system's answer to exhausted memory."""
         if self._process is None:
             return "it had been ended"
         self._process.join(GRACE_S)
@@ -132,12 +132,12 @@ class WorkerProcess:
 
 
 def _send(pipe: Connection, task: IslandTask) -> None:
-    with contextlib.suppress(OSError):  # nobody reads any more: `result` finds out
+    with contextlib.suppress(OSError):  # the reader is gone: `result` finds out
         pipe.send(task)
 
 
 def _work(pipe: Connection) -> None:
-    """Tasks in, results out, until the other end is closed: that happens at the latest when the program ends."""
+    """Tasks in, results out, until the other end is closed: at the latest when the program ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which ends this process itself
     os.nice(NICENESS)
     try:
@@ -152,5 +152,5 @@ def _tried(pipe: Connection) -> AdjustedIsland | Failed:
         return adjusted(pipe.recv())
     except (EOFError, OSError):  # of the pipe: an adjustment reads no files
         raise
-    except Exception as error:  # said and logged by whoever asked; the process goes on with the next task
+    except Exception as error:  # reported and logged by the caller; the process continues with the next task
         return Failed(f"the map could not be adjusted ({error!r})", traceback.format_exc())

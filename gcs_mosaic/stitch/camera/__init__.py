@@ -1,1 +1,1 @@
-"""A camera over a plane, what relief shifts in its pictures, and the pictures themselves."""
+"""Camera model over a plane, relief displacement, and image bands and borders."""

@@ -1,26 +1,24 @@
-"""Pictures of any number of bands, for the functions of OpenCV that take four at most."""
+"""Images with any number of bands, for OpenCV functions that take at most four."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Bands = NDArray[Any]  # (h, w, bands) uint8 or uint16; three bands are blue, green, red, others in the order of the file
+from gcs_mosaic.stitch.arrays import Band, ImageGrey
+from gcs_mosaic.stitch.arrays import Bands as Bands  # also imported from here, by `app`
 
 
 def resized(image: Bands, size: tuple[int, int]) -> Bands:
-    """An image (h, w, bands) at a smaller size (width, height), by the mean of what each pixel covers."""
+    """Shrink an image (h, w, bands) to `size` (width, height) by area averaging."""
     if image.shape[2] in (3, 4):
         return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
     bands = (np.ascontiguousarray(image[..., band]) for band in range(image.shape[2]))
     return np.stack([cv2.resize(band, size, interpolation=cv2.INTER_AREA) for band in bands], axis=-1)
 
 
-def stretched(band: NDArray[Any], dark: float = 0.005, bright: float = 0.995) -> NDArray[np.uint8]:
-    """One band (h, w) in eight bits, from the `dark` to the `bright` quantile of itself."""
+def stretched(band: Band, dark: float = 0.005, bright: float = 0.995) -> ImageGrey:
+    """One band (h, w) as 8 bit, stretched between its `dark` and `bright` quantiles."""
     low, high = np.quantile(band, (dark, bright)).tolist()
     levels = (band.astype(np.float32) - np.float32(low)) * np.float32(255 / max(high - low, 1))
     return np.asarray(np.clip(np.rint(levels), 0, 255), dtype=np.uint8)

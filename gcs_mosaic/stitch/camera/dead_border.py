@@ -1,11 +1,11 @@
-"""Rows and columns at a frame's border that show nothing: a sensor's dead lines, the bars of a letterbox, a bar of figures.
+"""Dead rows and columns at a frame's border: dead sensor lines, letterbox bars, burnt-in status bars.
 
-A line is dead if it stays as it is from frame to frame while the ground beside it changes, in lines that are as straight as
-the frame's own border. Lines that nothing is seen to change beside (a night, black water, a vehicle that stands) are alive
-as far as anybody knows. Where frames are reduced, a dead line is mixed with its neighbours: it then changes as they do, but
-is darker than they are by the same share in every frame, which no ground and no lens does within a pixel.
+A line is dead if it stays constant from frame to frame while the ground beside it changes, along a straight edge parallel to
+the frame's border. Lines without any visible change beside them (night, black water, a parked vehicle) count as alive. In
+reduced frames a dead line is blended with its neighbours: it then changes as they do, but is darker by the same factor in every
+frame, which neither ground nor lens causes within one pixel.
 
-Pixels keep their numbers: a dead border is left out, not cut off.
+Pixel coordinates do not change: a dead border is masked, not cropped.
 """
 
 from __future__ import annotations
@@ -13,32 +13,33 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands, resized
+from gcs_mosaic.stitch.arrays import AnyImage, AnyPointsNx2, Bands, Mask
+from gcs_mosaic.stitch.camera.bands import resized
 
-FRAMES = 5  # that must agree before a border is held for dead
-MOST_FRAMES = 100  # that are looked at; whatever is not known by then stays alive
-DEEPEST = 4  # a border takes no more than this part (a quarter) of the frame's width or height
-BLOCKS = 64  # means of a line that are compared between frames
-# All in grey levels. The black lines of a camera stay within 6 in JPEGs beside bright ground, ground within 2 px of them
-# changes by more than 9 from the start and by 20 soon.
-CONSTANT = 6.0  # nine tenths of a dead line change by no more than this over all frames
-ALIVE = 12.0  # three quarters of a living line beside it change by at least this
-STEP = 8.0  # by which the two differ in a frame, for half of their length
-TAKEN_BACK = 24.0  # a line that was held for dead changes by more than this: it is not
-DIMMED = 0.85  # of the brightness of the next line, at most; half a dead line leaves 0.55, a quarter 0.78
-BRIGHT = 40.0  # a line that is no darker than its neighbour is alive, if that is brighter than this
-MARGIN = 1  # lines given up beside the dead ones: JPEG and scaling carry some of these into them
+FRAMES = 5  # frames that must agree before a border counts as dead
+MOST_FRAMES = 100  # frames examined; whatever is not known by then stays alive
+DEEPEST = 4  # a border takes at most this part (a quarter) of the frame's width or height
+BLOCKS = 64  # block means per line that are compared between frames
+# All in grey levels. A camera's black lines stay within 6 in JPEGs beside bright ground; ground within 2 px of them changes by
+# more than 9 from the start and by 20 soon.
+CONSTANT = 6.0  # nine tenths of a dead line vary by no more than this over all frames
+ALIVE = 12.0  # three quarters of a live line beside it vary by at least this
+STEP = 8.0  # difference between the two in one frame, over half their length
+TAKEN_BACK = 24.0  # a line thought dead that varies by more than this is alive
+DIMMED = 0.85  # of the next line's brightness, at most; a half dead line leaves 0.55, a quarter 0.78
+BRIGHT = 40.0  # a line no darker than its neighbour is alive if that one is brighter than this
+MARGIN = 1  # lines given up beside the dead ones: JPEG and scaling smear some dead pixels into them
 
 Lines = NDArray[np.float32]  # (lines, blocks), the outermost line first
 
 
 class DeadBorder(NamedTuple):
-    """How many rows and columns of a frame are dead on each side."""
+    """Number of dead rows and columns on each side of a frame."""
 
     left: int = 0
     top: int = 0
@@ -46,22 +47,22 @@ class DeadBorder(NamedTuple):
     bottom: int = 0
 
     def scaled(self, factor: float) -> DeadBorder:
-        """In a picture that is so many times as large, with whatever the border has a part in."""
+        """For an image scaled by `factor`, including partly affected lines."""
         return DeadBorder(*(math.ceil(lines * factor) for lines in self))
 
     def limits(self, width: int, height: int) -> tuple[tuple[float, float], tuple[float, float]]:
-        """The least and the greatest (x, y) of what is alive of a frame, to the outer edges of its pixels."""
+        """Minimum and maximum (x, y) of the live area of a frame, to the outer edges of its pixels."""
         return (self.left - 0.5, self.top - 0.5), (width - self.right - 0.5, height - self.bottom - 0.5)
 
-    def spares(self, pixels: NDArray[Any], width: int, height: int, reach: float = 0.5) -> NDArray[np.bool_]:
-        """Which pixels (n, 2) are at least `reach` px from what is dead. Sides that are alive have no such distance."""
+    def spares(self, pixels: AnyPointsNx2, width: int, height: int, reach: float = 0.5) -> Mask:
+        """Which pixels (n, 2) are at least `reach` px from a dead side. Live sides impose no distance."""
         least, most = self.limits(width, height)
         low = np.where(np.array([self.left, self.top]) > 0, np.array(least) + reach, -np.inf)
         high = np.where(np.array([self.right, self.bottom]) > 0, np.array(most) - reach, np.inf)
         return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=1))
 
     def filled(self, image: Bands) -> Bands:
-        """The image (h, w, bands) with the nearest living pixel in place of each dead one; itself if there is none."""
+        """The image (h, w, bands) with each dead pixel replaced by the nearest live one; unchanged without a dead border."""
         if self == NO_BORDER:
             return image
         height, width = image.shape[:2]
@@ -80,8 +81,8 @@ NO_BORDER = DeadBorder()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Evidence:
-    """What was seen of the lines along one side: the range of each block, in how many frames a line differs from the living
-    one that would lie beside it, in how many the outermost is dimmed, and whether it was not in one."""
+    """Observations of the lines along one side: range of each block, number of frames in which a line differs from the live line
+    beside it, number of frames with a dimmed outermost line, and whether it was ever not dimmed."""
 
     frames: int
     low: Lines
@@ -107,16 +108,16 @@ class _Evidence:
         return self.dimmed >= FRAMES and not self.undimmed
 
     def constant(self, tolerance: float) -> int:
-        """How many lines have stayed as they are, from the outermost on."""
+        """Number of constant lines, counted from the outermost."""
         changing = np.quantile(self.high - self.low, 0.9, axis=1) > tolerance
         return int(changing.argmax()) if changing.any() else len(changing)
 
     def dead(self) -> int:
-        """How many lines are dead for all that is known."""
+        """Number of lines dead according to the evidence so far."""
         if self.is_dimmed:
             return 1 + MARGIN
         lines = self.constant(CONSTANT)
-        # In most frames, not in some: the edge of black water comes and goes, however straight a quay is.
+        # In most frames, not some: the edge of black water comes and goes, however straight the quay.
         if not 0 < lines < len(self.steps) or self.steps[lines - 1] < max(FRAMES, self.frames / 2):
             return 0
         beside = (self.high - self.low)[lines + MARGIN]
@@ -124,21 +125,21 @@ class _Evidence:
 
 
 def _steps(lines: Lines) -> NDArray[np.int32]:
-    """1 for each line that differs from the one that would be the first living line if it were the last dead one."""
+    """1 for each line that differs from what would be the first live line if it were the last dead one."""
     apart = np.abs(lines[1 + MARGIN :] - lines[: -1 - MARGIN])
     return np.asarray(np.median(apart, axis=1) >= STEP, dtype=np.int32)
 
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    """How many lines of a side are dead. `evidence` is None before the first frame, and when all is settled."""
+    """Number of dead lines on a side. `evidence` is None before the first frame and once settled."""
 
     dead: int = 0
     settled: bool = False
     evidence: _Evidence | None = None
 
     def after(self, lines: Lines) -> _Side:
-        """With one frame more. What is dead may turn out to be alive once, never the other way round."""
+        """After one more frame. A dead side may turn out alive once, never the other way round."""
         if len(lines) < 2 * (1 + MARGIN):
             return _Side(settled=True)
         evidence = (self.evidence or _no_evidence(lines)).after(lines)
@@ -160,7 +161,7 @@ def _no_evidence(lines: Lines) -> _Evidence:
 
 @dataclass(frozen=True, slots=True)
 class BorderWatch:
-    """The dead border of frames of one size, from those seen so far; a value that never changes."""
+    """Dead border of frames of one size, from those seen so far; immutable."""
 
     _sides: tuple[_Side, _Side, _Side, _Side] = (_Side(), _Side(), _Side(), _Side())
 
@@ -168,8 +169,8 @@ class BorderWatch:
     def border(self) -> DeadBorder:
         return DeadBorder(*(side.dead for side in self._sides))
 
-    def after(self, image: Bands, levels: Callable[[Bands], NDArray[Any]]) -> BorderWatch:
-        """With one frame (h, w, bands) more; `levels` tells what is seen of its bands, black 0 and white 255."""
+    def after(self, image: Bands, levels: Callable[[Bands], AnyImage]) -> BorderWatch:
+        """After one more frame (h, w, bands); `levels` maps its bands to display levels, black 0, white 255."""
         left, top, right, bottom = (
             side if side.settled else side.after(_lines_along(image, number, levels))
             for number, side in enumerate(self._sides)
@@ -177,8 +178,8 @@ class BorderWatch:
         return BorderWatch((left, top, right, bottom))
 
 
-def _lines_along(image: Bands, side: int, levels: Callable[[Bands], NDArray[Any]]) -> Lines:
-    """The lines along one side (left, top, right or bottom), from the border inwards, as means of the bands' levels."""
+def _lines_along(image: Bands, side: int, levels: Callable[[Bands], AnyImage]) -> Lines:
+    """Lines along one side (left, top, right or bottom), from the border inwards, as means of the bands' levels."""
     height, width = image.shape[:2]
     rows, columns = max(1, height // DEEPEST), max(1, width // DEEPEST)
     part = (image[:, :columns], image[:rows], image[:, -columns:], image[-rows:])[side]

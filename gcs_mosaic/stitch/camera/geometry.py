@@ -1,14 +1,14 @@
-"""A camera over a plane: where the pixels of a frame lie on the canvas, and back.
+"""Camera over a plane: from frame pixels to the canvas and back.
 
-Conventions, used everywhere in this package:
+Conventions, used throughout this package:
 
-* Frame pixels: OpenCV's rule, the centre of the top-left pixel is (0, 0), x right, y down.
+* Frame pixels: OpenCV's convention, the centre of the top-left pixel is (0, 0), x right, y down.
 * Canvas: x right, y down; the ground is the canvas plane. One unit is one full-resolution pixel of an island's first frame.
 * Camera axes: x right, y down, z forward. A frame with yaw = pitch = roll = 0 looks straight down, its x along the canvas' x.
-* Lens: two radial terms in OpenCV's sense, `distorted = undistorted * (1 + k1 * r**2 + k2 * r**4)`, radii in focal lengths
-  from the principal point (Brown, Photogrammetric Engineering 37(8), 1971).
-* Transforms are named target_from_source; points are (n, 2) float64 arrays, and NaN stands for "nowhere"
-  (behind the camera, above the horizon, outside what the lens can see).
+* Lens: two radial terms as in OpenCV, `distorted = undistorted * (1 + k1 * r**2 + k2 * r**4)`, radii in focal lengths from the
+  principal point (Brown, Photogrammetric Engineering 37(8), 1971).
+* Transforms are named target_from_source; points are (n, 2) float64 arrays; NaN means "nowhere" (behind the camera, above the
+  horizon, outside the lens model's range).
 """
 
 from __future__ import annotations
@@ -18,20 +18,19 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import Mask, Matrix3x3, PointsNx2, Vector, Vector2
 
-UNDISTORT_STEPS = 8  # Newton's method on the radius; 5 reach 1e-9 for |k1| <= 0.3, the rest is margin
-LEAST_SLOPE = 0.02  # of the lens' radius curve; where it is flatter, Newton's step is held back
-HORIZON_COSINE = 0.02  # rays closer to the horizon than about 1 degree hit the ground nowhere useful
+UNDISTORT_STEPS = 8  # Newton iterations on the radius; 5 reach 1e-9 for |k1| <= 0.3, the rest is margin
+LEAST_SLOPE = 0.02  # of the lens' radius curve; where it is flatter, the Newton step is limited
+HORIZON_COSINE = 0.02  # rays within about 1 degree of the horizon meet the ground too far away to be useful
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """What the frames of one camera share; all but the size is estimated from matches, never given.
+    """Intrinsics shared by all frames of one camera; all but the size is estimated from matches, never given.
 
-    Lengths are in half-diagonals, so that they do not depend on the frame's size.
+    Lengths are in half-diagonals, independent of the frame's size.
     """
 
     width: int  # px
@@ -51,13 +50,13 @@ class Camera:
         return self.focal * self.half_diagonal
 
     @property
-    def centre(self) -> Array:
-        """The middle of the frame in pixels."""
+    def centre(self) -> Vector2:
+        """Centre of the frame in pixels, (2,)."""
         return np.array([(self.width - 1) / 2, (self.height - 1) / 2])
 
     @property
-    def principal_point(self) -> Array:
-        """Where the optical axis meets the frame, in pixels."""
+    def principal_point(self) -> Vector2:
+        """Principal point in pixels, (2,)."""
         return self.centre + np.array([self.shift_x, self.shift_y]) * self.half_diagonal
 
     @property
@@ -66,7 +65,7 @@ class Camera:
 
     @property
     def reach(self) -> float:
-        """Radius (undistorted, in focal lengths) at which the lens would begin to fold the picture back; often infinite."""
+        """Radius (undistorted, in focal lengths) at which the distortion would fold the image back; often infinite."""
         return float(lens_reach(np.array([self.k1]), np.array([self.k2]))[0])
 
 
@@ -74,8 +73,8 @@ class Camera:
 class Pose:
     """Where a frame was taken from.
 
-    `x`, `y`: the canvas point straight below the camera. `log_gsd`: natural log of the ground sampling distance there
-    (canvas units per pixel), so height = exp(log_gsd) * focal_px. Angles in radians; rotation = Rz(yaw) Ry(pitch) Rx(roll).
+    `x`, `y`: the canvas point at the camera's nadir. `log_gsd`: natural log of the ground sampling distance there (canvas units
+    per pixel), so height = exp(log_gsd) * focal_px. Angles in radians; rotation = Rz(yaw) Ry(pitch) Rx(roll).
     """
 
     x: float
@@ -85,12 +84,12 @@ class Pose:
     pitch: float = 0.0
     roll: float = 0.0
 
-    def rotation(self) -> Array:
+    def rotation(self) -> Matrix3x3:
         """Rotation canvas_from_camera, 3x3."""
         return rotation_matrix(self.yaw, self.pitch, self.roll)
 
 
-def rotation_matrix(yaw: float, pitch: float, roll: float) -> Array:
+def rotation_matrix(yaw: float, pitch: float, roll: float) -> Matrix3x3:
     """Rz(yaw) Ry(pitch) Rx(roll), 3x3."""
     cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (math.cos, math.sin))
     return np.array(
@@ -102,8 +101,8 @@ def rotation_matrix(yaw: float, pitch: float, roll: float) -> Array:
     )
 
 
-def canvas_from_pixels(pose: Pose, camera: Camera, pixels: Array) -> Array:
-    """Canvas places (n, 2) of frame pixels (n, 2); NaN for those that see no ground."""
+def canvas_from_pixels(pose: Pose, camera: Camera, pixels: PointsNx2) -> PointsNx2:
+    """Canvas places (n, 2) of frame pixels (n, 2); NaN where no ground is seen."""
     rays = np.column_stack([undistort(camera, normalised(camera, pixels)), np.ones(len(pixels))]) @ pose.rotation().T
     height = math.exp(pose.log_gsd) * camera.focal_px
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -112,7 +111,7 @@ def canvas_from_pixels(pose: Pose, camera: Camera, pixels: Array) -> Array:
     return places
 
 
-def pixels_from_canvas(pose: Pose, camera: Camera, places: Array) -> Array:
+def pixels_from_canvas(pose: Pose, camera: Camera, places: PointsNx2) -> PointsNx2:
     """Frame pixels (n, 2) of canvas places (n, 2), inside the frame or not; NaN where the lens cannot see them."""
     height = math.exp(pose.log_gsd) * camera.focal_px
     rays = np.column_stack([places - [pose.x, pose.y], np.full(len(places), height)]) @ pose.rotation()
@@ -123,35 +122,35 @@ def pixels_from_canvas(pose: Pose, camera: Camera, places: Array) -> Array:
 
 
 def reduced_view(pose: Pose, camera: Camera, width: int, height: int) -> tuple[Pose, Camera]:
-    """Pose and camera of the same frame as a picture of another size (same shape): what it shows lies where it lay."""
+    """Pose and camera of the same frame resized (same aspect ratio): its content stays where it was."""
     reduced = replace(camera, width=width, height=height)
     factor = camera.width / width
     focal = camera.focal_px / factor / reduced.half_diagonal
     return replace(pose, log_gsd=pose.log_gsd + math.log(factor)), replace(reduced, focal=focal)
 
 
-def normalised(camera: Camera, pixels: Array) -> Array:
+def normalised(camera: Camera, pixels: PointsNx2) -> PointsNx2:
     """Pixels (n, 2) in focal lengths from the principal point."""
     return np.asarray((pixels - camera.principal_point) / camera.focal_px, dtype=np.float64)
 
 
-def lens_reach(k1: Array, k2: Array) -> Array:
-    """The smallest radius (n,) at which `r * (1 + k1 * r**2 + k2 * r**4)` stops growing; infinite where it never does."""
+def lens_reach(k1: Vector, k2: Vector) -> Vector:
+    """Smallest radius (n,) at which `r * (1 + k1 * r**2 + k2 * r**4)` stops growing; infinite where it never does."""
     root = np.sqrt(np.maximum(9 * k1**2 - 20 * k2, 0))
     with np.errstate(divide="ignore", over="ignore"):
         squared = np.where((root - 3 * k1 > 0) & (9 * k1**2 >= 20 * k2), 2 / np.maximum(root - 3 * k1, 0), np.inf)
     return np.asarray(np.sqrt(squared))
 
 
-def distort(camera: Camera, undistorted: Array) -> Array:
-    """Apply the lens; NaN beyond the radius where it would fold the picture back."""
+def distort(camera: Camera, undistorted: PointsNx2) -> PointsNx2:
+    """Apply lens distortion to (n, 2); NaN beyond the radius where it would fold the image back."""
     r2 = (undistorted**2).sum(axis=1, keepdims=True)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is almost behind the camera
+    with np.errstate(over="ignore", invalid="ignore"):  # rays almost perpendicular to the axis
         distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
     return np.asarray(np.where(r2 < camera.reach**2, distorted, np.nan))
 
 
-def undistort(camera: Camera, distorted: Array) -> Array:
+def undistort(camera: Camera, distorted: PointsNx2) -> PointsNx2:
     """Inverse of `distort` (Newton's method on the radius); NaN for radii that no ray reaches."""
     if camera.is_pinhole:
         return distorted
@@ -163,9 +162,9 @@ def undistort(camera: Camera, distorted: Array) -> Array:
 
 
 def undistorted_radius(
-    distorted: Array, k1: Array | float, k2: Array | float, reach: Array | float
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Radii (n,) before the lens, and for which of them there is one (those beyond `reach` are kept just inside it)."""
+    distorted: Vector, k1: Vector | float, k2: Vector | float, reach: Vector | float
+) -> tuple[Vector, Mask]:
+    """Undistorted radii (n,), and which of them exist (those beyond `reach` are clamped just inside it)."""
     r = np.minimum(distorted, 0.99 * reach)
     for _ in range(UNDISTORT_STEPS):
         r2 = r**2
@@ -175,13 +174,13 @@ def undistorted_radius(
     return r, np.asarray(error < 1e-6)
 
 
-def pixel_grid(camera: Camera, columns: int, rows: int) -> Array:
-    """A regular grid over the frame's pixel centres, row by row, (rows * columns, 2)."""
+def pixel_grid(camera: Camera, columns: int, rows: int) -> PointsNx2:
+    """Regular grid over the frame's pixel centres, row by row, (rows * columns, 2)."""
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, columns), np.linspace(0, camera.height - 1, rows))
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def frame_border(camera: Camera, per_side: int) -> Array:
+def frame_border(camera: Camera, per_side: int) -> PointsNx2:
     """Points along the frame's outer edge (not the outermost pixel centres), clockwise from the top left, (4 * per_side, 2)."""
     t = np.arange(per_side) / per_side
     one, zero = np.ones_like(t), np.zeros_like(t)
@@ -189,21 +188,21 @@ def frame_border(camera: Camera, per_side: int) -> Array:
     return np.asarray(unit * [camera.width, camera.height] - 0.5)
 
 
-def footprint(pose: Pose, camera: Camera, per_side: int = 8) -> Array:
-    """Outline of the frame on the canvas, (4 * per_side, 2); NaN where the outline is above the horizon."""
+def footprint(pose: Pose, camera: Camera, per_side: int = 8) -> PointsNx2:
+    """Footprint of the frame on the canvas, (4 * per_side, 2); NaN where its outline is above the horizon."""
     return canvas_from_pixels(pose, camera, frame_border(camera, per_side))
 
 
-def ground_sampling_distance(pose: Pose, camera: Camera, pixels: Array) -> Array:
-    """Canvas units per pixel around each pixel (n,): the square root of the area a pixel covers; NaN above the horizon."""
+def ground_sampling_distance(pose: Pose, camera: Camera, pixels: PointsNx2) -> Vector:
+    """Canvas units per pixel at each pixel, (n,): square root of the area a pixel covers; NaN above the horizon."""
     right, down = np.array([0.5, 0.0]), np.array([0.0, 0.5])
     dx = canvas_from_pixels(pose, camera, pixels + right) - canvas_from_pixels(pose, camera, pixels - right)
     dy = canvas_from_pixels(pose, camera, pixels + down) - canvas_from_pixels(pose, camera, pixels - down)
     return np.asarray(np.sqrt(abs(dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0])))
 
 
-def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
-    """The homography (3x3, frame pixels to canvas) that fits the pose and lens best over the frame's visible ground."""
+def canvas_from_frame(pose: Pose, camera: Camera) -> Matrix3x3:
+    """Homography (3x3, frame pixels to canvas) that best fits pose and lens over the frame's visible ground."""
     pixels = pixel_grid(camera, 17, 13)
     places = canvas_from_pixels(pose, camera, pixels)
     seen = np.isfinite(places).all(axis=1)
@@ -215,8 +214,8 @@ def canvas_from_frame(pose: Pose, camera: Camera) -> Array:
     return np.asarray(fitted / fitted[2, 2])
 
 
-def pinhole_homography(pose: Pose, camera: Camera) -> Array:
-    """The homography (3x3, frame pixels to canvas) of the pose without its lens, scaled so that H[2, 2] = 1 where it can be."""
+def pinhole_homography(pose: Pose, camera: Camera) -> Matrix3x3:
+    """Homography (3x3, frame pixels to canvas) of the pose ignoring its distortion, scaled to H[2, 2] = 1 where possible."""
     height = math.exp(pose.log_gsd) * camera.focal_px
     axis_x, axis_y = camera.principal_point
     ray_from_pixel = np.array([[1, 0, -axis_x], [0, 1, -axis_y], [0, 0, camera.focal_px]])
@@ -225,11 +224,11 @@ def pinhole_homography(pose: Pose, camera: Camera) -> Array:
     return np.asarray(homography / homography[2, 2] if abs(homography[2, 2]) > 1e-12 else homography)
 
 
-def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
-    """The pose whose pinhole homography (frame pixels to canvas) is nearest to this one; None if none is near.
+def pose_from_homography(homography: Matrix3x3, camera: Camera) -> Pose | None:
+    """The pose whose pinhole homography (frame pixels to canvas) is closest to this one; None if none is close.
 
-    With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and R's last row, and
-    the others follow; R is made a rotation by its polar decomposition.
+    With M = homography @ pixel_from_ray = s * canvas_from_ray(height, x, y) @ R, the last row gives s and the last row of R,
+    and the rest follows; R is projected onto the rotations by polar decomposition.
     """
     axis_x, axis_y = camera.principal_point
     pixel_from_ray = np.array([[camera.focal_px, 0, axis_x], [0, camera.focal_px, axis_y], [0, 0, 1]])
@@ -247,10 +246,10 @@ def pose_from_homography(homography: Array, camera: Camera) -> Pose | None:
     return Pose(float(x), float(y), math.log(height / camera.focal_px), yaw, pitch, roll)
 
 
-LEAST_LIKENESS = 0.5  # how much a rotation may be squeezed by noise before it counts as none
+LEAST_LIKENESS = 0.5  # smallest singular value that still counts as a rotation distorted by noise
 
 
-def similarity_between(source: Array, target: Array) -> tuple[float, float, Array]:
+def similarity_between(source: PointsNx2, target: PointsNx2) -> tuple[float, float, Vector2]:
     """Least-squares similarity target_from_source of points (n, 2): scale, angle in radians, shift (2,).
 
     Umeyama, IEEE PAMI 13(4), 1991, without reflection: `target = scale * R(angle) @ source + shift`.
@@ -264,8 +263,8 @@ def similarity_between(source: Array, target: Array) -> tuple[float, float, Arra
     return scale, angle, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
 
 
-def moved_by_similarity(pose: Pose, scale: float, angle: float, shift: Array) -> Pose:
-    """The pose after the canvas it lies on is moved by a similarity; the frame's view does not change."""
+def moved_by_similarity(pose: Pose, scale: float, angle: float, shift: Vector2) -> Pose:
+    """The pose after its canvas is transformed by a similarity; the frame's view does not change."""
     c, s = math.cos(angle), math.sin(angle)
     x = scale * (c * pose.x - s * pose.y) + float(shift[0])
     y = scale * (s * pose.x + c * pose.y) + float(shift[1])

@@ -1,8 +1,8 @@
-"""The camera over a plane with its analytic derivatives, for many points of many frames at once.
+"""Vectorised camera over a plane with analytic derivatives, for many points of many frames at once.
 
-The same model as `geometry`, in the units of the adjustment: pixels are centred and divided by the frame's half-diagonal,
-so that one lens serves frames of any size. A pose is a row (x, y, log_gsd, yaw, pitch, roll), a lens a row
-(log focal, k1, k2, shift_x, shift_y).
+Same model as `geometry`, in the units of the adjustment: pixels are centred and divided by the frame's half-diagonal, so that
+one lens serves frames of any size. A pose is a row (x, y, log_gsd, yaw, pitch, roll), a lens a row (log focal, k1, k2, shift_x,
+shift_y).
 """
 
 from __future__ import annotations
@@ -11,25 +11,24 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, PointsNx2, PosesNx6, RowsNx3, Vector
 from gcs_mosaic.stitch.camera.geometry import LEAST_SLOPE, Camera, Pose, lens_reach, undistorted_radius
-
-Array = NDArray[np.float64]
 
 LENS_TERMS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class Projected:
-    """Projected points (m, 2) and their derivatives; `valid` (m,) is False where there is nothing to see."""
+    """Projected points (m, 2) and their derivatives; `valid` (m,) is False where a point cannot be projected."""
 
-    points: Array
-    by_point: Array  # (m, 2, 2)
-    by_pose: Array  # (m, 2, 6)
-    by_lens: Array  # (m, 2, 5)
-    by_height: Array  # (m, 2), of the ground above the plane, canvas units
-    valid: NDArray[np.bool_]
+    points: PointsNx2
+    by_point: Matrices  # (m, 2, 2)
+    by_pose: Matrices  # (m, 2, 6)
+    by_lens: Matrices  # (m, 2, 5)
+    by_height: PointsNx2  # (m, 2), by height of the ground above the plane, canvas units
+    valid: Mask
 
 
 def pose_row(pose: Pose) -> tuple[float, ...]:
@@ -46,8 +45,8 @@ def with_lens(camera: Camera, row: ArrayLike) -> Camera:
     return replace(camera, focal=math.exp(log_focal), k1=k1, k2=k2, shift_x=shift_x, shift_y=shift_y)
 
 
-def rotations(poses: Array) -> tuple[Array, Array]:
-    """Rotation canvas_from_camera (m, 3, 3) and the axes (m, 3, 3) about which yaw, pitch and roll turn a canvas vector."""
+def rotations(poses: PosesNx6) -> tuple[Matrices, Matrices]:
+    """Rotations canvas_from_camera (m, 3, 3) and the axes (m, 3, 3) about which yaw, pitch and roll rotate a canvas vector."""
     (cy, cp, cr), (sy, sp, sr) = np.cos(poses[:, 3:].T), np.sin(poses[:, 3:].T)
     zero, one = np.zeros_like(cy), np.ones_like(cy)
     rotation = [
@@ -59,17 +58,17 @@ def rotations(poses: Array) -> tuple[Array, Array]:
     return _many(rotation), _many(axes)
 
 
-def _many(entries: list[list[Array]]) -> Array:
-    """Matrices (m, i, j) from their entries (m,). In memory the m stand side by side: numpy is quick along these only."""
+def _many(entries: list[list[Vector]]) -> Matrices:
+    """Matrices (m, i, j) from entries (m,). The m are contiguous in memory: numpy is only fast along that axis."""
     return np.array(entries).transpose(2, 0, 1)
 
 
 def _side_by_side(count: int, *shape: int) -> Array:
-    """An array (count, *shape) of zeros, laid out like that of `_many`."""
+    """Zeros (count, *shape) with the memory layout of `_many`."""
     return np.moveaxis(np.zeros((*shape, count)), -1, 0)
 
 
-def product(a: Array, b: Array) -> Array:
+def product(a: Matrices, b: Matrices) -> Matrices:
     """Products (m, i, k) of many small matrices (m, i, j) and (m, j, k), laid out as by `_many`."""
     found = _side_by_side(len(a), a.shape[1], b.shape[2])
     for j in range(a.shape[2]):
@@ -77,18 +76,18 @@ def product(a: Array, b: Array) -> Array:
     return found
 
 
-def _turned(by_ray: Array, ray: Array, axes: Array) -> Array:
-    """Derivative (m, 2, 3), by turns about three axes (m, 3, 3), of what changes with a ray (m, 3) as by_ray (m, 2, 3).
+def _turned(by_ray: Matrices, ray: RowsNx3, axes: Matrices) -> Matrices:
+    """Derivative (m, 2, 3) by rotations about three axes (m, 3, 3), given the derivative by the ray (m, 3), by_ray (m, 2, 3).
 
-    A turn moves the ray by axis x ray, and by . (axis x ray) = axis . (ray x by).
+    A rotation moves the ray by axis x ray, and by . (axis x ray) = axis . (ray x by).
     """
     x, y, z = ray.T
     moments = [[y * bz - z * by, z * bx - x * bz, x * by - y * bx] for bx, by, bz in by_ray.transpose(1, 2, 0)]
     return product(_many(moments), axes.transpose(0, 2, 1))
 
 
-def canvas_from_pixels(poses: Array, lenses: Array, half_diagonals: Array, pixels: Array) -> Projected:
-    """Canvas places of pixels (m, 2), one pose, lens and half-diagonal (m,) for each."""
+def canvas_from_pixels(poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vector, pixels: PointsNx2) -> Projected:
+    """Canvas places of pixels (m, 2), with one pose, lens and half-diagonal (m,) each."""
     poses, lenses, pixels = (np.asfortranarray(values) for values in (poses, lenses, pixels))
     rotation, axes = rotations(poses)
     u, u_by_pixel, u_by_lens, seen = _undistorted(pixels, lenses)
@@ -109,8 +108,8 @@ def canvas_from_pixels(poses: Array, lenses: Array, half_diagonals: Array, pixel
     return Projected(poses[:, :2] + offset, product(by_u, u_by_pixel), by_pose, by_lens, by_height, visible)
 
 
-def pixels_from_canvas(poses: Array, lenses: Array, half_diagonals: Array, places: Array) -> Projected:
-    """Pixels (m, 2) of canvas places (m, 2), one pose, lens and half-diagonal (m,) for each."""
+def pixels_from_canvas(poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vector, places: PointsNx2) -> Projected:
+    """Pixels (m, 2) of canvas places (m, 2), with one pose, lens and half-diagonal (m,) each."""
     poses, lenses, places = (np.asfortranarray(values) for values in (poses, lenses, places))
     rotation, axes = rotations(poses)
     height = np.exp(poses[:, 2] + lenses[:, 0]) * half_diagonals
@@ -136,7 +135,7 @@ def pixels_from_canvas(poses: Array, lenses: Array, half_diagonals: Array, place
     return Projected(points + lenses[:, 3:], by_sight[:, :, :2], by_pose, by_lens, -by_sight[:, :, 2], valid)
 
 
-def _perspective_derivative(xy: Array, depth: Array) -> Array:
+def _perspective_derivative(xy: PointsNx2, depth: Vector) -> Matrices:
     """Derivative (m, 2, 3) of (x / z, y / z) by (x, y, z)."""
     by = _side_by_side(len(xy), 2, 3)
     by[:, 0, 0] = by[:, 1, 1] = 1 / depth
@@ -144,8 +143,8 @@ def _perspective_derivative(xy: Array, depth: Array) -> Array:
     return by
 
 
-def _distorted(u: Array, lenses: Array) -> tuple[Array, Array, Array]:
-    """Lens applied to u (m, 2): the result, its derivative by u (m, 2, 2) and by k1 and k2 (m, 2, 2)."""
+def _distorted(u: PointsNx2, lenses: LensesNx5) -> tuple[PointsNx2, Matrices, Matrices]:
+    """Distortion of u (m, 2): the result, its derivative by u (m, 2, 2) and by k1 and k2 (m, 2, 2)."""
     k1, k2 = lenses[:, 1], lenses[:, 2]
     r2 = u[:, 0] ** 2 + u[:, 1] ** 2
     factor, slope = 1 + r2 * (k1 + r2 * k2), 2 * k1 + 4 * k2 * r2
@@ -154,16 +153,17 @@ def _distorted(u: Array, lenses: Array) -> tuple[Array, Array, Array]:
     return u * factor[:, None], by_u, _many([[x * r2, x * r2**2], [y * r2, y * r2**2]])
 
 
-def _inverse(a: Array) -> Array:
-    """Inverses of matrices (m, 2, 2); huge where there is none."""
+def _inverse(a: Matrices) -> Matrices:
+    """Inverses of matrices (m, 2, 2); huge for singular ones."""
     (a00, a01), (a10, a11) = a.transpose(1, 2, 0)
     determinant = a00 * a11 - a01 * a10
     one_by = 1 / np.where(abs(determinant) < 1e-24, 1e-24, determinant)
     return _many([[a11 * one_by, -a01 * one_by], [-a10 * one_by, a00 * one_by]])
 
 
-def _undistorted(pixels: Array, lenses: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Inverse of the lens: u (m, 2), its derivative by the pixel (m, 2, 2) and by the lens (m, 2, 5), and where it exists."""
+def _undistorted(pixels: PointsNx2, lenses: LensesNx5) -> tuple[PointsNx2, Matrices, Matrices, Mask]:
+    """Inverse distortion: u (m, 2), its derivatives by the pixel (m, 2, 2) and by the lens (m, 2, 5), and where it exists
+    (m,)."""
     focal, k1, k2 = np.exp(lenses[:, 0]), lenses[:, 1], lenses[:, 2]
     distorted = (pixels - lenses[:, 3:]) / focal[:, None]
     r_distorted = np.hypot(distorted[:, 0], distorted[:, 1])

@@ -1,9 +1,9 @@
-"""Relief displacement: how far heights shift the points of one frame, and how that is taken back.
+"""Relief displacement: how far terrain height shifts the points of a frame, and its correction.
 
-On a plane, pose and lens say where every pixel lies. A roof or a hill is seen shifted away from the point below the camera,
-differently in every frame. Each frame therefore has a coarse grid of shifts over its picture: a pixel, moved by the shift
-there, is where the camera would have seen the same ground if it were a plane. What else the planar camera does not explain
-(a rolling shutter, a lens that two terms do not describe) goes the same way.
+On a plane, pose and lens determine where every pixel lies. Roofs and hills appear displaced away from the nadir point,
+differently in every frame. Each frame therefore has a coarse grid of shifts: a pixel, moved by the shift at its place, is where
+the camera would have seen the same ground on a plane. The grid also absorbs other smooth model errors (rolling shutter, lens
+terms beyond the two modelled).
 """
 
 from __future__ import annotations
@@ -11,35 +11,33 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import FloatImage, Mask, PointsNx2, ShiftGrid
 from gcs_mosaic.stitch.camera.geometry import Camera
 
-Array = NDArray[np.float64]
-
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
-CONVERGED_PX = 0.01  # a point whose last step was shorter stays where it is; the next would be a quarter of it at most
-STEEPEST = 0.25  # change of the shift per cell at most: no place is seen twice, and inverting converges
+CONVERGED_PX = 0.01  # a point is done once its last step was shorter; the next would be at most a quarter of it
+STEEPEST = 0.25  # maximum change of the shift per cell: no place is seen twice, and the inversion converges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReliefSettings:
-    """How heights of the ground are reckoned with."""
+    """How terrain height is modelled."""
 
-    sigma: float = 0.04  # heights about the plane that are expected, in flying heights
-    cells: int = 16  # of a frame's grid along its longer side; 0 leaves every frame a camera over a plane
-    stiffness: float = 0.3  # how much the grid resists stretching, against one track; 0.1 to 1 give the same shape
-    tie: float = 0.01  # how much it is held at zero; what keeps borders without tracks from drifting
-    loss_px: float = 1.0  # Cauchy loss: where a point that stands out counts less, in pixels of the feature picture
-    largest: float = 0.1  # shift that is still believed, half-diagonals
+    sigma: float = 0.04  # expected standard deviation of heights about the plane, in flying heights
+    cells: int = 16  # of a frame's grid along its longer side; 0 disables relief displacement
+    stiffness: float = 0.3  # resistance of the grid to stretching, relative to one track; 0.1 to 1 give the same shape
+    tie: float = 0.01  # pull of the grid towards zero; keeps borders without tracks from drifting
+    loss_px: float = 1.0  # Cauchy loss scale for outlying points, in pixels of the feature picture
+    largest: float = 0.1  # largest shift accepted, half-diagonals
 
 
 @dataclass(frozen=True, slots=True)
 class ReliefDisplacement:
-    """Shifts at the nodes of a grid over a frame, bilinear between them.
+    """Shifts at the nodes of a grid over a frame, bilinear in between.
 
-    `shifts`: (rows, columns, 2) float32 in half-diagonals, as bytes, so that a displacement can be compared and stored to
-    the last bit; the outermost nodes are the outermost pixel centres.
+    `shifts`: (rows, columns, 2) float32 in half-diagonals, as bytes, so that displacements compare and store bit by bit; the
+    outermost nodes are the outermost pixel centres.
     """
 
     columns: int
@@ -47,26 +45,26 @@ class ReliefDisplacement:
     shifts: bytes
 
     @classmethod
-    def from_grid(cls, grid: Array) -> ReliefDisplacement:
-        """From shifts (rows, columns, 2) in half-diagonals; weakened where they would fold the picture."""
+    def from_grid(cls, grid: ShiftGrid) -> ReliefDisplacement:
+        """From shifts (rows, columns, 2) in half-diagonals; scaled down where they would fold the image."""
         rows, columns = grid.shape[:2]
         steepest = max(np.abs(np.diff(grid, axis=axis)).max(initial=0.0) for axis in (0, 1))
-        cell = 2 / np.hypot(columns - 1, rows - 1)  # half-diagonals, where the grid has the frame's proportions
+        cell = 2 / np.hypot(columns - 1, rows - 1)  # half-diagonals, for a grid with the frame's aspect ratio
         grid = grid * min(1.0, STEEPEST * cell / max(steepest, 1e-12))
         return cls(columns, rows, grid.astype(np.float32).tobytes())
 
     @property
-    def grid(self) -> NDArray[np.float32]:
+    def grid(self) -> FloatImage:
         """The shifts (rows, columns, 2) in half-diagonals."""
         return np.frombuffer(self.shifts, np.float32).reshape(self.rows, self.columns, 2)
 
-    def at(self, camera: Camera, pixels: Array) -> Array:
-        """Shifts (n, 2) in pixels at pixels (n, 2); beyond the frame they are those of its border."""
+    def at(self, camera: Camera, pixels: PointsNx2) -> PointsNx2:
+        """Shifts (n, 2) in pixels at pixels (n, 2); outside the frame, those of its border."""
         across, down = (
             np.clip(np.nan_to_num(pixels[:, k]) * ((nodes - 1) / max(size - 1, 1)), 0, nodes - 1)
             for k, (size, nodes) in enumerate(((camera.width, self.columns), (camera.height, self.rows)))
         )
-        # Complex numbers are taken from memory together, x and y.
+        # As complex numbers x and y are fetched from memory together.
         nodes = self.grid.astype(np.float64).view(np.complex128)[..., 0] * camera.half_diagonal
         nodes = np.pad(nodes, ((0, 1), (0, 1)), mode="edge").ravel()
         column, row = across.astype(np.intp), down.astype(np.intp)
@@ -78,13 +76,15 @@ class ReliefDisplacement:
         return np.asarray(shifts.view(np.float64).reshape(-1, 2))
 
 
-def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: Array) -> Array:
-    """Where the camera would have seen what pixels (n, 2) show, if the ground were a plane."""
+def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx2) -> PointsNx2:
+    """Where the camera would have seen the content of pixels (n, 2) if the ground were a plane."""
     return pixels if relief is None else pixels + relief.at(camera, pixels)
 
 
-def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array, guess: Array | None = None) -> Array:
-    """Inverse of `on_plane`; NaN stays NaN. `guess` (n, 2): about what it is, if that is known."""
+def as_seen(
+    relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx2, guess: PointsNx2 | None = None
+) -> PointsNx2:
+    """Inverse of `on_plane`; NaN stays NaN. `guess` (n, 2): initial value, if known."""
     if relief is None:
         return pixels
     before = pixels if guess is None else guess
@@ -99,6 +99,6 @@ def as_seen(relief: ReliefDisplacement | None, camera: Camera, pixels: Array, gu
     return found
 
 
-def _far(points: Array, others: Array) -> NDArray[np.bool_]:
+def _far(points: PointsNx2, others: PointsNx2) -> Mask:
     apart = np.abs(points - others) > CONVERGED_PX
     return np.asarray(apart[:, 0] | apart[:, 1])

@@ -1,1 +1,1 @@
-"""What is seen in a frame: features, how sharp it is, what is alike in two frames and which frames are alike."""
+"""Features of a frame, their matching, image sharpness and image retrieval."""

@@ -1,7 +1,7 @@
-"""Feature points and descriptors by name: SIFT, ORB, SURF.
+"""Keypoints and descriptors by name: SIFT, ORB, SURF.
 
-SIFT: Lowe, IJCV 60(2), 2004. ORB: Rublee et al., ICCV 2011. SURF: Bay et al., CVIU 110(3), 2008; OpenCV's wheels come without
-it, mahotas has it.
+SIFT: Lowe, IJCV 60(2), 2004. ORB: Rublee et al., ICCV 2011. SURF: Bay et al., CVIU 110(3), 2008; from mahotas, as OpenCV's
+wheels do not include it.
 """
 
 from __future__ import annotations
@@ -9,31 +9,32 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from gcs_mosaic.stitch.arrays import Descriptors, ImageGrey, PointsNx2, Vector
 
 FeatureKind = Literal["sift", "orb", "surf"]
 
 ORB_SCALE = 1.2  # between the levels of ORB's pyramid
-SURF_DESCRIPTOR = 6  # first of its columns in mahotas' rows: y, x, scale, score, laplacian, angle, 64 of descriptor
+SURF_DESCRIPTOR = 6  # first descriptor column in mahotas' rows: y, x, scale, score, laplacian, angle, 64 of descriptor
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Features of a picture, strongest first: points (n, 2) in its pixels, descriptors (n, d) as the detector gives them.
+    """Features of an image, strongest first: points (n, 2) in its pixels, descriptors (n, d) as the detector returns them.
 
-    SIFT: float32, d = 128, whole numbers from 0 to 255. ORB: uint8, d = 32, 256 bits. SURF: float32, d = 64, unit length.
+    SIFT: float32, d = 128, integers from 0 to 255. ORB: uint8, d = 32, 256 bits. SURF: float32, d = 64, unit length.
     """
 
-    points: NDArray[np.float64]
-    descriptors: NDArray[Any]
+    points: PointsNx2
+    descriptors: Descriptors
 
 
-def detect(grey: NDArray[np.uint8], kind: FeatureKind, count: int, contrast: float) -> Found:
-    """At most `count` features, the strongest, of a grey picture (h, w). `contrast` is SIFT's threshold, for SIFT alone.
+def detect(grey: ImageGrey, kind: FeatureKind, count: int, contrast: float) -> Found:
+    """The strongest features of a grey image (h, w), at most `count`. `contrast`: SIFT's threshold, ignored by the others.
 
     ModuleNotFoundError where `is_available` is False.
     """
@@ -43,15 +44,15 @@ def detect(grey: NDArray[np.uint8], kind: FeatureKind, count: int, contrast: flo
 
 
 def is_available(kind: FeatureKind) -> bool:
-    """Whether the library that finds these features is installed."""
+    """Whether the library that provides this detector is installed."""
     return kind != "surf" or find_spec("mahotas") is not None
 
 
-Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[Any]]  # points (n, 2), strength (n,), descriptors (n, d)
+Rows = tuple[PointsNx2, Vector, Descriptors]  # points (n, 2), strength (n,), descriptors (n, d)
 
 
-def _sift(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
-    # Without precise upscaling OpenCV's SIFT puts every point a quarter of a pixel off, which shows between two headings.
+def _sift(grey: ImageGrey, count: int, contrast: float) -> Rows:
+    # Without precise upscaling OpenCV's SIFT shifts every point by a quarter pixel, which shows between two headings.
     sift = cv2.SIFT.create(nfeatures=count, contrastThreshold=contrast, enable_precise_upscale=True)
     keypoints, descriptors = sift.detectAndCompute(grey, None)
     if descriptors is None:
@@ -59,18 +60,18 @@ def _sift(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
     return np.array([k.pt for k in keypoints]), np.array([k.response for k in keypoints]), descriptors
 
 
-def _orb(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
+def _orb(grey: ImageGrey, count: int, contrast: float) -> Rows:
     keypoints, descriptors = cv2.ORB.create(nfeatures=count, scaleFactor=ORB_SCALE).detectAndCompute(grey, None)
     if descriptors is None:
         return _nothing(32, np.uint8)
-    # OpenCV multiplies places by the level's nominal scale; levels have whole sides, and meet at the edge of their pixels.
+    # OpenCV scales points by the level's nominal factor; levels have integer sides and are aligned at their pixels' edges.
     nominal = ORB_SCALE ** np.array([k.octave for k in keypoints])[:, None]
     size = np.array(grey.shape[::-1])
     points = (np.array([k.pt for k in keypoints]) / nominal + 0.5) * (size / np.rint(size / nominal)) - 0.5
     return points, np.array([k.response for k in keypoints]), descriptors
 
 
-def _surf(grey: NDArray[np.uint8], count: int, contrast: float) -> Rows:
+def _surf(grey: ImageGrey, count: int, contrast: float) -> Rows:
     from mahotas.features import surf  # an optional extra
 
     found = surf.surf(np.ascontiguousarray(grey), max_points=count)
@@ -83,7 +84,7 @@ def _nothing(length: int, dtype: type) -> Rows:
     return np.empty((0, 2)), np.empty(0), np.empty((0, length), dtype)
 
 
-DETECTORS: dict[FeatureKind, Callable[[NDArray[np.uint8], int, float], Rows]] = {
+DETECTORS: dict[FeatureKind, Callable[[ImageGrey, int, float], Rows]] = {
     "sift": _sift,
     "orb": _orb,
     "surf": _surf,

@@ -1,8 +1,9 @@
-"""Features of a frame at a bounded size, described by bytes of which nearer is more alike.
+"""Features of a frame at a bounded size, with byte descriptors for which smaller distance means more similar.
 
 SIFT as RootSIFT: the square root of the L1-normalised descriptor, so that a dot product compares histograms by the Hellinger
 kernel (Arandjelović and Zisserman, CVPR 2012). ORB's bits as +1 and -1: a quarter of their squared distance is the Hamming
-distance. SURF as it is. All descriptors of a kind have one length, so the nearest is also the one with the largest product.
+distance. SURF unchanged. All descriptors of a kind have the same length, so the nearest is also the one with the largest dot
+product.
 """
 
 from __future__ import annotations
@@ -10,67 +11,65 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands, resized, stretched
+from gcs_mosaic.stitch.arrays import Band, Bands, Descriptors, FaintImage, FloatImage, FloatRows, ImageGrey, Points32Nx2
+from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
-from gcs_mosaic.stitch.features.faint import Faint, detect_faint, faint_picture, is_noise
+from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
 from gcs_mosaic.stitch.features.sharpness import sharpness
 
-Descriptors = NDArray[Any]  # (n, d) uint8 or int8, see Features
-
-REACH = 12.0  # px of the picture in which features are found: a SIFT descriptor of the usual size, two px, looks as far
+REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureSettings:
-    """What is looked for in a frame."""
+    """Feature extraction."""
 
-    kind: FeatureKind = "sift"  # sift, orb or surf (needs mahotas); the others find less to hold on to on bare ground
-    megapixels: float = 0.75  # size at which features are sought; 1.8 gave the same map at 2-3 times the time
-    count: int = 2000  # features kept of a frame, the strongest
+    kind: FeatureKind = "sift"  # sift, orb or surf (needs mahotas); the others find less on bare ground
+    megapixels: float = 0.75  # size of the feature picture; 1.8 gave the same map at 2-3 times the time
+    count: int = 2000  # features kept per frame, the strongest
     contrast: float = 0.01  # SIFT's contrast threshold; low, for bare fields: `count` bounds the number anyway
-    # features below which a picture is taken for faint, and sought through again with its contrast evened out
+    # number of features below which an image counts as faint and is searched again with its contrast equalised
     faint_below: int = 300
-    band: int = 0  # in frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
+    band: int = 0  # for frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What is kept of a frame for matching, strongest first.
+    """Features of a frame, strongest first.
 
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
-    1 or -1, SURF: 64 int8, 127 long; `scale`: full-resolution pixels per pixel of the picture in which they were found.
-    `faint`: of a faint picture, what all but the first `ordinary` of them were found in, unless what stands still has been taken
-    out of it. `dead`: the border, in full-resolution pixels, that they do not look at.
+    1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
+    picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `dead`: the
+    excluded border, in full-resolution pixels.
     """
 
-    points: NDArray[np.float32]
+    points: Points32Nx2
     descriptors: Descriptors
     width: int
     height: int
     scale: float
-    faint: Faint | None = None
+    faint: FaintImage | None = None
     ordinary: int = 0
     dead: DeadBorder = NO_BORDER
-    sharpness: float = 0.0  # see `sharpness`; 0 where nobody has looked
+    sharpness: float = 0.0  # see `sharpness`; 0 if not measured
 
     def __len__(self) -> int:
         return len(self.points)
 
 
 def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Features:
-    """Features of an image (h, w[, bands]) uint8 or uint16, which may be a frame that was reduced by a whole factor.
+    """Features of an image (h, w[, bands]), uint8 or uint16, possibly a frame reduced by an integer factor.
 
-    A picture with enough features is taken as it is. One with fewer SIFT features than `faint_below`, or with less than it may
-    have of which most is noise, is faint: besides, it has what was found when its contrast was evened out, so that it matches
-    both faint frames and such as are a little less so. (The other detectors' thresholds are not of contrast, and their
-    descriptors do not bear the change.)
+    An image with enough features is used as it is. One with fewer SIFT features than `faint_below`, or with fewer than `count`
+    and mostly noise, is faint: features of its contrast-equalised version are added, so that it matches both faint frames and
+    slightly less faint ones. (The other detectors' thresholds do not measure contrast, and their descriptors do not tolerate
+    the change.)
     """
     height, width = image.shape[0] * reduction, image.shape[1] * reduction
     counts = _reduced(image, settings.megapixels, settings.band)
@@ -86,15 +85,15 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     return replace(both, faint=faint, ordinary=len(features))
 
 
-def faint_features(standing_out: NDArray[Any], frame: Features, settings: FeatureSettings) -> Features:
-    """Features of a frame whose faint picture, freed of what stands still or not, is `standing_out` (h, w)."""
+def faint_features(standing_out: Band, frame: Features, settings: FeatureSettings) -> Features:
+    """Features of a frame's faint picture `standing_out` (h, w), with or without its fixed pattern removed."""
     found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, frame.width, frame.height, frame.scale)
     return without_border(replace(features, sharpness=frame.sharpness), frame.dead)
 
 
 def joined(one: Features, other: Features) -> Features:
-    """All features of one frame that were found in two ways; all else is of the first."""
+    """Features of one frame from two detections; everything else is taken from the first."""
     points, descriptors = (
         np.concatenate([getattr(f, part) for f in (one, other)]) for part in ("points", "descriptors")
     )
@@ -102,7 +101,7 @@ def joined(one: Features, other: Features) -> Features:
 
 
 def without_border(features: Features, dead: DeadBorder) -> Features:
-    """Those features that do not look at a dead border, given in full-resolution pixels."""
+    """Features whose support does not touch a dead border, given in full-resolution pixels."""
     if dead == NO_BORDER:
         return features
     kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
@@ -111,9 +110,9 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
     return replace(features, points=points, descriptors=descriptors, ordinary=ordinary, dead=dead)
 
 
-def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> NDArray[np.uint8]:
-    """Grey copy of an image (h, w[, bands]), reduced (never enlarged) to about so many megapixels: the luminance of a picture in
-    colour, else the one band that is wanted, or the mean of all. Eight bits of one or three bands are taken as they are."""
+def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> ImageGrey:
+    """Grey copy of an image (h, w[, bands]), reduced (never enlarged) to about so many megapixels: luminance of a colour image,
+    else the selected band or the mean of all. 8-bit images with one or three bands are used unstretched."""
     return _grey(_reduced(image, megapixels, band), image)
 
 
@@ -123,7 +122,7 @@ def _features(found: Found, settings: FeatureSettings, width: int, height: int, 
 
 
 def _reduced(image: Bands, megapixels: float, band: int) -> Bands:
-    """What grey is made of, (h, w, bands) in the counts of the image."""
+    """The bands that grey is made of, (h, w, bands), in the counts of the image."""
     bands = image if image.ndim == 3 else image[..., None]
     factor = min(1.0, math.sqrt(megapixels * 1e6 / (bands.shape[0] * bands.shape[1])))
     size = (max(1, round(bands.shape[1] * factor)), max(1, round(bands.shape[0] * factor)))
@@ -135,16 +134,16 @@ def _reduced(image: Bands, megapixels: float, band: int) -> Bands:
     return resized(bands, size) if factor < 1 else bands
 
 
-def _grey(small: Bands, image: Bands) -> NDArray[np.uint8]:
+def _grey(small: Bands, image: Bands) -> ImageGrey:
     if small.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] in (1, 3)):
         return np.ascontiguousarray(small[..., 0])
-    # A thermal camera's whole scene may lie within a hundredth of its range, and bands differ in brightness by factors.
+    # A thermal scene may span a hundredth of the camera's range, and bands differ in brightness by factors.
     alike = [stretched(small[..., k]) for k in range(small.shape[2])]
     return alike[0] if len(alike) == 1 else np.asarray(np.rint(np.mean(alike, axis=0)), dtype=np.uint8)
 
 
-def _mean_of(small: Bands) -> NDArray[np.float32]:
-    """The mean (h, w) of bands, each by its own range; not rounded, so that sixteen bits stay sixteen."""
+def _mean_of(small: Bands) -> FloatImage:
+    """Mean (h, w) of bands, each normalised by its own range; not rounded, to keep 16-bit precision."""
     levels = small.astype(np.float32)
     if small.shape[2] > 1:
         low, high = np.quantile(levels, (0.005, 0.995), axis=(0, 1)).astype(np.float32)
@@ -152,7 +151,7 @@ def _mean_of(small: Bands) -> NDArray[np.float32]:
     return np.asarray(levels.mean(axis=2), dtype=np.float32)
 
 
-def root_sift(descriptors: NDArray[Any]) -> NDArray[np.uint8]:
+def root_sift(descriptors: Descriptors) -> NDArray[np.uint8]:
     """SIFT descriptors (n, 128) as RootSIFT, unit length times 255 in bytes: a quarter of the memory, same matches."""
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
     return np.asarray(np.rint(255 * np.sqrt(descriptors / total)), dtype=np.uint8)
@@ -163,12 +162,12 @@ def signs(descriptors: NDArray[np.uint8]) -> NDArray[np.int8]:
     return np.unpackbits(descriptors, axis=1).astype(np.int8) * np.int8(2) - np.int8(1)
 
 
-def rounded(descriptors: NDArray[np.float32]) -> NDArray[np.int8]:
-    """Descriptors (n, d) of unit length, times 127."""
+def rounded(descriptors: FloatRows) -> NDArray[np.int8]:
+    """Unit-length descriptors (n, d), times 127."""
     return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
 
 
-COMPARABLE: dict[FeatureKind, Callable[[NDArray[Any]], Descriptors]] = {
+COMPARABLE: dict[FeatureKind, Callable[[Descriptors], Descriptors]] = {
     "sift": root_sift,
     "orb": signs,
     "surf": rounded,

@@ -1,36 +1,31 @@
-"""Pictures with next to no contrast: thermal cameras over cold fields, haze. What is faint in them, brought out.
+"""Images with almost no contrast (thermal cameras over cold fields, haze): equalising their faint structure.
 
-SIFT's threshold is absolute, and its finest scales see only the noise of such a sensor. So the picture is halved, freed of its
-local mean (vignettes, gradients), blurred until the pixels' own noise is gone, and divided by its local deviation.
+SIFT's threshold is absolute, and its finest scales see only the noise of such a sensor. So the image is halved, high-pass
+filtered (vignetting, gradients), blurred until pixel noise is gone, and divided by its local standard deviation.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, ImageGrey
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
 
-Floats = NDArray[np.float32]
-Faint = NDArray[np.int8]  # (h, w) of the halved picture: what stands out from its surroundings, see `faint_picture`
-
 HALF = 2  # px of the feature picture per px of a faint one
-AROUND = 12.0  # px of the faint picture, sigma of the surroundings whose mean is taken away
+AROUND = 12.0  # px of the faint picture, sigma of the local mean that is subtracted
 BLUR = 2.5  # px of it, sigma; of 87 pairs of a noisy flight 26 matched at 0.75, 38 at 1.25, 48 at 2.5
-LOCAL = 16.0  # px of it, sigma of the neighbourhood whose deviation becomes one
-LEAST_LOCAL = 0.5  # of the median local deviation; quieter places are not amplified further: they show only noise
-PER_DEVIATION = 16  # steps of a faint picture per robust standard deviation
+LOCAL = 16.0  # px of it, sigma of the neighbourhood that is normalised to unit deviation
+LEAST_LOCAL = 0.5  # of the median local deviation; quieter areas are not amplified further: they show only noise
+PER_DEVIATION = 16  # quantisation steps of a faint picture per robust standard deviation
 LEAST_DEVIATION = 0.1  # counts; less is rounding
-CONTRAST = 40  # grey levels per local deviation in the picture in which features are sought
-# times; 2.2 and more over cold fields, 1.95 and less in others but for dry grass (2.3), which has as many features as it may
+CONTRAST = 40  # grey levels per local deviation in the image features are detected in
+# ratio; 2.2 and more over cold fields, 1.95 and less elsewhere except dry grass (2.3), which reaches the feature limit
 NOISY = 2.0
 
 
-def faint_picture(grey: NDArray[Any]) -> Faint:
-    """A grey picture (h, w) of any depth, halved, without its local mean, in 1 / PER_DEVIATION of its robust deviation."""
+def faint_picture(grey: Band) -> FaintImage:
+    """A grey image (h, w) of any depth, halved and high-pass filtered, in 1 / PER_DEVIATION of its robust deviation."""
     size = max(1, grey.shape[1] // HALF), max(1, grey.shape[0] // HALF)
     small = cv2.resize(grey.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     standing_out = small - cv2.GaussianBlur(small, (0, 0), AROUND)
@@ -39,8 +34,8 @@ def faint_picture(grey: NDArray[Any]) -> Faint:
     return np.asarray(np.clip(steps, -127, 127), dtype=np.int8)
 
 
-def detect_faint(standing_out: NDArray[Any], kind: FeatureKind, count: int, contrast: float) -> Found:
-    """Features of a faint picture (h, w), freed of any fixed pattern or not; points in pixels of the feature picture."""
+def detect_faint(standing_out: Band, kind: FeatureKind, count: int, contrast: float) -> Found:
+    """Features of a faint picture (h, w), with or without its fixed pattern; points in pixels of the feature picture."""
     blurred = blurred_faint(standing_out)
     local = np.sqrt(cv2.GaussianBlur(blurred * blurred, (0, 0), LOCAL))
     least = max(LEAST_LOCAL * float(np.median(local)), 1e-3)
@@ -49,18 +44,18 @@ def detect_faint(standing_out: NDArray[Any], kind: FeatureKind, count: int, cont
     return Found((found.points + 0.5) * HALF - 0.5, found.descriptors)
 
 
-def blurred_faint(standing_out: NDArray[Any]) -> Floats:
-    """What features are sought in: without the noise of single pixels, and without the local mean that this leaves."""
+def blurred_faint(standing_out: Band) -> FloatImage:
+    """The faint picture without pixel noise and without the local mean that blurring leaves."""
     blurred = cv2.GaussianBlur(standing_out.astype(np.float32), (0, 0), BLUR)
     return np.asarray(blurred - cv2.GaussianBlur(blurred, (0, 0), AROUND), dtype=np.float32)
 
 
-def is_noise(grey: NDArray[np.uint8]) -> bool:
-    """Whether a grey picture (h, w) shows mostly the noise of single pixels: far more of that than of anything some px wide."""
+def is_noise(grey: ImageGrey) -> bool:
+    """Whether a grey image (h, w) is mostly pixel noise: far more of it than of structure some px wide."""
     levels = grey.astype(np.float32)
     finest = np.median(np.abs(levels - cv2.GaussianBlur(levels, (0, 0), 1))[1::3, 1::3])
     size = max(1, grey.shape[1] // 2), max(1, grey.shape[0] // 2)
-    half = cv2.resize(levels, size, interpolation=cv2.INTER_AREA)  # what is some px wide is still there
+    half = cv2.resize(levels, size, interpolation=cv2.INTER_AREA)  # structure some px wide survives this
     coarser = cv2.GaussianBlur(half, (0, 0), 2)
     structure = np.median(np.abs(coarser - cv2.GaussianBlur(coarser, (0, 0), 4))[::2, ::2])
     return bool(finest > NOISY * structure)

@@ -1,61 +1,58 @@
-"""What stands still in the picture while the ground moves: the pattern of a sensor, dirt on the lens.
+"""Fixed pattern: what stands still in the image while the ground moves (sensor pattern, dirt on the lens).
 
-A faint picture may show more of it than of the ground, and it matches itself at zero motion. Its mean over many frames is
-taken away before features are sought, and only for that. Frames are counted only if they look different from the one
-counted before: over an aircraft that hovers the mean would be the ground.
+A faint image may show more of it than of the ground, and it matches itself at zero motion. Its mean over many frames is
+subtracted before feature detection, and for nothing else. A frame is averaged only if it differs from the last one averaged:
+over a hovering aircraft the mean would be the ground.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined
-from gcs_mosaic.stitch.features.faint import PER_DEVIATION, Faint, blurred_faint
+from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
 from gcs_mosaic.stitch.transaction import Kept
 
-Floats = NDArray[np.float32]
 Kind = tuple[int, int]  # width and height of a frame: each size is one camera
 
-LEAST_FRAMES = 6  # different ones of which the mean is believed: a sixth of the ground of each is left in it
-MEMORY = 64  # frames; sensors drift, and are calibrated anew during a flight
-# Deviations beyond which a pixel counts no more: a bright roof in one frame must not leave a ghost in all that follow.
+LEAST_FRAMES = 6  # different frames before the mean is used: a sixth of each one's ground is left in it
+MEMORY = 64  # frames; sensors drift and recalibrate during a flight
+# Deviations at which a pixel is clipped: a bright roof in one frame must not leave a ghost in all later ones.
 MOST_OF_A_PIXEL = 2.0
-# Correlation of two frames above which their ground is taken for the same: over cold fields 0.6 and less between nine of ten
-# consecutive frames, 0.97 where the aircraft stood still; 0.95 when hovering over ground a third as strong as the noise.
+# Correlation of two frames above which they count as the same ground: over cold fields 0.6 and less in nine of ten consecutive
+# frames, 0.97 when hovering; 0.95 when hovering over ground a third as strong as the noise.
 SAME_GROUND = 0.85
-STILL_PX = (
-    4.0  # px of the feature picture by which a match must have moved at least to be of other ground than the pattern
-)
-MOST_PATTERN = 0.25  # of a picture's energy; the mean of six different grounds alone takes a sixth
+STILL_PX = 4.0  # px of the feature picture; least motion of a match that is ground and not the pattern
+MOST_PATTERN = 0.25  # of an image's energy; the mean of six different grounds alone has a sixth
 
 
 class StillPattern(Kept):
-    """The mean of many faint pictures, for each size of frames."""
+    """The mean of many faint pictures, for each frame size."""
 
     def __init__(self) -> None:
-        self._patterns: dict[Kind, Floats] = {}
+        self._patterns: dict[Kind, FloatImage] = {}
         self._counts: dict[Kind, int] = {}
-        self._last: dict[Kind, Floats] = {}  # blurred faint picture of the frame counted last
+        self._last: dict[Kind, FloatImage] = {}  # blurred faint picture of the frame counted last
 
     def without(self, features: Features, settings: FeatureSettings) -> Features:
-        """The features of a frame, sought anew where what stands still is known; learns from the frame. Once per frame."""
+        """A frame's features, detected again without the fixed pattern once that is known; learns from the frame. Once per
+        frame."""
         if features.faint is None:
             return features
         kind = features.width, features.height
         self._learn(kind, features.faint)
         if self._counts[kind] < LEAST_FRAMES:
-            return features  # its matches are told apart from the pattern's by `moving`
+            return features  # `moving` separates its matches from the pattern's
         freed = _freed(features.faint, self._patterns[kind])
         found = faint_features(freed, features, settings)
         if _energy(freed) < (1 - MOST_PATTERN) * _energy(features.faint):
-            return found  # what was found in the picture as it is may be of the pattern
+            return found  # features of the unfiltered image may belong to the pattern
         return joined(_ordinary(features), found)
 
-    def _learn(self, kind: Kind, faint: Faint) -> None:
+    def _learn(self, kind: Kind, faint: FaintImage) -> None:
         blurred = blurred_faint(faint)
         last = self._last.get(kind)
         if last is not None and _correlation(blurred, last) > SAME_GROUND:
@@ -69,9 +66,9 @@ class StillPattern(Kept):
         self._last = self._last | {kind: blurred}
 
 
-def moving(a: Features, b: Features, matches: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which matches (k, 2) may be of the ground: all, unless what stands still is still in both frames and they show different
-    ground. Then what has not moved is the pattern."""
+def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
+    """Which matches (k, 2) may be ground: all, unless the fixed pattern is still in both frames and they show different ground.
+    Then matches that have not moved are the pattern."""
     if a.faint is None or b.faint is None or a.faint.shape != b.faint.shape:
         return np.ones(len(matches), bool)
     if _correlation(blurred_faint(a.faint), blurred_faint(b.faint)) > SAME_GROUND:
@@ -80,24 +77,24 @@ def moving(a: Features, b: Features, matches: NDArray[np.intp]) -> NDArray[np.bo
     return np.asarray(apart > STILL_PX)
 
 
-def _freed(faint: Faint, pattern: Floats) -> Floats:
-    """A faint picture without as much of the pattern as it shows: automatic gain changes that from frame to frame."""
+def _freed(faint: FaintImage, pattern: FloatImage) -> FloatImage:
+    """A faint picture minus its projection onto the pattern, whose strength automatic gain changes from frame to frame."""
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))
     return np.asarray(levels - np.float32(max(share, 0.0)) * pattern, dtype=np.float32)
 
 
 def _ordinary(features: Features) -> Features:
-    """What was found in the picture as it is."""
+    """The features found in the image as it is."""
     first = slice(features.ordinary)
     return replace(
         features, points=features.points[first], descriptors=features.descriptors[first], faint=None, ordinary=0
     )
 
 
-def _energy(levels: NDArray[Any]) -> float:
+def _energy(levels: Band) -> float:
     return float(np.square(levels.astype(np.float32)).sum())
 
 
-def _correlation(a: Floats, b: Floats) -> float:
+def _correlation(a: FloatImage, b: FloatImage) -> float:
     return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-9))

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.features.extraction import Descriptors
+from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexPairsNx2, Indices, Vector32
 
-Rows = NDArray[np.float32]
-
-BLOCK = 256  # descriptors compared at a time with all others: a matrix of them all would not stay in the cache
+BLOCK = 256  # descriptors compared with all others at a time: the full matrix would not fit into the cache
 
 
-def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) -> NDArray[np.intp]:
-    """Index pairs (m, 2) of descriptors (n, d) and (k, d) that are each other's nearest, by Euclidean distance.
+def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) -> IndexPairsNx2:
+    """Index pairs (m, 2) of descriptors (n, d) and (k, d) that are each other's nearest neighbour in Euclidean distance.
 
-    ratio: of the distances to the best and second-best match, below which a match is kept.
+    ratio: maximum ratio of the distances to the nearest and the second-nearest neighbour.
     """
     if len(descriptors_a) < 2 or len(descriptors_b) < 2:
         return np.empty((0, 2), np.intp)
@@ -23,17 +20,17 @@ def match(descriptors_a: Descriptors, descriptors_b: Descriptors, ratio: float) 
     half_a, half_b = ((of * of).sum(axis=1) / 2 for of in (a, b))
     best, distance, second = _nearest_two(a, half_a, b, half_b)
     good = np.flatnonzero(distance < ratio**2 * second)
-    # Looking back is asked only of what has passed the ratio test, which most have not.
+    # Mutuality is checked only for matches that pass the ratio test, which most do not.
     back, _, _ = _nearest_two(b[best[good]], half_b[best[good]], a, half_a)
     mutual = good[back == good]
     return np.column_stack([mutual, best[mutual]])
 
 
-def _nearest_two(a: Rows, half_a: Rows, b: Rows, half_b: Rows) -> tuple[NDArray[np.intp], Rows, Rows]:
-    """For each of a (n, d): which of b (k, d) is nearest, and half the squared distances of that one and of the next (n,).
-    `half_a`, `half_b`: half the squared lengths.
+def _nearest_two(a: FloatRows, half_a: Vector32, b: FloatRows, half_b: Vector32) -> tuple[Indices, Vector32, Vector32]:
+    """For each row of a (n, d): the nearest row of b (k, d), half its squared distance, and that of the second nearest, (n,)
+    each. `half_a`, `half_b`: half the squared lengths.
 
-    |a - b|^2 / 2 = |a|^2 / 2 - likeness with likeness = a b - |b|^2 / 2, in which the last term is one more column.
+    |a - b|^2 / 2 = |a|^2 / 2 - likeness with likeness = a b - |b|^2 / 2, whose last term is one more column.
     """
     wide_a = np.column_stack([a, np.ones(len(a), np.float32)])
     wide_b = np.column_stack([b, -half_b]).T

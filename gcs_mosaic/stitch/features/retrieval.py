@@ -1,10 +1,10 @@
-"""Which of all frames may show the same ground as this one? For when nothing is known of where it lies.
+"""Image retrieval: which frames may show the same ground, when a frame's position is unknown.
 
-An inverted file: descriptors fall into words (the cells of a k-means vocabulary, learnt from the flight itself), and a
-query compares its own strongest descriptors, exactly, only with those in the words nearest to them. A frame scores by
-how much nearer its best match is than what other frames offer. Sivic and Zisserman, "Video Google", ICCV 2003; exact
-distances inside the cells as in Jégou et al., IEEE PAMI 33(1), 2011. The cost of a query still grows in proportion to
-the number of frames, but a query touches only about PROBES / WORDS of what is stored.
+An inverted file: descriptors are assigned to words (the cells of a k-means vocabulary learnt from the flight itself), and a
+query compares its own strongest descriptors exactly, but only with those in the nearest words. A frame is scored by how much
+closer its best match is than those of other frames. Sivic and Zisserman, "Video Google", ICCV 2003; exact distances inside the
+cells as in Jégou et al., IEEE PAMI 33(1), 2011. The cost of a query still grows linearly with the number of frames, but a query
+touches only about PROBES / WORDS of the stored descriptors.
 """
 
 from __future__ import annotations
@@ -12,42 +12,40 @@ from __future__ import annotations
 from array import array
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.features.extraction import Descriptors, Features
+from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexRows, Indices
+from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
-Floats = NDArray[np.float32]
-
-PER_FRAME = 200  # strongest descriptors kept of each frame; 10 % common ground still shares several
-QUERY = 100  # strongest descriptors that a query asks with; all 200 find no more
-BACKGROUND_RANK = 8  # a match counts by how far it beats the one of the 8th best frame: ground is seen by several
+PER_FRAME = 200  # strongest descriptors stored per frame; 10 % overlap still shares several
+QUERY = 100  # strongest descriptors used per query; all 200 find no more
+BACKGROUND_RANK = 8  # a match scores by its margin over the 8th best frame's: ground is seen by several frames
 WORDS = 256  # cells of the vocabulary
-PROBES = 2  # nearest words that a query descriptor looks into; 4 find no more
-LEARN_AT = (64, 512)  # frames at which the vocabulary is learnt (before, all is one word) and learnt anew
-SAMPLE = 50  # descriptors per word that it is learnt from
-ROUNDS = 5  # of k-means: cells need not be good, only about equally full
-BATCH = 20_000  # descriptors that are assigned to words at once; bounds the memory
+PROBES = 2  # nearest words searched per query descriptor; 4 find no more
+LEARN_AT = (64, 512)  # frames at which the vocabulary is learnt (a single word before) and learnt again
+SAMPLE = 50  # descriptors per word in the training sample
+ROUNDS = 5  # of k-means: the cells need only be about equally full
+BATCH = 20_000  # descriptors assigned to words at once; bounds memory
 
 
 class RetrievalIndex(Kept):
-    """Strongest descriptors of many frames, in the order in which they were added."""
+    """Strongest descriptors of many frames, in order of insertion."""
 
     FIXED = frozenset({"_descriptors", "_rows"})  # see `snapshot`
 
     def __init__(self) -> None:
-        self._descriptors: Descriptors = np.empty((0, 0), np.uint8)  # the first frame shows of which kind they are
+        self._descriptors: Descriptors = np.empty((0, 0), np.uint8)  # the first frame determines their kind
         self._count = 0
-        self._words: Floats = np.empty((1, 0), np.float32)
+        self._words: FloatRows = np.empty((1, 0), np.float32)
         self._rows = [array("q")]  # rows of the descriptors in each word, ascending
 
     def snapshot(self) -> Snapshot:
-        """What is stored is only added to, so how much there was says all, and nothing large is copied."""
+        """Stored descriptors are append-only, so their count is enough and nothing large is copied."""
         filed = self._rows, tuple(len(rows) for rows in self._rows)
         return {**super().snapshot(), "_descriptors": self._descriptors, "_rows": filed}
 
     def restore(self, before: Snapshot) -> None:
-        """Words that have grown are copied, not cut: that raises while anything still looks into them."""
+        """Words that have grown are copied, not truncated in place: that raises while anything still holds a view of them."""
         of_words = zip(*before["_rows"], strict=True)
         rows = [row if len(row) == length else row[:length] for row, length in of_words]
         super().restore({**before, "_rows": rows})
@@ -57,7 +55,7 @@ class RetrievalIndex(Kept):
         return {}
 
     def add(self, features: Features) -> None:
-        """Append a frame; one with fewer features than are wanted repeats them."""
+        """Append a frame; one with fewer than PER_FRAME features repeats them."""
         strongest = features.descriptors[:PER_FRAME]
         fill = np.resize(np.arange(max(len(strongest), 1)), PER_FRAME)
         if not self._count:
@@ -73,8 +71,8 @@ class RetrievalIndex(Kept):
         else:
             self._file(start)
 
-    def likeliest(self, features: Features, among: NDArray[np.intp], count: int) -> list[int]:
-        """At most `count` of the frames `among` (m,) most like this one, best first."""
+    def likeliest(self, features: Features, among: Indices, count: int) -> list[int]:
+        """The frames of `among` (m,) most similar to this one, best first, at most `count`."""
         query = features.descriptors[:QUERY].astype(np.float32)
         if not len(among) or not len(query):
             return []
@@ -84,10 +82,10 @@ class RetrievalIndex(Kept):
         score = np.maximum(nearness - background, 0).sum(axis=0) if rank == BACKGROUND_RANK else nearness.sum(axis=0)
         return [int(among[i]) for i in np.argsort(-score, kind="stable")[:count]]
 
-    def _nearness(self, query: Floats, among: NDArray[np.intp]) -> Floats:
-        """Likeness (q, m) of the best match of each query descriptor in each frame, as far as its words hold one.
+    def _nearness(self, query: FloatRows, among: Indices) -> FloatRows:
+        """Similarity (q, m) of the best match of each query descriptor in each frame, as far as the probed words hold one.
 
-        What lies in none of them counts as like as the mean of the nearest word: a match must beat that.
+        Where they hold none, the similarity to the nearest word's mean is used: a match must exceed it.
         """
         column = np.full(self._count, -1)
         column[among] = np.arange(len(among))
@@ -95,7 +93,7 @@ class RetrievalIndex(Kept):
         nearest = nearest_words(to_words, self._words, PROBES)
         nearness = np.repeat(np.take_along_axis(to_words, nearest[:, :1], axis=1), len(among), axis=1)
         for word in np.unique(nearest):
-            rows = np.array(self._rows[word])  # a copy: what is looked into cannot grow, and tracebacks keep looking
+            rows = np.array(self._rows[word])  # a copy: an array that is being viewed cannot grow
             rows = rows[column[rows // PER_FRAME] >= 0]
             if not len(rows):
                 continue
@@ -107,7 +105,7 @@ class RetrievalIndex(Kept):
         return nearness
 
     def _learn(self) -> None:
-        """Make a vocabulary of what has been seen, and file everything by it. Lloyd's k-means from an even sample."""
+        """Learn a vocabulary from everything stored and refile it. Lloyd's k-means on an even sample."""
         seen = self._count * PER_FRAME
         sample = self._descriptors[np.linspace(0, seen - 1, WORDS * SAMPLE).astype(int)].astype(np.float32)
         words = sample[::SAMPLE].copy()
@@ -120,15 +118,15 @@ class RetrievalIndex(Kept):
             self._file(start, min(start + BATCH, seen))
 
     def _file(self, start: int, stop: int | None = None) -> None:
-        """Put descriptors into their words."""
+        """Assign descriptors to words."""
         stop = stop or self._count * PER_FRAME
         stored = self._descriptors[start:stop].astype(np.float32)
         for row, word in enumerate(nearest_words(stored @ self._words.T, self._words, 1)[:, 0], start):
             self._rows[word].append(row)
 
 
-def nearest_words(likeness: Floats, words: Floats, count: int) -> NDArray[np.intp]:
-    """The nearest words (n, count), nearest first, by the scalar products (n, w) with them."""
+def nearest_words(likeness: FloatRows, words: FloatRows, count: int) -> IndexRows:
+    """Nearest words (n, count), nearest first, from the dot products (n, w) with them."""
     closeness = likeness - (words * words).sum(axis=1) / 2
     if count == 1:
         return np.asarray(closeness.argmax(axis=1)[:, None])

@@ -1,4 +1,4 @@
-"""How sharp a picture is, compared with others of the same ground."""
+"""Image sharpness relative to other images of the same ground."""
 
 from __future__ import annotations
 
@@ -6,22 +6,19 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Band, Bands, FloatPlanes
 
-PIXELS = 500_000  # looked at, in strips over the whole picture: its finest detail is told by some of its rows
+PIXELS = 500_000  # examined, in strips over the whole image: some rows suffice to measure its finest detail
 STRIP = 16  # rows
-COARSE = 8  # px; detail of this size survives the blur that takes the finest, and has the same exposure
-BLOCKS = 24  # in a strip; the middle one of all counts, for burnt-in writing is sharp in every picture
-
-Floats = NDArray[np.float32]
+COARSE = 8  # px; detail of this size survives blur that removes the finest, and has the same exposure
+BLOCKS = 24  # per strip; the median over all blocks is used, because burnt-in text is sharp in every image
 
 
 def sharpness(image: Bands) -> float:
-    """Amplitude of the finest detail of an image (h, w[, bands]) relative to that of coarser detail, 0 of an even one.
+    """Amplitude of the finest detail of an image (h, w[, bands]) relative to coarser detail; 0 for a uniform one.
 
-    In the direction in which it is the less sharp: motion smears a picture in one.
+    The smaller value of the two directions: motion blur affects only one.
     """
     strips = _strips(image if image.ndim == 2 else image[..., image.shape[2] // 2])
     fine, coarse = _energies(strips, 1), _energies(strips, COARSE)
@@ -31,22 +28,22 @@ def sharpness(image: Bands) -> float:
     )
 
 
-def _strips(band: NDArray[np.generic]) -> Floats:
-    """Strips of rows (n, STRIP, w), evenly over the picture."""
+def _strips(band: Band) -> FloatPlanes:
+    """Strips of rows (n, STRIP, w), evenly spaced over the image."""
     height, width = band.shape
     count = max(1, min(height // STRIP, PIXELS // (STRIP * width)))
     rows = np.linspace(0, max(height - STRIP, 0), count).astype(int)
     return np.stack([band[row : row + STRIP] for row in rows]).astype(np.float32)
 
 
-def _energies(strips: Floats, step: int) -> tuple[float, float]:
-    """Energy of the differences over so many pixels, across and down, of the middle one of many blocks."""
+def _energies(strips: FloatPlanes, step: int) -> tuple[float, float]:
+    """Energy of the differences across `step` pixels, horizontally and vertically; median over blocks."""
     across = strips[:, :-step, step:] - strips[:, :-step, :-step]
     down = strips[:, step:, :-step] - strips[:, :-step, :-step]
     return _middle(across * across), _middle(down * down)
 
 
-def _middle(energy: Floats) -> float:
+def _middle(energy: FloatPlanes) -> float:
     if not energy.size:
         return 0.0
     of_rows = energy.mean(axis=1)

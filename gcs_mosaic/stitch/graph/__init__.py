@@ -1,1 +1,1 @@
-"""Frames and the links between them (a view graph, in the words of structure from motion), and with whom to compare a frame."""
+"""View graph: frames, the links between them, and the selection of match candidates."""

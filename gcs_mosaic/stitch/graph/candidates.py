@@ -1,4 +1,4 @@
-"""Finding the frames that show the same ground: by place where it is known, by likeness where it is not."""
+"""Match candidates of a frame: by position where known, by image retrieval where not."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
@@ -25,23 +26,23 @@ from gcs_mosaic.stitch.registration.registration import (
 
 View = tuple[Pose, Camera]
 
-# Frames whose overlap is worked out for each that is wanted; boxes alone mislead where headings differ.
+# Frames whose overlap is computed, per neighbour wanted; bounding boxes alone mislead where headings differ.
 PER_NEIGHBOUR = 4
-AT_ONCE = 2  # frames that are matched with one at a time
+AT_ONCE = 2  # frames matched in parallel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchSettings:
-    """Which frames a new one is matched with."""
+    """Which frames a new frame is matched with."""
 
-    neighbours: int = 12  # frames a new one is matched with; this bound keeps the cost per frame constant
-    first_tries: int = 4  # frames near the last one that are tried before the wide search
-    wide_tries: int = 6  # best of all frames that the wide search matches in full
+    neighbours: int = 12  # frames a new one is matched with; bounds the cost per frame
+    first_tries: int = 4  # frames near the last one tried before retrieval
+    wide_tries: int = 6  # best retrieval results matched in full
     least_overlap: float = 0.05  # share of a frame below which matching is not worth the time
 
 
 class Search:
-    """Looks for links between the frames of a graph."""
+    """Searches for links between the frames of a graph."""
 
     def __init__(
         self,
@@ -59,9 +60,9 @@ class Search:
     def first_links(
         self, frame: int, last: int, compared: Mapping[int, Registration | None] = MappingProxyType({})
     ) -> Iterator[tuple[int, Registration]]:
-        """Placed frames that this one can be registered with, the likeliest first; `last` was placed last.
+        """Placed frames that this one registers with, likeliest first; `last`: the frame placed last.
 
-        `compared`: what came of comparing it with some of them already.
+        `compared`: results of comparisons already made.
         """
         tried: set[int] = set()
         for other in self._candidates(frame, last):
@@ -76,20 +77,20 @@ class Search:
         yield from self.likeliest(frame, self._graph.placed())
 
     def likeliest(self, frame: int, among: ArrayLike, count: int | None = None) -> list[int]:
-        """Frames that look most like this one, best first."""
+        """Frames most similar to this one, best first."""
         others = np.asarray(among, dtype=np.intp)
         others = others[others != frame]
         features = self._graph.frames[frame].features
         return self._graph.retrieval.likeliest(features, others, self._settings.wide_tries if count is None else count)
 
     def register(self, frame: int, other: int) -> Registration | None:
-        """Register two frames that may lie anywhere."""
+        """Register two frames whose relative position is unknown."""
         a, b = self._graph.frames[frame].features, self._graph.frames[other].features
         parts = (Part(again=self._graph.matched_before(f)) for f in (frame, other))
         return self._told(frame, other, register(a, b, self._registration, *parts))
 
     def compare(self, name: str, features: Features, other: int) -> Registration | None:
-        """Register a frame that is not of the graph yet with one that is; the same as `register` once it is."""
+        """Register a frame that is not in the graph yet with one that is; same result as `register` later."""
         part = Part(again=self._graph.matched_before(other))
         found = register(features, self._graph.frames[other].features, self._registration, part_b=part)
         return self._told_of(name, other, found)
@@ -97,8 +98,8 @@ class Search:
     def neighbour_links(
         self, frame: int, pose: Pose, island: int, most: int | None = None
     ) -> dict[int, Registration | None]:
-        """Links of a frame at a rough pose with those it should overlap, or with the `most` likely, spread over all directions;
-        None where none is."""
+        """Registrations of a frame at a rough pose with the frames it should overlap, or with the `most` likely, spread over all
+        directions; None where registration failed."""
         view = pose, self._graph.camera_on(island, self._graph.frames[frame].camera)
         known = self._graph.frames[frame].inliers
         others = [other for other in self._overlapping(frame, *view, island) if other not in known][:most]
@@ -117,9 +118,9 @@ class Search:
         return [last, *order][: self._settings.first_tries]
 
     def _overlapping(self, frame: int, pose: Pose, camera: Camera, island: int) -> list[int]:
-        """Frames of the island that share ground with this pose, spread over all directions, the best of each first.
+        """Frames of the island that overlap this pose, spread over all directions, the best of each first.
 
-        A climb puts hundreds of frames inside the box of one: the boxes choose those whose overlap is worked out.
+        A climb puts hundreds of frames inside the box of one: boxes preselect those whose overlap is computed.
         """
         graph, count = self._graph, self._settings.neighbours
         box = box_of(pose, camera)
@@ -135,9 +136,7 @@ class Search:
         chosen = neighbours.spread_choice(shared[keep], bearings[keep], count)
         return [int(f) for f in members[keep][chosen]]
 
-    def _registered_in_place(
-        self, frame: int, view_a: View, again: NDArray[np.bool_], other: int
-    ) -> Registration | NotRegistered:
+    def _registered_in_place(self, frame: int, view_a: View, again: Mask, other: int) -> Registration | NotRegistered:
         """Register two frames by the features that both should see, as far as their poses are known; `again`: those of the first
         that were matched before."""
         graph = self._graph

@@ -1,31 +1,29 @@
-"""Which placed frames a new one should be matched with, once it is known roughly where it lies."""
+"""Which placed frames to match a new one with, once its rough position is known."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Box4, BoxesNx4, Indices, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, pixels_from_canvas
-
-Array = NDArray[np.float64]
 
 REGION_FACTOR = 3.0  # the paper's region of interest: the box of the last frame, three times as large
 SECTORS = 6  # directions over which neighbours are spread
 
 
-def region_of_interest(box: Array) -> Array:
-    """The box enlarged about its centre."""
+def region_of_interest(box: Box4) -> Box4:
+    """The box (4,) enlarged about its centre."""
     centre, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2
     return np.concatenate([centre - REGION_FACTOR * half, centre + REGION_FACTOR * half])
 
 
-def boxes_meet(box: Array, boxes: Array) -> NDArray[np.bool_]:
-    """Which of the boxes (n, 4) share ground with the box (4,); NaN meets nothing."""
+def boxes_meet(box: Box4, boxes: BoxesNx4) -> Mask:
+    """Which of the boxes (n, 4) intersect the box (4,); NaN intersects nothing."""
     return np.asarray((boxes[:, :2] < box[2:]).all(axis=1) & (boxes[:, 2:] > box[:2]).all(axis=1))
 
 
-def boxes_shared(box: Array, boxes: Array) -> Array:
-    """Share (n,) of the box (4,) that each of the boxes (n, 4) covers, 0 to 1; they must meet it."""
+def boxes_shared(box: Box4, boxes: BoxesNx4) -> Vector:
+    """Share (n,) of the box (4,) that each of the boxes (n, 4) covers, 0 to 1; they must intersect it."""
     sides = np.minimum(boxes[:, 2:], box[2:]) - np.maximum(boxes[:, :2], box[:2])
     return np.asarray(sides.prod(axis=1) / max((box[2:] - box[:2]).prod(), 1e-12))
 
@@ -39,8 +37,8 @@ def overlap(pose: Pose, camera: Camera, other_pose: Pose, other_camera: Camera) 
     return float(inside.mean())
 
 
-def spread_choice(overlaps: Array, bearings: Array, count: int) -> NDArray[np.intp]:
-    """At most `count` indices (k,) of frames with overlap (n,), taken in turn from each direction, best overlap first."""
+def spread_choice(overlaps: Vector, bearings: Vector, count: int) -> Indices:
+    """At most `count` indices (k,) of frames with overlap (n,), round-robin over directions, best overlap first."""
     sector = np.floor((bearings + np.pi) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
     rank = np.zeros(len(overlaps), int)
     for s in range(SECTORS):
@@ -50,8 +48,8 @@ def spread_choice(overlaps: Array, bearings: Array, count: int) -> NDArray[np.in
     return order[:count]
 
 
-def seen_by(pixels: Array, pose: Pose, camera: Camera, other_pose: Pose, other_camera: Camera) -> NDArray[np.bool_]:
-    """Which pixels (n, 2) of a frame the other one sees, with a margin for poses that are only roughly known."""
+def seen_by(pixels: PointsNx2, pose: Pose, camera: Camera, other_pose: Pose, other_camera: Camera) -> Mask:
+    """Which pixels (n, 2) of a frame the other one sees, with a margin for rough poses."""
     seen = pixels_from_canvas(other_pose, other_camera, canvas_from_pixels(pose, camera, pixels))
     margin = MARGIN * other_camera.half_diagonal
     with np.errstate(invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Who may look on while frames are placed: for debug pictures and protocols. Nothing is worked out where nobody looks."""
+"""Observers of the placing of frames: for debug pictures and logs. Nothing is computed without one."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -18,36 +18,34 @@ from gcs_mosaic.stitch.registration.registration import NotRegistered, Registrat
 
 logger = logging.getLogger(__name__)
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class Residuals:
-    """Where the matches of a frame miss: its places for them (m, 2), and from there to the linked frames' (m, 2), canvas."""
+    """Match residuals of a frame: its matches on the canvas (m, 2), and the offsets from there to the linked frames' (m, 2)."""
 
     name: str
-    places: Array
-    misses: Array
+    places: PointsNx2
+    misses: PointsNx2
 
 
 class Observer(Protocol):
-    """Is told of everything that decides where frames lie, in the order in which it happens."""
+    """Is notified of everything that decides where frames lie, in order."""
 
     def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:
-        """Frame a was compared with frame b; pixels of a and b in `found` are full-resolution ones."""
+        """Frame a was compared with frame b; pixels in `found` are full-resolution ones."""
 
     def disbelieved(self, name: str, beside: str, reason: str) -> None:
-        """A frame was registered with a placed one, but its pose there is not to be believed."""
+        """A frame was registered with a placed one, but its pose there was rejected."""
 
     def placed(self, placement: Placement) -> None:
-        """A frame lies on the map for the first time, or again after it was taken back."""
+        """A frame was placed for the first time, or again after it was taken back."""
 
     def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
-        """A whole island was adjusted, and `residuals()` tells what is left over, frame by frame, if asked at once."""
+        """A whole island was adjusted; `residuals()` returns the residuals by frame, if called at once."""
 
 
 class Observers:
-    """Passes everything on to several. One that raises is told no more: whoever looks on must not change what happens."""
+    """Forwards to several observers. One that raises is dropped: observing must not change the result."""
 
     def __init__(self, *observers: Observer | None) -> None:
         self._observers = [observer for observer in observers if observer is not None]
@@ -74,8 +72,8 @@ class Observers:
 
 
 def island_residuals(graph: ViewGraph, island: int) -> list[Residuals]:
-    """What the matches of an island's frames miss by as they lie now, lens and relief applied; NaN above the horizon."""
-    of_frame: dict[int, list[tuple[Array, Array]]] = {frame: [] for frame in graph.members(island).tolist()}
+    """Residuals of the matches of an island's frames at their present poses, lens and relief applied; NaN above the horizon."""
+    of_frame: dict[int, list[tuple[PointsNx2, PointsNx2]]] = {frame: [] for frame in graph.members(island).tolist()}
     for (a, b), link in graph.links.items():
         if a in of_frame and b in of_frame:
             place_a, place_b = _places(graph, a, link.pixels_a), _places(graph, b, link.pixels_b)
@@ -88,7 +86,7 @@ def island_residuals(graph: ViewGraph, island: int) -> list[Residuals]:
     ]
 
 
-def _places(graph: ViewGraph, frame: int, pixels: Array) -> Array:
+def _places(graph: ViewGraph, frame: int, pixels: PointsNx2) -> PointsNx2:
     camera = graph.camera_of(frame)
     level_ground = on_plane(graph.frames[frame].relief, camera, pixels)
     return canvas_from_pixels(graph.pose_of(frame), camera, level_ground)

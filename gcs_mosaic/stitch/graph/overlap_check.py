@@ -1,7 +1,7 @@
-"""Does what lies around a frame bear out its place? All that other frames see there must be found in it.
+"""Overlap check: do the frames around a pose confirm it?
 
-One pair of frames can share a thing that looks alike elsewhere and little else: then its own matches cannot tell. The
-frames around can: where they see what this frame should see, as sharply, some match must say so.
+One pair of frames can share a look-alike and little else: then its own matches cannot decide. The surrounding frames can: where
+they see the same ground as this frame, at similar resolution, some match must confirm it.
 """
 
 from __future__ import annotations
@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Counts, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import (
-    Array,
     Camera,
     Pose,
     canvas_from_pixels,
@@ -23,18 +22,18 @@ from gcs_mosaic.stitch.camera.geometry import (
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import Confirmed
 
-COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features where there is anything to see
-COMPARABLE = 3  # features below which a cell says nothing
-SHARPER = 2.0  # times; SIFT bridges more, but finds less and less in common
+COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features over textured ground
+COMPARABLE = 3  # features below which a cell is ignored
+SHARPER = 2.0  # ratio of resolutions; SIFT bridges more, but with fewer and fewer matches
 
 
 def confirmed_around(
-    graph: ViewGraph, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[Array]
+    graph: ViewGraph, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[PointsNx2]
 ) -> Confirmed:
-    """How much of what these other frames of an island should have in common with the frame at this pose matches confirm:
-    of what was matched between them before if that is enough to judge, else of all they see.
+    """Share of the cells common to the frame at this pose and other frames of an island that matches confirm: of cells with
+    features matched before if they suffice, else of all commonly seen cells.
 
-    matched: the frame's pixels (m, 2) in full resolution that were matched with any of them.
+    matched: the frame's full-resolution pixels (m, 2) that were matched with any of them.
     """
     camera = graph.camera_on(island, graph.frames[frame].camera)
     agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
@@ -48,10 +47,8 @@ def confirmed_around(
 ENOUGH_CELLS = 6
 
 
-def _matched_before_by_any(
-    graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]
-) -> NDArray[np.bool_]:
-    """Cells (ROWS * COLUMNS,) that show what the others have been matched by, but for this frame, as sharply as they do."""
+def _matched_before_by_any(graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
+    """Cells (ROWS * COLUMNS,) where others have features matched with frames other than this one, at similar resolution."""
     counts = np.zeros(ROWS * COLUMNS, np.intp)
     for other in others:
         view = graph.pose_of(other), graph.camera_of(other)
@@ -65,19 +62,19 @@ def _matched_before_by_any(
     return np.asarray(counts >= COMPARABLE)
 
 
-def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> NDArray[np.bool_]:
+def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> Mask:
     points = graph.frames[frame].features.points.astype(np.float64)
     return np.asarray(_counts(points, camera) >= COMPARABLE)
 
 
-def _counts(pixels: Array, camera: Camera) -> NDArray[np.intp]:
-    """How many of the pixels (n, 2) lie in each cell, (ROWS * COLUMNS,)."""
+def _counts(pixels: PointsNx2, camera: Camera) -> Counts:
+    """Number of pixels (n, 2) in each cell, (ROWS * COLUMNS,)."""
     column, row = ((pixels + 0.5) * [COLUMNS / camera.width, ROWS / camera.height]).astype(int).T
     return np.bincount(row.clip(0, ROWS - 1) * COLUMNS + column.clip(0, COLUMNS - 1), minlength=ROWS * COLUMNS)
 
 
-def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> NDArray[np.bool_]:
-    """Cells (ROWS * COLUMNS,) whose middle some other frame sees, neither much sharper nor much coarser."""
+def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
+    """Cells (ROWS * COLUMNS,) whose centre another frame sees at similar resolution."""
     half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
     inner = Camera(camera.width, camera.height)
     middles = half_cell - 0.5 + pixel_grid(inner, COLUMNS, ROWS) * (1 - np.array([1 / COLUMNS, 1 / ROWS]))

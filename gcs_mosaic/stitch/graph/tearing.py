@@ -1,11 +1,11 @@
-"""How good is this map? How far it tears held-out matches apart: two frames show one point of the ground at two places.
+"""Map quality from held-out matches: how far two frames place the same ground point apart.
 
-Registration accepts what agrees with one homography, so its inliers alone would flatter the map: of what stands above the
-ground they hold the lowest. Other tentative matches count, too, if their two frames, as they lie, see one point there that
-is no higher than heights are expected to be, and see it as sharply as they see the inliers. The rest is taken for false.
-A bad map cannot hide behind that: inliers count however badly they fit.
+Registration accepts what agrees with one homography, so its inliers alone would flatter the map: of objects above ground they
+include only the lowest. Other tentative matches count as well if their two frames, at their poses, see one point there within
+the expected heights, as accurately as the inliers. The rest are considered false. A bad map cannot hide that way: inliers count
+however badly they fit.
 
-Pairs of frames count nearly alike, because matches pile up where two frames show the same from the same place.
+Pairs of frames have almost equal weight, because matches pile up between frames taken from the same place.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import AnyArray, IndexPairsNx2, Indices, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
@@ -26,47 +25,45 @@ from gcs_mosaic.stitch.transaction import Kept
 
 logger = logging.getLogger(__name__)
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
-# of an island that are looked at, evenly out of all: half a second at 3,000 frames, and the 95 % is good to some 4 %
+# pairs of an island sampled evenly: half a second at 3,000 frames, and the 95 % is accurate to some 4 %
 PAIRS = 500
-PER_PAIR = 32  # held-out matches of a pair that are looked at, evenly out of all
-COUNTING = 8  # as which more of a pair count; 3 to 16 give the same within a tenth
-FEWEST = 20  # held-out inliers of an island that tell anything
-HIGHEST = 3.0  # standard deviations of the heights that are expected
-PER_GROWTH = 16  # an island is measured anew when it has grown by one part in so many
+PER_PAIR = 32  # held-out matches sampled evenly from a pair
+COUNTING = 8  # maximum weight of a pair, in matches; 3 to 16 give the same within a tenth
+FEWEST = 20  # held-out inliers an island needs
+HIGHEST = 3.0  # standard deviations of the expected heights
+PER_GROWTH = 16  # an island is measured again when it has grown by one part in so many
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """How far an island tears held-out matches apart, in pixels of its median frame; infinite above a horizon."""
+    """Held-out match error of an island, in pixels of its median frame; infinite above a horizon."""
 
     median_px: float
     p95_px: float
-    matches: int  # that were looked at
+    matches: int  # number of matches measured
 
 
 class Tearing(Kept):
-    """Measures the islands of a graph, each when it has been adjusted or has grown."""
+    """Measures the islands of a graph, each after its adjustment or growth."""
 
     FIXED = frozenset({"_graph", "_settings"})
 
     def __init__(self, graph: ViewGraph, settings: ReliefSettings) -> None:
         self._graph = graph
         self._settings = settings
-        self._known: dict[int, tuple[int, HeldOut | None]] = {}  # and frames at that time, by island
+        self._known: dict[int, tuple[int, HeldOut | None]] = {}  # with the number of frames then, by island
 
     def forget(self, island: int) -> None:
-        """An island has been adjusted."""
+        """To be called when an island has been adjusted."""
         self._known.pop(island, None)
 
     def forget_all(self) -> None:
-        """The flight is over: what is asked next is to be exact."""
+        """At the end of a flight: the next figures are exact."""
         self._known.clear()
 
     def of_islands(self) -> dict[int, HeldOut]:
-        """The figures of all islands that have any; costs next to nothing where little has changed."""
+        """Figures of all islands that have any; cheap where little has changed."""
         found = {}
         for island, frames in self._graph.frame_counts().items():
             before, known = self._known.get(island, (0, None))
@@ -80,7 +77,7 @@ class Tearing(Kept):
     def _measured(self, island: int) -> HeldOut | None:
         try:
             return torn_apart(self._graph, island, self._settings)
-        except Exception:  # no flight must end because its map cannot be judged
+        except Exception:  # failing to measure the map must not end a flight
             logger.exception("island %d could not be judged", island)
             return None
 
@@ -90,22 +87,22 @@ class _Matches:
     """Held-out matches of pairs of frames, m in all."""
 
     pair: Indices  # (m,) number of the pair
-    is_inlier: NDArray[np.bool_]  # (m,)
-    frames: Indices  # (m, 2)
-    features: Indices  # (m, 2)
+    is_inlier: Mask  # (m,)
+    frames: IndexPairsNx2  # (m, 2)
+    features: IndexPairsNx2  # (m, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class _Sights:
-    """Where frames see something, n sights in all."""
+    """Canvas places of observations, n in all."""
 
-    painted: Array  # (n, 2) on the canvas
-    level: Array  # (n, 2) the same if the ground were a plane
-    by_height: Array  # (n, 2) how that moves per unit of height of the ground
+    painted: PointsNx2  # (n, 2) on the canvas
+    level: PointsNx2  # (n, 2) the same without relief, on the plane
+    by_height: PointsNx2  # (n, 2) shift per unit of ground height
 
 
 def torn_apart(graph: ViewGraph, island: int, settings: ReliefSettings) -> HeldOut | None:
-    """How far an island tears held-out matches apart; None where there are too few."""
+    """Held-out match error of an island; None with too few matches."""
     matches = _matches(graph, island)
     if np.count_nonzero(matches.is_inlier) < FEWEST:
         return None
@@ -119,7 +116,7 @@ def torn_apart(graph: ViewGraph, island: int, settings: ReliefSettings) -> HeldO
 
 
 def _matches(graph: ViewGraph, island: int) -> _Matches:
-    """The held-out matches of an island, at most so many."""
+    """The held-out matches of an island, subsampled."""
     inside = set(graph.members(island).tolist())
     keys = [key for key in graph.links if key[0] in inside and key[1] in inside]
     keys = keys[:: -(-len(keys) // PAIRS) or 1]
@@ -135,12 +132,12 @@ def _matches(graph: ViewGraph, island: int) -> _Matches:
     )
 
 
-def _joined(parts: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
+def _joined(parts: Sequence[AnyArray], kind: type) -> AnyArray:
     return np.concatenate(parts).astype(kind) if parts else np.empty(0, kind)
 
 
 def _sights(graph: ViewGraph, frames: Indices, features: Indices) -> _Sights:
-    """What these frames (n,) see of these of their features (n,)."""
+    """Where these frames (n,) see these of their features (n,)."""
     painted, level, by_height = np.empty((3, len(frames), 2))
     order = np.argsort(frames, kind="stable")
     for own in np.split(order, np.flatnonzero(np.diff(frames[order])) + 1):
@@ -153,8 +150,8 @@ def _sights(graph: ViewGraph, frames: Indices, features: Indices) -> _Sights:
     return _Sights(painted, level, by_height)
 
 
-def _as_good_as_inliers(sights: _Sights, is_inlier: NDArray[np.bool_], highest: float) -> NDArray[np.bool_]:
-    """Whose (m,) two frames see one point of a believable height, as sharply as they see 95 of 100 inliers."""
+def _as_good_as_inliers(sights: _Sights, is_inlier: Mask, highest: float) -> Mask:
+    """Matches (m,) consistent with one point of plausible height, with errors below the inliers' 95th percentile."""
     miss = sights.level[1::2] - sights.level[::2]
     parallax = sights.by_height[::2] - sights.by_height[1::2]
     height = (miss * parallax).sum(axis=1) / np.maximum((parallax**2).sum(axis=1), 1e-12)
@@ -163,8 +160,8 @@ def _as_good_as_inliers(sights: _Sights, is_inlier: NDArray[np.bool_], highest: 
     return np.asarray(off < quantiles(off[is_inlier], np.ones(np.count_nonzero(is_inlier)), (0.95,))[0])
 
 
-def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
-    """Values below which these shares of the weight lie."""
+def quantiles(values: Vector, weights: Vector, shares: Sequence[float]) -> list[float]:
+    """Weighted quantiles of the values."""
     order = np.argsort(values)
     heaped = np.cumsum(weights[order])
     last = len(values) - 1
@@ -172,7 +169,7 @@ def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[fl
 
 
 def _highest(graph: ViewGraph, island: int, settings: ReliefSettings) -> float:
-    """Height above the plane that is still believed, canvas units."""
+    """Largest plausible height above the plane, canvas units."""
     members = graph.members(island).tolist()
     heights = [math.exp(graph.pose_of(f).log_gsd) * graph.camera_of(f).focal_px for f in members]
     return HIGHEST * settings.sigma * float(np.median(heights))

@@ -1,7 +1,7 @@
-"""The graph of frames: which frames there are, how they were linked by matches, and where they lie.
+"""View graph: all frames, their links by matches, and their poses.
 
-One graph holds all islands, and it is all that the placing of frames keeps: the rooms around it decide, and remember
-nothing. Frames are numbered in the order in which they came; numbers never change.
+One graph holds all islands and is the only state that placement keeps: the modules around it decide and keep none. Frames are
+numbered in order of arrival; numbers never change.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Box4, BoxesNx4, FeaturePairsNx2, Indices, Mask, PointsNx2, SquareMatrix
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, footprint
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
@@ -23,21 +23,20 @@ from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
-Array = NDArray[np.float64]
 CameraNumber = int  # frames of one size were taken by one camera
 
 NOWHERE = -1  # the island of a frame that is not placed
-# Of the cells around a frame that is where it is believed to be, those that matches confirm (0.9 over fields, 0.5 to 0.9 in
-# woods), and cells that this is worth, two or three frames: as long as a flight has not shown its own share.
+# Share of the cells around a correctly placed frame that matches confirm (0.9 over fields, 0.5 to 0.9 in woods), and its weight
+# in cells, two or three frames: until a flight has shown its own share.
 FIRST_SHARE, FIRST_CELLS = 0.8, 60
-LEAST_SHARE, MOST_SHARE = 0.5, 0.85  # between which that is believed: where islands meet, poses are rough
-LENS_KNOWN = 5  # frames after which an island knows a lens well enough to judge residuals, and to tell others
+LEAST_SHARE, MOST_SHARE = 0.5, 0.85  # its bounds: where islands meet, poses are rough
+LENS_KNOWN = 5  # frames after which an island knows a lens well enough to judge residuals and to inform others
 NO_INLIERS: Mapping[int, int] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
 class FrameState:
-    """All that is kept of a frame. `pose` is None until it is placed; `held` is the pose it is drawn at."""
+    """Everything known of a frame. `pose` is None until it is placed; `held` is the pose it is drawn at."""
 
     name: str
     features: Features
@@ -47,22 +46,23 @@ class FrameState:
     inliers: Mapping[int, int] = field(default_factory=lambda: NO_INLIERS)  # independent inliers by linked frame
     relief: ReliefDisplacement | None = None
     residual_px: float = math.nan  # median over its matches, full-resolution pixels
-    hops: int = 0  # links between it and its island's root, along the shortest way
+    hops: int = 0  # links on the shortest path to its island's root
     corner_deviation_px: float = 0.0  # of its least certain corner, full-resolution pixels; relative to the root
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """Matches of two frames: full-resolution pixels (m, 2) in each of a few, and which features (k, 2) all of them are.
+    """Matches of two frames: full-resolution pixels (m, 2) in each for a selection, and feature indices (k, 2) for all.
 
-    `held_out` (n, 2): inliers, and `doubtful` (d, 2): tentative matches, by which nothing is placed; see matching/held_out.py.
+    `held_out` (n, 2): inliers, and `doubtful` (d, 2): tentative matches, neither used for placement; see
+    `registration.held_out`.
     """
 
-    pixels_a: Array
-    pixels_b: Array
-    features: NDArray[np.uint32]
-    held_out: NDArray[np.uint32]
-    doubtful: NDArray[np.uint32]
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
+    features: FeaturePairsNx2
+    held_out: FeaturePairsNx2
+    doubtful: FeaturePairsNx2
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,54 +74,53 @@ class Bridge:
     registration: Registration  # of frame a with frame b
 
     def turned(self) -> Bridge:
-        """The same bridge, seen from the other side."""
+        """The same bridge with the sides exchanged."""
         return Bridge(self.frame_b, self.frame_a, self.registration.turned())
 
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """What an island's frames have shown of a camera, and how well: `information` (5, 5), the inverse of the covariance of
-    its terms as in `projection.lens_row`; None while it was not estimated from them."""
+    """What an island's frames have shown of a camera: `information` (5, 5), the inverse covariance of its terms as in
+    `projection.lens_row`; None while not estimated."""
 
     camera: Camera
-    information: Array | None = None
+    information: SquareMatrix | None = None
 
 
 class ViewGraph(Kept):
     """Frames, lenses, links and islands.
 
-    `islands` (n,): each frame's island, NOWHERE for those that are not placed. `cameras` (n,): each frame's camera. `boxes`
-    (n, 4): bounding box of each placed frame's footprint, NaN for the others. All are arrays so that a question about all
-    frames costs next to nothing.
-    `roots`: the frame that founded each island, by the island's number. `merged_into`: by number, the island that each one
-    has become part of, or None. `lenses`: by island and camera, because an island knows the lens by its own frames only.
+    `islands` (n,): each frame's island, NOWHERE if not placed. `cameras` (n,): each frame's camera. `boxes` (n, 4): bounding
+    box of each placed frame's footprint, else NaN. They are arrays so that queries over all frames are cheap. `roots`: founding
+    frame by island. `merged_into`: by island, the island it was merged into, or None. `lenses`: by island and camera, because
+    an island knows a lens only from its own frames.
     """
 
     def __init__(self, first_focal: float, matches_per_link: int) -> None:
         self.frames: list[FrameState] = []
         self.numbers: dict[str, int] = {}  # by the frame's name
-        self.sizes: list[Camera] = []  # by camera: its size, and the lens that is expected of any
+        self.sizes: list[Camera] = []  # by camera: its size, and the lens expected of any
         self.lenses: dict[tuple[int, CameraNumber], Lens] = {}
         self.links: dict[tuple[int, int], Link] = {}
-        self.islands: NDArray[np.intp] = np.empty(0, np.intp)
-        self.cameras: NDArray[np.intp] = np.empty(0, np.intp)
-        self.boxes: Array = np.empty((0, 4))
+        self.islands: Indices = np.empty(0, np.intp)
+        self.cameras: Indices = np.empty(0, np.intp)
+        self.boxes: BoxesNx4 = np.empty((0, 4))
         self.roots: dict[int, int] = {}
         self.merged_into: list[int | None] = []
         self.bridges: list[Bridge] = []
-        # Pairs of frames that were compared in a pause, smaller number first, and the poses at which they could not be
-        # connected though they have much in common; None where they have not.
+        # Pairs of frames compared when idle, smaller number first, with the poses at which they could not be connected despite
+        # much in common; None if they have little.
         self.compared: dict[tuple[int, int], tuple[Pose | None, Pose | None] | None] = {}
-        self.frames_to_ask: list[int] = []  # those that are to be compared next,
-        self.asked_when: tuple[int, int, int] | None = None  # chosen when so much was known
-        # Around frames that were believed: how many cells should have been confirmed, and how many were.
+        self.frames_to_ask: list[int] = []  # to be compared next,
+        self.asked_when: tuple[int, int, int] | None = None  # selected at this state of knowledge
+        # Around accepted frames: number of cells that should have been confirmed, and that were.
         self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex()
-        self.last_placed = 0  # where the next frame is looked for first
-        self.order = -1  # of the frame that was looked at last, in the order of capture
-        self._seen_at: dict[int, int] = {}  # by the order of frames looked at before: the placed frame that is nearest
-        self.moved: set[int] = set()  # frames put somewhere since whoever follows them last cleared this
+        self.last_placed = 0  # where the search for the next frame begins
+        self.order = -1  # of the last frame examined, in capture order
+        self._seen_at: dict[int, int] = {}  # by capture order of earlier frames: the nearest placed frame
+        self.moved: set[int] = set()  # frames placed or moved since the set was last cleared
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
 
@@ -131,7 +130,7 @@ class ViewGraph(Kept):
             self.retrieval.add(frame.features)
 
     def append(self, name: str, features: Features) -> int:
-        """Take in a frame, not yet placed; a size not seen before is a camera of its own."""
+        """Add a frame, not yet placed; a new frame size is a new camera."""
         number, size = len(self.frames), (features.width, features.height)
         sizes = [(camera.width, camera.height) for camera in self.sizes]
         if size not in sizes:
@@ -146,8 +145,8 @@ class ViewGraph(Kept):
         return number
 
     def turn_to(self, order: int) -> None:
-        """The frame with this number in the order of capture is placed next. One that is not the next in that order is first
-        looked for where the frame was that is nearest to it in time."""
+        """Set the capture index of the frame placed next. If it is not consecutive, the search for it begins at the frame nearest
+        in time."""
         self._seen_at[self.order] = self.last_placed
         if order != self.order + 1:
             nearest = min(self._seen_at, key=lambda other: (abs(other - order), other))
@@ -155,7 +154,7 @@ class ViewGraph(Kept):
         self.order = order
 
     def found_island(self) -> int:
-        """A new island without frames; returns its number, which is never used again."""
+        """Number of a new island without frames; numbers are never reused."""
         self.merged_into.append(None)
         return len(self.merged_into) - 1
 
@@ -170,9 +169,9 @@ class ViewGraph(Kept):
         island: int,
         lenses: Mapping[CameraNumber, Lens] = MappingProxyType({}),
     ) -> None:
-        """Place frames, or move them, all on one island, together with what is now known of its lenses.
+        """Place or move frames, all on one island, and update its lenses.
 
-        The one way in which a lens changes: every frame of its camera on the island lies elsewhere from then on.
+        The only way a lens changes: every frame of that camera on the island moves with it.
         """
         changed = {number for number, lens in lenses.items() if self.camera_on(island, number) != lens.camera}
         self.lenses |= {(island, number): lens for number, lens in lenses.items()}
@@ -188,14 +187,14 @@ class ViewGraph(Kept):
             self.moved.add(frame)
 
     def merge(self, goes: int, stays: int) -> None:
-        """An island's frames lie on another one from now on, all of which must have been put there."""
+        """Merge an island into another one, where all its frames must have been put."""
         self.merged_into[goes] = stays
         self.lenses = {key: lens for key, lens in self.lenses.items() if key[0] != goes}
         islands = (self.islands[b.frame_a] == self.islands[b.frame_b] for b in self.bridges)
         self.bridges = [bridge for bridge, same in zip(self.bridges, islands, strict=True) if not same]
 
     def note(self, frame: int, **known: object) -> None:
-        """Keep something of a frame; the names are those of FrameState's fields."""
+        """Update a frame's state; the names are those of FrameState's fields."""
         self.frames[frame] = replace(self.frames[frame], **known)  # type: ignore[arg-type]
 
     def take_back(self, frame: int) -> None:
@@ -210,7 +209,7 @@ class ViewGraph(Kept):
         self.moved.discard(frame)
 
     def link(self, a: int, b: int, registration: Registration) -> None:
-        """Keep what registered frame a with frame b, thinned to well-spread matches."""
+        """Keep the registration of frame a with frame b, thinned to well-spread matches."""
         features = registration.features.astype(np.uint32)
         apart = held_out(features)
         used = np.flatnonzero(~apart)
@@ -235,16 +234,16 @@ class ViewGraph(Kept):
 
     @property
     def true_share(self) -> float:
-        """Share of the cells of a true overlap that matches confirm, as this flight has shown it."""
+        """Share of the cells of a true overlap that matches confirm, as observed in this flight."""
         return min(max(self.cells_confirmed / self.cells_expected, LEAST_SHARE), MOST_SHARE)
 
     def note_believed(self, cells: int, share: float) -> None:
-        """A frame was believed of whose cells this share was confirmed."""
+        """Record an accepted frame: its cells and the share confirmed."""
         self.cells_expected += cells
         self.cells_confirmed += share * cells
 
-    def matched_before(self, frame: int, but: int | None = None) -> NDArray[np.bool_]:
-        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links with it do not count."""
+    def matched_before(self, frame: int, but: int | None = None) -> Mask:
+        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links are ignored."""
         matched = np.zeros(len(self.frames[frame].features), bool)
         for other in self.frames[frame].inliers.keys() - {but}:
             first = (frame, other) in self.links
@@ -254,14 +253,14 @@ class ViewGraph(Kept):
         return matched
 
     def camera_on(self, island: int, number: CameraNumber) -> Camera:
-        """A camera as an island knows it; on one that has seen none of its frames, as the one with most of them does."""
+        """A camera as an island knows it; without frames of it there, as known to the island with most of them."""
         if (island, number) in self.lenses:
             return self.lenses[island, number].camera
         best = self._with_most([other for other, camera in self.lenses if camera == number], number)
         return self.sizes[number] if best is None else self.lenses[best, number].camera
 
     def best_known_lens(self, number: CameraNumber) -> int | None:
-        """The island that has estimated a camera's lens from most frames of it, and from enough; None if none has."""
+        """The island that has estimated a camera's lens from most frames, if from enough; else None."""
         known = [
             island
             for (island, camera), lens in self.lenses.items()
@@ -271,7 +270,7 @@ class ViewGraph(Kept):
         return best if best is not None and self.count_with_camera(best, number) >= LENS_KNOWN else None
 
     def _with_most(self, islands: list[int], number: CameraNumber) -> int | None:
-        """Which of these islands has most frames of a camera, the oldest of several; None of none."""
+        """The island with most frames of a camera, the oldest if tied; None if there are none."""
         return max(islands, key=lambda island: (self.count_with_camera(island, number), -island), default=None)
 
     def camera_of(self, frame: int) -> Camera:
@@ -287,34 +286,34 @@ class ViewGraph(Kept):
         assert self.islands[frame] != NOWHERE, "only placed frames lie on an island"
         return int(self.islands[frame])
 
-    def placed(self) -> NDArray[np.intp]:
-        """Frames that lie on any island, in the order in which they came."""
+    def placed(self) -> Indices:
+        """Frames placed on any island, in order of arrival."""
         return np.flatnonzero(self.islands != NOWHERE)
 
-    def members(self, island: int) -> NDArray[np.intp]:
-        """Frames of an island, in the order in which they came."""
+    def members(self, island: int) -> Indices:
+        """Frames of an island, in order of arrival."""
         return np.flatnonzero(self.islands == island)
 
     def count_members(self, island: int) -> int:
         return int(np.count_nonzero(self.islands == island))
 
-    def elsewhere(self, island: int) -> NDArray[np.intp]:
+    def elsewhere(self, island: int) -> Indices:
         """Placed frames of the other islands."""
         return np.flatnonzero((self.islands != NOWHERE) & (self.islands != island))
 
     def count_with_camera(self, island: int, number: CameraNumber, most: int | None = None) -> int:
-        """How many of an island's frames a camera has taken, of which no more than `most` are wanted."""
+        """Number of an island's frames taken by a camera, at most `most`."""
         count = int(np.count_nonzero((self.islands == island) & (self.cameras == number)))
         return count if most is None else min(count, most)
 
     def frame_counts(self) -> dict[int, int]:
-        """Placed frames by island."""
+        """Number of placed frames by island."""
         numbers, counts = np.unique(self.islands[self.placed()], return_counts=True)
         return dict(zip(numbers.tolist(), counts.tolist(), strict=True))
 
 
-def box_of(pose: Pose, camera: Camera) -> Array:
-    """Bounding box (x0, y0, x1, y1) of what a frame sees of the canvas; NaN where it sees no ground."""
+def box_of(pose: Pose, camera: Camera) -> Box4:
+    """Bounding box (x0, y0, x1, y1) of a frame's footprint on the canvas; NaN where it sees no ground."""
     outline = footprint(pose, camera, per_side=3)
     outline = outline[np.isfinite(outline).all(axis=1)]
     if not len(outline):
@@ -322,6 +321,6 @@ def box_of(pose: Pose, camera: Camera) -> Array:
     return np.concatenate([outline.min(axis=0), outline.max(axis=0)])
 
 
-def centres(boxes: Array) -> Array:
-    """Middles (n, 2) of boxes (n, 4)."""
+def centres(boxes: BoxesNx4) -> PointsNx2:
+    """Centres (n, 2) of boxes (n, 4)."""
     return (boxes[:, :2] + boxes[:, 2:]) / 2

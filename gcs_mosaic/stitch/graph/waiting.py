@@ -1,4 +1,4 @@
-"""Frames that match nothing yet, and which ground has become known since each of them was last tried."""
+"""Waiting frames: without a match yet, and the ground that became known since each was last tried."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 from gcs_mosaic.stitch.transaction import Kept
 
-TURN_AFTER = 8  # newly placed frames after which a waiting one is tried again with the likeliest of them
+TURN_AFTER = 8  # newly placed frames after which a waiting one is retried with the most similar of them
 
 
 class WaitingFrames(Kept):
-    """Remembers who waits. Iterates over them in the order in which they came."""
+    """The waiting frames. Iterates over them in order of arrival."""
 
     def __init__(self) -> None:
-        self._known: dict[int, int] = {}  # by waiting frame: how many placed frames it has been compared with
-        self._placed: list[int] = []  # in the order in which they were placed
+        self._known: dict[int, int] = {}  # by waiting frame: number of placed frames it has been compared with
+        self._placed: list[int] = []  # in order of placement
 
     def __iter__(self) -> Iterator[int]:
         return iter(list(self._known))
@@ -26,25 +26,25 @@ class WaitingFrames(Kept):
         return len(self._known)
 
     def add(self, frame: int) -> None:
-        """A frame that has been compared with all that are placed so far."""
+        """Add a frame that has been compared with all frames placed so far."""
         self._known[frame] = len(self._placed)
 
     def remove(self, frame: int) -> None:
-        """It waits no more; one that does not wait is let be."""
+        """Stop waiting for a frame; others are ignored."""
         self._known.pop(frame, None)
 
     def note_placed(self, frame: int) -> None:
-        """Another frame has found its place: ground that those who wait have not been compared with."""
+        """Another frame was placed: ground the waiting frames have not been compared with."""
         self._placed.append(frame)
 
     def forget_comparisons(self) -> None:
-        """Islands have been joined: what was too little on either may be enough now."""
+        """Islands were merged: too little overlap on either may be enough now."""
         self._known = dict.fromkeys(self._known, 0)
 
     def next_turn(self) -> tuple[int, list[int]] | None:
-        """The frame that most new ground has been waiting for, and the frames placed since it was last compared.
+        """The waiting frame with most new ground to compare, and the frames placed since its last comparison.
 
-        None while there is too little new for any. The frame counts as compared from now on.
+        None while there is too little for any. The frame counts as compared from now on.
         """
         if not self._known:
             return None

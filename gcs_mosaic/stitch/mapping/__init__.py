@@ -1,1 +1,1 @@
-"""Frames find their place one by one, on islands that may join later."""
+"""Incremental mapping: frames are placed one by one, on islands that may be merged later."""

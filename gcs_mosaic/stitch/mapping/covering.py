@@ -1,8 +1,8 @@
-"""Frames that show nothing new: a placed frame, the keyframe, sees all that they see, as finely and as sharply.
+"""Covered frames: a placed frame, the keyframe, shows all their ground, at no lower resolution or sharpness.
 
-A video or an aircraft that hovers brings many pictures of one place, and each would be matched with a dozen others of it.
-One registration tells that a frame is covered: then it is kept in relation to its keyframe and takes no further part. It is
-judged against the keyframe alone, never against another covered frame, so that a slow drift does not add up.
+A video or a hovering aircraft takes many images of one place, and each would be matched with a dozen others. One registration
+shows that a frame is covered: it is then kept relative to its keyframe and takes no further part. It is compared with the
+keyframe alone, never with another covered frame, so that slow drift does not accumulate.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.arrays import Matrix3x3, PointsNx2, Vector2
+from gcs_mosaic.stitch.camera.geometry import Camera, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
@@ -22,27 +23,27 @@ from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import confirmed
 from gcs_mosaic.stitch.registration.registration import Registration
 
-Compared = Mapping[int, Registration | None]  # what a frame was matched with, and what came of it
+Compared = Mapping[int, Registration | None]  # results of a frame's comparisons by frame
 
-CANDIDATES = 4  # placed frames around a new one whose overlap with it is worked out; boxes alone mislead
+CANDIDATES = 4  # placed frames whose overlap with a new one is computed; bounding boxes alone mislead
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoverSettings:
-    """When a frame is kept without being placed, because a placed one shows all that it would."""
+    """When a frame is kept without being placed, because a placed one covers it."""
 
-    enabled: bool = True  # false: every frame is placed and painted, and costs as much as one of new ground
-    # share of a frame that the placed one may lack; where aircraft moved on, recorded flights have 0.03 and more
+    enabled: bool = True  # false: every frame is placed and painted, at the cost of one over new ground
+    # share of a frame that the keyframe may lack; where aircraft moved on, recorded flights have 0.03 and more
     most_new: float = 0.025
-    most_finer: float = 1.03  # how much finer than the placed one a frame may see the ground
-    # how much sharper it may be (`sharpness`): a blur of 0.7 px counts 1.1 to 1.7, a smear of 3 px 1.1 to 1.8, compression
-    # 0.9 to 1.1, light nothing
+    most_finer: float = 1.03  # maximum ratio of the keyframe's ground sampling distance to the frame's
+    # maximum ratio of `sharpness`: 0.7 px of blur gives 1.1 to 1.7, 3 px of motion blur 1.1 to 1.8, compression 0.9 to 1.1,
+    # lighting 1
     most_sharper: float = 1.2
-    least_confirmed: float = 0.5  # share of the overlap that matches bear out; what is seen worse is placed with care
+    least_confirmed: float = 0.5  # share of the overlap that matches confirm; less certain frames are placed normally
 
 
 class Covering:
-    """Looks whether frames are covered by those of a graph. Remembers nothing itself."""
+    """Checks whether frames are covered by those of a graph. Stateless."""
 
     def __init__(self, graph: ViewGraph, search: Search, settings: CoverSettings) -> None:
         self._graph = graph
@@ -50,9 +51,9 @@ class Covering:
         self._settings = settings
 
     def look(self, name: str, features: Features) -> Covered | Compared:
-        """Whether a frame that is not of the graph yet is covered; if not, what it was matched with to see that.
+        """Whether a frame that is not in the graph yet is covered; if not, the results of the comparisons made.
 
-        The search for the frame that comes next begins at the keyframe of this one.
+        The search for the next frame begins at this one's keyframe.
         """
         graph, compared = self._graph, dict[int, Registration | None]()
         if not self._settings.enabled or not graph.merged_into:
@@ -70,7 +71,7 @@ class Covering:
         return compared
 
     def _keyframes(self, features: Features, last: int, link: Registration | None) -> Iterator[int]:
-        """The frame placed last, then the one that should cover this frame best, as far as poses tell; each if it may."""
+        """The frame placed last, then the one that should cover this frame best by its pose; each if it may."""
         if link is None:
             return
         if self._may_cover(features, last):
@@ -81,12 +82,12 @@ class Covering:
             yield best
 
     def _shares(self, features: Features, last: int, link: Registration) -> Iterator[tuple[int, float]]:
-        """Frames around that may cover this one, and the share of it that each should see."""
+        """Frames around that may cover this one, with the share of it that each should see."""
         graph = self._graph
         outline = _mapped(link.b_from_a, _corners(features))
         places = canvas_from_pixels(graph.pose_of(last), graph.camera_of(last), outline)
         if not np.isfinite(places).all():
-            return  # it sees the horizon, and where that lies no homography of the ground tells
+            return  # it sees the horizon, beyond which the ground homography is undefined
         box = np.concatenate([places.min(axis=0), places.max(axis=0)])
         members = graph.members(graph.island_of(last))
         members = members[boxes_meet(box, graph.boxes[members])]
@@ -97,13 +98,13 @@ class Covering:
                 yield other, _share_inside(pixels_from_canvas(graph.pose_of(other), camera, places), camera)
 
     def _may_cover(self, features: Features, other: int) -> bool:
-        """Whether a placed frame is of the same camera (another one shows other things) and not clearly less sharp."""
+        """Whether a placed frame is from the same camera (another may show different things) and not clearly less sharp."""
         placed = self._graph.frames[other].features
         same = (placed.width, placed.height) == (features.width, features.height)
         return same and features.sharpness <= self._settings.most_sharper * placed.sharpness
 
     def _is_covered(self, features: Features, keyframe: int, link: Registration) -> bool:
-        """Whether a frame that was registered with one that may cover it adds neither ground nor resolution."""
+        """Whether a frame registered with one that may cover it adds neither ground nor resolution."""
         outline, camera = _mapped(link.b_from_a, _corners(features)), self._graph.camera_of(keyframe)
         if _share_inside(outline, camera) < 1 - self._settings.most_new:
             return False
@@ -116,18 +117,18 @@ class Covering:
         return share >= self._settings.least_confirmed
 
 
-def _corners(features: Features) -> Array:
+def _corners(features: Features) -> PointsNx2:
     """The frame's outer corners (4, 2) in pixels, clockwise."""
     unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     return unit * [features.width, features.height] - 0.5
 
 
-def _mapped(homography: Array, points: Array) -> Array:
+def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
     return np.asarray(cv2.perspectiveTransform(points[None], homography)[0])
 
 
-def _share_inside(outline: Array, camera: Camera) -> float:
-    """Share, by area, of a four-sided outline (4, 2) in a frame's pixels that lies inside the frame; 0 for a folded one."""
+def _share_inside(outline: PointsNx2, camera: Camera) -> float:
+    """Share, by area, of a quadrilateral outline (4, 2) in a frame's pixels that lies inside the frame; 0 if not convex."""
     quad = (outline + 0.5).astype(np.float32)
     if not np.isfinite(quad).all() or not cv2.isContourConvex(quad):
         return 0.0
@@ -137,12 +138,12 @@ def _share_inside(outline: Array, camera: Camera) -> float:
     return _area(common) / max(_area(whole), 1e-9)
 
 
-def _cut(polygon: Array, axis: int, sign: float, offset: float) -> Array:
+def _cut(polygon: PointsNx2, axis: int, sign: float, offset: float) -> PointsNx2:
     """The part of a convex polygon (n, 2) where sign * coordinate + offset >= 0 (Sutherland and Hodgman, CACM 17(1), 1974).
 
-    Of two polygons that share sides OpenCV 4.10 returns the wrong intersection.
+    OpenCV 4.10 returns wrong intersections of polygons with common sides.
     """
-    kept: list[Array] = []
+    kept: list[Vector2] = []
     for here, there in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         a, b = sign * here[axis] + offset, sign * there[axis] + offset
         kept += [here] if a >= 0 else []
@@ -150,6 +151,6 @@ def _cut(polygon: Array, axis: int, sign: float, offset: float) -> Array:
     return np.array(kept).reshape(-1, 2)
 
 
-def _area(polygon: Array) -> float:
+def _area(polygon: PointsNx2) -> float:
     x, y = polygon.T
     return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)

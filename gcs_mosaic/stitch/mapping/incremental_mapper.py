@@ -1,4 +1,4 @@
-"""Which island a frame belongs to: beside what is placed, with one that waits, or on its own for now."""
+"""Incremental mapper: a frame joins placed frames or a waiting one, or waits."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from gcs_mosaic.stitch.mapping.resection import Placing
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
-WAITING_TRIES = 2  # waiting frames, or founders that nothing has joined, that a newly placed one is matched with
+WAITING_TRIES = 2  # waiting frames, or lone founders, that a newly placed frame is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
 
 Pair = tuple[int, int]
 
 
 class Assembly:
-    """Puts frames of a graph on islands, and islands together. Remembers nothing itself."""
+    """Assigns frames of a graph to islands and merges islands. Stateless."""
 
     def __init__(
         self,
@@ -46,9 +46,9 @@ class Assembly:
         self._observer = observer
 
     def take_in(self, frame: int, compared: Mapping[int, Registration | None] = MappingProxyType({})) -> bool:
-        """Place a frame of the graph that is new, and all that finds its place because of it; False if it must wait.
+        """Place a new frame of the graph and all frames that become placeable by it; False if it must wait.
 
-        `compared`: what came of comparing it with some placed frames already.
+        `compared`: results of comparisons already made with placed frames.
         """
         placed = self._place_first(frame, compared)
         if not placed:
@@ -57,9 +57,9 @@ class Assembly:
         return bool(placed)
 
     def retry_waiting(self) -> None:
-        """Try every frame that waits once more, and again as long as any finds its place.
+        """Retry every waiting frame, and repeat as long as any is placed.
 
-        One that raises counts as tried, and keeps no other from it; the first error is raised at the end.
+        One that raises counts as tried and does not stop the others; the first error is raised at the end.
         """
         self._graph.waiting.forget_comparisons()
         with EachWhole(self._graph, self._upkeep, otherwise="a frame that waits was not tried again") as each:
@@ -67,10 +67,10 @@ class Assembly:
                 pass
 
     def connect_some(self, frames: int) -> bool:
-        """In a pause: compare so many frames with those that look most like them and are not connected with them.
+        """When idle: compare this many frames with the most similar ones they are not connected with.
 
-        False if there is nothing left to compare: every frame has been, since something new was known last. Two frames that
-        raise count as compared, and keep no others from it; the first error is raised at the end.
+        False once every frame has been compared with the present state of knowledge. Two frames whose comparison raises count
+        as compared and do not stop the others; the first error is raised at the end.
         """
         graph = self._graph
         if not graph.frames_to_ask and graph.asked_when != self._what_is_known():
@@ -90,7 +90,7 @@ class Assembly:
                 self._place_and_use(partial(self._compare, frame, other), each)
 
     def _is_worth_comparing(self, frame: int, other: int) -> bool:
-        """Whether they were never compared, or have much in common and lie elsewhere than when that led to nothing."""
+        """Whether they were never compared, or have much in common and have moved since that failed."""
         pair, compared = _pair(frame, other), self._graph.compared
         return pair not in compared or compared[pair] not in (None, self._poses(pair))
 
@@ -98,13 +98,13 @@ class Assembly:
         return self._graph.frames[pair[0]].pose, self._graph.frames[pair[1]].pose
 
     def _what_is_known(self) -> tuple[int, int, int]:
-        """Changes whenever a frame comes or is placed, or islands are joined."""
+        """Changes whenever a frame arrives or is placed, or islands are merged."""
         graph = self._graph
         placed = int(np.count_nonzero(graph.islands != NOWHERE))
         return len(graph.frames), placed, sum(into is not None for into in graph.merged_into)
 
     def _apart_from_most(self) -> list[int]:
-        """Frames that wait, and those of all islands but the largest, the smallest first."""
+        """Waiting frames, and those of all islands but the largest, smallest island first."""
         islands = sorted(self._graph.frame_counts().items(), key=lambda island: (island[1], -island[0]))
         return [
             *self._graph.waiting,
@@ -112,13 +112,13 @@ class Assembly:
         ]
 
     def _apart_from(self, frame: int) -> list[int]:
-        """Frames that are not connected with this one: of other islands, or waiting."""
+        """Frames not connected with this one: on other islands, or waiting."""
         graph = self._graph
         placed = graph.placed() if graph.islands[frame] == NOWHERE else graph.elsewhere(graph.island_of(frame))
         return [*placed.tolist(), *(other for other in graph.waiting if other != frame)]
 
     def _compare(self, frame: int, other: int) -> list[int]:
-        """Two frames that may show one ground. Returns those that waited and are placed now."""
+        """Compare two frames that may overlap. Returns waiting frames that are placed now."""
         first, second = sorted((frame, other), key=self._company)
         registration = self._search.register(first, second)
         if registration is None:
@@ -128,14 +128,14 @@ class Assembly:
         return placed
 
     def _company(self, frame: int) -> int:
-        """0 for a frame that waits, 1 for one alone on its island, 2 for all others."""
+        """0 for a waiting frame, 1 for one alone on its island, 2 for all others."""
         island = self._graph.islands[frame]
         return 0 if island == NOWHERE else min(self._graph.count_members(island), 2)
 
     def _connect(self, first: int, second: int, registration: Registration) -> list[int]:
-        """Join the islands of two frames that were registered, place the one that waits, or found an island with both.
+        """Merge the islands of two registered frames, place the waiting one, or found an island with both.
 
-        The first is in no larger company than the second. Returns those that waited and are placed now.
+        The first has no more company than the second. Returns waiting frames that are placed now.
         """
         if self._company(second) == 0:
             return self._founded_together(first, second, registration)
@@ -146,16 +146,16 @@ class Assembly:
         return []
 
     def _place_and_use(self, place: Callable[[], list[int]], each: EachWhole) -> bool:
-        """Whether this places any frames. What then raises with those that they give their place leaves them where they are."""
+        """Whether this places any frames. An error in what follows from them does not undo their placement."""
         placed = each.tried(place)
         if placed:
             each.tried(partial(self._use_what_is_new, placed))
         return bool(placed)
 
-    # A frame finds its place
+    # Placing a frame
 
     def _place_first(self, frame: int, compared: Mapping[int, Registration | None]) -> list[int]:
-        """The frame, if it is the first of all or can be placed; and another that it has founded an island with."""
+        """The frame, if it is the first or can be placed; and another one with which it founded an island."""
         if not self._graph.merged_into:
             self._found_island(frame)
             return [frame]
@@ -165,7 +165,7 @@ class Assembly:
         return self._found_with_waiting(frame)
 
     def _found_island(self, frame: int) -> None:
-        """The frame lies level and at its own resolution on a canvas of its own."""
+        """The frame is placed level and at its own resolution on a new canvas."""
         island, graph = self._graph.found_island(), self._graph
         camera = graph.camera_on(island, graph.frames[frame].camera)
         self._settle(frame, Pose(*camera.centre), island)
@@ -178,7 +178,7 @@ class Assembly:
             self._observer.placed(placement_of(self._graph, frame))
 
     def _place_beside(self, frame: int, other: int, registration: Registration) -> bool:
-        """Place a frame from its first link; False (and nothing kept) if the result is not to be believed."""
+        """Place a frame from its first link; False (and no change) if its pose is rejected."""
         found = self._placing.pose_beside(frame, other, registration)
         if isinstance(found, Pose):
             self._settle(frame, found, self._graph.island_of(other))
@@ -197,7 +197,7 @@ class Assembly:
         return []
 
     def _founded_together(self, frame: int, other: int, registration: Registration) -> list[int]:
-        """Both frames, if they can be placed beside each other on an island of their own; none of them lies anywhere yet."""
+        """Both frames, if they can be placed together on a new island; neither is placed yet."""
         with attempt(self._graph, self._upkeep) as trial:
             self._found_island(other)
             if self._place_beside(frame, other, registration):
@@ -206,10 +206,10 @@ class Assembly:
                 trial.keep()
         return [other, frame] if trial.kept else []
 
-    # What a newly placed frame makes possible
+    # Consequences of a new placement
 
     def _use_what_is_new(self, placed: Iterable[int]) -> None:
-        """Newly placed frames may give waiting ones their place, and so on, or connect their island with another."""
+        """Newly placed frames may make waiting ones placeable, and so on, or connect their island with another."""
         new = deque(placed)
         while new:
             frame = new.popleft()
@@ -217,7 +217,7 @@ class Assembly:
             self._connect_islands(frame)
 
     def _waiting_beside(self, frame: int) -> Iterator[int]:
-        """Frames that have waited and find their place beside a newly placed one, or whose turn it is."""
+        """Waiting frames placed beside a newly placed one, or because their turn has come."""
         waiting = self._graph.waiting
         waiting.note_placed(frame)
         for other in self._search.likeliest(frame, list(waiting), WAITING_TRIES):
@@ -230,13 +230,13 @@ class Assembly:
             )
 
     def _retry(self, frame: int, each: EachWhole) -> bool:
-        if frame not in self._graph.waiting:  # it has found its place by another's
+        if frame not in self._graph.waiting:  # placed meanwhile through another frame
             return False
         new = self._still_placed(self._graph.waiting.take_new(frame))
         return self._place_and_use(lambda: list(self._placed_waiting(frame, self._search.likeliest(frame, new))), each)
 
     def _placed_waiting(self, frame: int, among: Iterable[int]) -> Iterator[int]:
-        """A frame that waits, if it can be placed beside one of these placed ones."""
+        """A waiting frame, if it can be placed beside one of these placed ones."""
         for other in among:
             registration = self._search.register(frame, other)
             if registration is not None and self._place_waiting(frame, other, registration):
@@ -244,7 +244,7 @@ class Assembly:
                 return
 
     def _place_waiting(self, frame: int, other: int, registration: Registration) -> bool:
-        """Place a frame that waits beside a placed one, unless the result is not to be believed."""
+        """Place a waiting frame beside a placed one, unless its pose is rejected."""
         placed = self._place_beside(frame, other, registration)
         if placed:
             self._graph.waiting.remove(frame)
@@ -253,10 +253,10 @@ class Assembly:
     def _still_placed(self, frames: list[int]) -> list[int]:
         return [frame for frame in frames if self._graph.frames[frame].pose is not None]
 
-    # Islands find each other
+    # Merging islands
 
     def _connect_islands(self, frame: int) -> None:
-        """Look for this frame's ground on other islands; join two when the evidence suffices."""
+        """Search other islands for this frame's ground; merge two if the evidence suffices."""
         here = self._graph.island_of(frame)
         compared = self._bring_home_lone_founders(frame, here) if self._graph.count_members(here) > 1 else {}
         for other in self._search.likeliest(frame, self._graph.elsewhere(here), BRIDGE_TRIES):
@@ -265,7 +265,7 @@ class Assembly:
                 return
 
     def _joined_by(self, frame: int, other: int, registration: Registration) -> bool:
-        """Whether two frames of different islands show that these are one; then they are from now on."""
+        """Add a bridge between two islands; True if they were merged by it."""
         proof = self._bridges.add(Bridge(frame, other, registration))
         if not proof:
             return False
@@ -276,9 +276,9 @@ class Assembly:
         return True
 
     def _bring_home_lone_founders(self, frame: int, here: int) -> dict[int, Registration | None]:
-        """A founder that nothing has joined is as good as waiting: it may find its place beside this frame.
+        """Treat lone founders like waiting frames: each may be placed beside this frame.
 
-        Returns what came of comparing the frame with each of those tried.
+        Returns the comparisons of the frame with each of those tried.
         """
         graph, compared = self._graph, dict[int, Registration | None]()
         alone = [island for island, count in graph.frame_counts().items() if count == 1 and island != here]
@@ -291,7 +291,7 @@ class Assembly:
         return compared
 
     def _came_home(self, founder: int, frame: int, registration: Registration) -> bool:
-        """Whether a frame that is alone on its island can be placed beside one of another; then it is."""
+        """Move a frame that is alone on its island beside a frame of another; True if that succeeded."""
         graph = self._graph
         lone, here = graph.island_of(founder), graph.island_of(frame)
         with attempt(graph, self._upkeep) as trial:
@@ -304,5 +304,5 @@ class Assembly:
 
 
 def _pair(frame: int, other: int) -> Pair:
-    """Two frames, whichever is named first."""
+    """Key of two frames, in either order."""
     return min(frame, other), max(frame, other)

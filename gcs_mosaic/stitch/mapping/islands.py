@@ -1,9 +1,9 @@
-"""Islands: parts of the map that are not (yet) connected, and the evidence that joins two of them.
+"""Islands: parts of the map not (yet) connected, and the evidence for merging two of them.
 
-A wrong join is worse than none. A pair of frames across the water (a bridge) says where one island lies on the other; chance
-alone does not make one (evidence.py), but something that looks alike elsewhere does, whatever the number of its matches. So
-a bridge is a hypothesis: it is tested where the islands should overlap, and what is found there must agree, on different
-ground and between different frames, until the evidence suffices.
+A wrong merge is worse than none. A registered pair of frames of two islands (a bridge) gives their relative pose; chance alone
+does not produce one (`a_contrario`), but look-alikes do, whatever the number of matches. So a bridge is a hypothesis: it is
+tested where the islands should overlap, and the results must agree, on different ground and between different frames, until the
+evidence suffices.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import PointsNx2, SquareMatrix, Vector, Vector2
 from gcs_mosaic.stitch.bundle.lens import believable
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.camera.projection import lens_row, with_lens
@@ -22,45 +22,44 @@ from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
 from gcs_mosaic.stitch.graph.view_graph import Bridge, CameraNumber, Lens, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.a_contrario import SAMPLE, log_odds
 
-Array = NDArray[np.float64]
-Similarity = tuple[float, float, Array]  # scale, angle in radians, shift
+Similarity = tuple[float, float, Vector2]  # scale, angle in radians, shift (2,)
 
-AGREEMENT = 0.1  # of a footprint's diagonal: how far two bridges may put the same ground apart
-# -log10 of the chance that two wrong bridges agree so: 0.007 in place (3 x 3 footprints), 0.06 in heading (0.2 radians
+AGREEMENT = 0.1  # of a footprint's diagonal: maximum distance between two bridges' places of the same ground
+# -log10 of the chance that two wrong bridges agree so well: 0.007 in position (3 x 3 footprints), 0.06 in heading (0.2 radians
 # either way), 0.1 in scale (20 % of a factor of 5 either way).
 LOG_AGREEMENT = 4.0
-# Most that one bridge counts for, in decades: none of 1,900 registered pairs of the recorded flights was wrong, but over
-# halls of one make one unrelated pair in five is registered.
+# Maximum evidence of one bridge, in decades: none of 1,900 registered pairs of the recorded flights was wrong, but over
+# identical halls one unrelated pair in five is registered.
 LOG_BRIDGE = 2.0
-# Of a footprint's diagonal: nearer than this, the matches of two bridges may lie on one and the same thing.
+# Of a footprint's diagonal: closer than this, the matches of two bridges may lie on the same object.
 APART = 0.25
-MUCH = 0.5  # of a frame of the smaller island that lies on the larger one: then it can tell whether that is right
-WITNESSES = 3  # frames of the smaller island for which the overlap is looked into
+MUCH = 0.5  # overlap of a frame of the smaller island with the larger one above which it can test a bridge
+WITNESSES = 3  # frames of the smaller island whose overlap is tested
 PAIRS_PER_WITNESS = 6  # frames of the larger one that each of them is matched with
-TELLING_CELLS = 6  # of a witness that matches could confirm; of fewer, one by chance would decide
+TELLING_CELLS = 6  # cells of a witness that matches could confirm; with fewer, one by chance would decide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IslandSettings:
-    """When islands are joined."""
+    """When islands are merged."""
 
-    # -log10 of the chance that a join is wrong: two bridges that agree give 8, one whatever its matches 2, a frame that is
-    # confirmed all over by what the other island shows of its ground about 5, one that is in a quarter of it 3.2
+    # -log10 of the chance that a merge is wrong: two agreeing bridges give 8, one whatever its matches 2, a frame confirmed
+    # everywhere by the other island's view of its ground about 5, one confirmed in a quarter of it 3.2
     least_evidence: float = 3.0
-    # frames of other islands, or waiting, that each one is compared with in a pause and at the end: 0.03 s each
+    # frames of other islands, or waiting, that each one is compared with when idle and at the end: 0.03 s each
     tries_in_a_pause: int = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Island:
-    """A part of the map; `merged_into` is the island that it has become part of."""
+    """A part of the map; `merged_into`: the island it was merged into."""
 
     number: int
     merged_into: int | None = None
 
 
 class Bridges:
-    """Judges what connects islands, and joins them where it suffices."""
+    """Evaluates the evidence between islands and merges them where it suffices."""
 
     def __init__(self, graph: ViewGraph, search: Search, settings: IslandSettings) -> None:
         self._graph = graph
@@ -72,13 +71,13 @@ class Bridges:
         return self._settings.tries_in_a_pause
 
     def add(self, newest: Bridge) -> list[Bridge]:
-        """Keep a bridge; returns all that agree with it, the larger island's side first, if they prove the join."""
+        """Keep a bridge; returns all that agree with it, side a on the larger island, if they justify merging."""
         sides = [self._graph.island_of(newest.frame_a), self._graph.island_of(newest.frame_b)]
         stays, goes = sorted(sides, key=lambda island: (-self._graph.count_members(island), island))
         newest = self._from_side(newest, stays)
         self._forget(newest)
         if not self._agree(newest, newest):
-            return []  # its own matches fit no similarity: the frames lie awry on their islands
+            return []  # its own matches fit no similarity: the frames' poses are inconsistent
         known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
         looked_for, odds = self._look_into_overlap(stays, goes, known)
         agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
@@ -87,7 +86,7 @@ class Bridges:
         return agreeing if proven else []
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
-        """Move the smaller island onto the larger one, where the bridges say. Returns (island that stays, that goes)."""
+        """Move the smaller island onto the larger one by these bridges. Returns (remaining island, merged island)."""
         graph = self._graph
         stays, goes = graph.island_of(bridges[0].frame_a), graph.island_of(bridges[0].frame_b)
         stays_from_goes = self._similarity(bridges)
@@ -102,8 +101,8 @@ class Bridges:
         return stays, goes
 
     def _reconciled_lenses(self, stays: int, goes: int) -> dict[CameraNumber, Lens]:
-        """What two islands know of the cameras of the one that goes, each weighing as much as it knows: where the adjustment
-        of the joined island begins."""
+        """Lenses of the merged island's cameras, combined with those of the other by information: initial values for the joint
+        adjustment."""
         lenses = self._graph.lenses
         return {
             number: _reconciled(lenses[stays, number], lens) if (stays, number) in lenses else lens
@@ -112,12 +111,12 @@ class Bridges:
         }
 
     def _forget(self, newest: Bridge) -> None:
-        """A bridge between the same two frames was found before: it would count twice."""
+        """Drop an earlier bridge between the same two frames: it would count twice."""
         ends = {newest.frame_a, newest.frame_b}
         self._graph.bridges = [b for b in self._graph.bridges if {b.frame_a, b.frame_b} != ends]
 
     def _between(self, stays: int, goes: int) -> list[Bridge]:
-        """All bridges between two islands, the first island's side as a."""
+        """All bridges between two islands, side a on the first."""
         return [
             self._from_side(bridge, stays)
             for bridge in self._graph.bridges
@@ -130,8 +129,8 @@ class Bridges:
     def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
         """Match frames that should overlap if the known bridges are right.
 
-        Returns what is found, and the log odds that the overlap is true by what is confirmed around the worst witness. One
-        that sees too little to tell counts as 0: it refutes nothing, and then it is for the bridges alone to prove the join.
+        Returns the bridges found, and the log odds of a true overlap from the worst witness. A witness that sees too little
+        counts as 0: it refutes nothing, and the bridges alone must justify merging.
         """
         graph, stays_from_goes = self._graph, self._similarity(known)
         found: list[Bridge] = []
@@ -149,9 +148,9 @@ class Bridges:
         return found, min(odds)
 
     def _witnesses(self, stays: int, goes: int, stays_from_goes: Similarity, known: list[Bridge]) -> list[int]:
-        """The newest bridge's frame, and those next to it that should see much of the other island.
+        """The newest bridge's frame, and the nearest ones that should see much of the other island.
 
-        Farther ones would tell as well, but an island that is not joined yet may be bent.
+        Distant ones would be as informative, but an island not merged yet may be bent.
         """
         graph, members, newest = self._graph, self._graph.members(goes).tolist(), known[-1].frame_b
         moved = {f: moved_by_similarity(graph.pose_of(f), *stays_from_goes) for f in members}
@@ -163,13 +162,13 @@ class Bridges:
         return [newest, *sorted(inside, key=away.__getitem__)[: WITNESSES - 1]]
 
     def _evidence(self, bridges: list[Bridge]) -> float:
-        """-log10 of the chance that these bridges are wrong and yet agree, by the independent ones among them."""
+        """-log10 of the chance that these bridges are wrong and yet agree, from the independent ones."""
         independent = max((self._independent_of(first, bridges) for first in bridges), key=len)
         of_each = sum(min(bridge.registration.evidence, LOG_BRIDGE) for bridge in independent)
         return of_each + LOG_AGREEMENT * (len(independent) - 1)
 
     def _independent_of(self, first: Bridge, bridges: list[Bridge]) -> list[Bridge]:
-        """The bridge and as many others as are found, strongest first, that are independent of it and of each other."""
+        """The bridge and, strongest first, others independent of it and of each other."""
         chosen = [first]
         for bridge in sorted(bridges, key=lambda b: -b.registration.evidence):
             if all(self._are_independent(bridge, other) for other in chosen):
@@ -177,14 +176,14 @@ class Bridges:
         return chosen
 
     def _are_independent(self, one: Bridge, other: Bridge) -> bool:
-        """Whether two bridges share no frame, and their matches lie on different ground."""
+        """Whether two bridges share no frame and their matches lie on different ground."""
         if one.frame_a == other.frame_a or one.frame_b == other.frame_b:
             return False
         middles = [np.median(self._places(bridge)[0], axis=0) for bridge in (one, other)]
         return bool(np.linalg.norm(middles[0] - middles[1]) > APART * self._diagonal(one.frame_a))
 
     def _agree(self, first: Bridge, second: Bridge) -> bool:
-        """Whether two bridges put island b at the same place of island a; what sees no ground agrees with nothing."""
+        """Whether two bridges place island b consistently on island a; one that sees no ground agrees with none."""
         if min(len(self._places(bridge)[0]) for bridge in (first, second)) < SAMPLE:
             return False
         return all(
@@ -193,7 +192,7 @@ class Bridges:
         )
 
     def _misfit(self, a_from_b: Similarity, bridge: Bridge) -> float:
-        """Median distance by which a similarity misses the matches of another bridge, canvas units of island a."""
+        """Median residual of another bridge's matches under a similarity, canvas units of island a."""
         scale, angle, shift = a_from_b
         c, s = np.cos(angle), np.sin(angle)
         places_a, places_b = self._places(bridge)
@@ -201,12 +200,12 @@ class Bridges:
         return float(np.median(np.linalg.norm(moved - places_a, axis=1)))
 
     def _similarity(self, bridges: list[Bridge]) -> Similarity:
-        """Island a from island b, as these bridges show it together."""
+        """Similarity from island b to island a that fits these bridges jointly."""
         places = [self._places(bridge) for bridge in bridges]
         return similarity_between(np.concatenate([b for _, b in places]), np.concatenate([a for a, _ in places]))
 
-    def _places(self, bridge: Bridge) -> tuple[Array, Array]:
-        """Where the matches (m, 2) lie on either island, at the poses of now."""
+    def _places(self, bridge: Bridge) -> tuple[PointsNx2, PointsNx2]:
+        """Places (m, 2) of the matches on either island, at the present poses."""
         graph, r = self._graph, bridge.registration
         places_a, places_b = (
             canvas_from_pixels(graph.pose_of(frame), graph.camera_of(frame), pixels)
@@ -221,22 +220,21 @@ class Bridges:
 
 
 def _reconciled(one: Lens, other: Lens) -> Lens:
-    """The mean of two lenses of a camera, weighted by their information; one that was never estimated has none. If no camera
-    can have that lens, the one that is known better."""
+    """Mean of two lenses of a camera, weighted by information (none if never estimated). If the mean is outside the lens limits,
+    the better known one."""
     if one.information is None or other.information is None:
         return other if one.information is None and other.information is not None else one
     information = one.information + other.information
     weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
-    mean: Array = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
+    mean: Vector = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
     if not np.allclose(believable(mean[None])[0], mean, rtol=0.0, atol=SAME_LENS):
         return one if _known(one.information) >= _known(other.information) else other
     return Lens(with_lens(one.camera, mean), information)
 
 
-SAME_LENS = 1e-9  # of its terms; rounding may carry the mean of two lenses at a bound across it
+SAME_LENS = 1e-9  # tolerance of its terms; rounding may carry the mean of two lenses at a limit across it
 
 
-def _known(information: Array) -> float:
-    """How much is known of all terms of a lens together: log of how much smaller a volume they are in than if each were only
-    known to about 1."""
+def _known(information: SquareMatrix) -> float:
+    """Joint information on a lens' terms: log of the volume reduction relative to terms known to about 1."""
     return float(np.linalg.slogdet(information + np.eye(len(information)))[1])

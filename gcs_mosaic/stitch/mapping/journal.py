@@ -1,4 +1,4 @@
-"""Why frames lie where they lie, in the log: refusals with their numbers, and in detail what was believed."""
+"""Logs why frames lie where they lie: refusals with their figures, and in detail what was accepted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ logger = logging.getLogger(__name__)
 
 
 class Journal:
-    """An observer that logs what it is told: refusals as information, the rest for finding faults."""
+    """An observer that logs its notifications: refusals at level info, the rest at level debug."""
 
     def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:
         if isinstance(found, Registration):

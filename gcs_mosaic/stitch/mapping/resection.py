@@ -1,4 +1,4 @@
-"""Where a frame lies, once it is known to overlap another: from the first link, through its neighbours, to its pose."""
+"""Resection: from a frame's first link, via its neighbours, to its pose."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from gcs_mosaic.stitch.registration.a_contrario import log_odds
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import attempt
 
-UNKNOWN_LENS = 3.0  # how much larger residuals may be before that
+UNKNOWN_LENS = 3.0  # factor on the residual limit until then
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlausibilitySettings:
-    """What is not believed of a placement."""
+    """Limits of plausible placements."""
 
-    least_features: int = 40  # a picture with fewer shows nothing to hold on to
-    # median residual above which a placement is not believed, pixels of the feature picture
+    least_features: int = 40  # an image with fewer is not placed
+    # maximum median residual of a placement, pixels of the feature picture
     most_residual_px: float = 4.0
-    most_deviation: float = 0.05  # of a corner, in half-diagonals, beyond which a pose counts as not determined
-    steepest_tilt_deg: float = 80.0  # from straight down; beyond it a frame shows next to no ground
-    largest_zoom: float = 5.0  # change of height against a linked frame that is still believed
-    # log10 of how much likelier what is found around a frame is if it lies there than if something only looks alike: below
-    # this it is refused; a little below nought, because a pair of frames that match for certain speaks for it already
+    most_deviation: float = 0.05  # of a corner, in half-diagonals; a pose with more is undetermined
+    steepest_tilt_deg: float = 80.0  # from the vertical; beyond it a frame shows hardly any ground
+    largest_zoom: float = 5.0  # largest accepted change of height relative to a linked frame
+    # log10 likelihood ratio of a true pose to a look-alike, from the confirmed cells around the frame: below this it is
+    # refused; slightly negative, because the registered pair already supports it
     least_log_odds: float = -0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Disbelief:
-    """A pose that is not to be believed, and why."""
+    """A rejected pose, and why."""
 
     reason: str
 
@@ -57,9 +57,9 @@ class Placing:
         self._adjustment = adjustment
 
     def pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
-        """The pose of a frame that was registered with a placed one, and its links with all that it overlaps.
+        """The pose of a frame registered with a placed one; links it with all frames it overlaps.
 
-        Nothing is changed if the result is not to be believed.
+        No change if the pose is rejected.
         """
         with attempt(self._graph) as trial:
             found = self._pose_beside(frame, other, registration)
@@ -85,7 +85,7 @@ class Placing:
     def _borne_out(
         self, frame: int, pose: Pose, island: int, others: list[int], matched: list[Registration]
     ) -> Pose | Disbelief:
-        """The pose, if what the other frames see around it was found in the frame."""
+        """The pose, if the frame confirms what the other frames see around it."""
         graph = self._graph
         found = confirmed_around(graph, frame, pose, island, others, [link.agreeing_a for link in matched])
         if log_odds(found, graph.true_share) < self._plausibility.least_log_odds:
@@ -94,11 +94,11 @@ class Placing:
         return pose
 
     def note_relief(self, frame: int) -> None:
-        """Measure the relief displacement of a frame that has just been put at its pose."""
+        """Compute the relief displacement of a frame that has just been placed."""
         note_relief(self._graph, frame, self._adjustment.relief)
 
     def _rough_poses(self, frame: int, other: int, registration: Registration) -> list[Pose]:
-        """First poses from one link: level, as most frames are, and tilted as the homography says."""
+        """Initial poses from one link: level, as most frames are, and tilted according to the homography."""
         pose, camera = self._graph.pose_of(other), self._graph.camera_of(other)
         places = geometry.canvas_from_pixels(pose, camera, registration.pixels_b)
         on_ground = np.isfinite(places).all(axis=1)
@@ -113,7 +113,7 @@ class Placing:
         ]
 
     def _believable_pose(self, frame: int, rough: list[Pose], island: int) -> Pose | Disbelief:
-        """The frame's best pose on an island against its links from any of the rough ones, if it is to be believed."""
+        """The frame's best pose on an island by its links, from any of the rough ones, if plausible."""
         found = [resect(self._graph, frame, pose, island, self._adjustment) for pose in rough]
         best = min(found, key=lambda resected: resected.residual_px, default=None)
         if best is None:
@@ -125,7 +125,7 @@ class Placing:
         return self._pose_with_all_free(frame, best.pose, island) or Disbelief(doubt)
 
     def _pose_with_all_free(self, frame: int, rough: Pose, island: int) -> Pose | None:
-        """The same on an island of a few frames, whose own tilt and lens are as open as the new frame's pose."""
+        """As above on an island of a few frames, whose own tilt and lens are as uncertain as the new frame's pose."""
         graph = self._graph
         others = [member for member in graph.members(island).tolist() if member != frame]
         if len(others) >= LENS_KNOWN:
@@ -138,7 +138,7 @@ class Placing:
         return state.pose if fits and possible else None
 
     def _doubt(self, frame: int, resected: Resected, island: int) -> str:
-        """Why a pose does not fit its links, is not determined by them, or is none that an aircraft can have; or nothing."""
+        """Reason why a pose does not fit its links, is undetermined by them or impossible; or ""."""
         settings = self._plausibility
         most_px = self._residual_limit(frame, island)
         if not resected.residual_px <= most_px:
@@ -150,7 +150,7 @@ class Placing:
         return self._impossible(frame, resected.pose)
 
     def _impossible(self, frame: int, pose: Pose) -> str:
-        """Why no aircraft can have been there, or nothing."""
+        """Reason why the pose is physically implausible, or ""."""
         settings = self._plausibility
         tilt_deg = math.degrees(math.acos(max(-1.0, math.cos(pose.pitch) * math.cos(pose.roll))))
         if not tilt_deg <= settings.steepest_tilt_deg:
@@ -160,7 +160,7 @@ class Placing:
         return "" if zoom <= settings.largest_zoom else f"change of height by {zoom:.1f}"
 
     def _residual_limit(self, frame: int, island: int) -> float:
-        """Pixels of the feature picture. While few frames have shown what the lens is like, even good matches fit badly."""
+        """Pixels of the feature picture. While few frames determine the lens, even good matches fit badly."""
         shown = self._graph.count_with_camera(island, self._graph.frames[frame].camera, LENS_KNOWN)
         limit = self._plausibility.most_residual_px
         return limit * (UNKNOWN_LENS if shown < LENS_KNOWN else 1)

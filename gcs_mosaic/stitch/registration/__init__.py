@@ -1,1 +1,1 @@
-"""Whether two frames show the same ground, how one lies on the other, and how good the evidence is."""
+"""Whether two frames overlap, the homography between them, and the strength of the evidence."""

@@ -1,9 +1,9 @@
-"""How much the agreement of matches says: could chance have done it, and does the rest of the overlap bear it out?
+"""Evidence of matches: could chance explain their agreement, and does the rest of the overlap confirm it?
 
-Two questions, because two things are mistaken for common ground. Unrelated features agree by chance: the a-contrario
-model counts how many such agreements are to be expected (Moisan and Stival, IJCV 57(3), 2004; for choosing homographies:
-Moulon, Monasse and Marlet, ACCV 2012). And different places hold things that look alike - two houses of one make, writing
-burnt into every frame: their matches are right, no model of chance refuses them, but nothing around them agrees.
+Two tests, because two things are mistaken for overlap. Unrelated features agree by chance: the a-contrario model counts the
+expected number of such agreements (Moisan and Stival, IJCV 57(3), 2004; for selecting homographies: Moulon, Monasse and Marlet,
+ACCV 2012). And different places contain look-alikes - two identical houses, text burnt into every frame: their matches are
+correct, no model of chance rejects them, but nothing around them agrees.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-Array = NDArray[np.float64]
+from gcs_mosaic.stitch.arrays import PointsNx2
 
-SAMPLE = 4  # matches that fix a homography
-PER_CELL = 12  # features expected in a cell of the overlap: enough that a true overlap confirms most cells
-LEAST_IN_CELL = 3  # features of either frame below which a cell says nothing
+SAMPLE = 4  # matches that determine a homography
+PER_CELL = 12  # features expected in a cell of the overlap: enough for a true overlap to confirm most cells
+LEAST_IN_CELL = 3  # features in either frame below which a cell is ignored
 
 
 def log_evidence(matches: int, inliers: int, chance: float) -> float:
-    """-log10 of the number of agreements as good as this one that chance is expected to make between two frames.
+    """-log10 of the expected number of chance agreements at least as good as this one between two frames.
 
-    matches: independent tentative matches; inliers: those that agree with one homography; chance: probability that an
-    unrelated match agrees with it. Every sample of four matches is a hypothesis, every subset of inliers could have
-    agreed: NFA = (n - 4) C(n, k) C(k, 4) chance^(k - 4).
+    matches: independent tentative matches; inliers: those that agree with one homography; chance: probability that an unrelated
+    match agrees with it. Every sample of four matches is a hypothesis, every subset of inliers could have agreed: NFA = (n - 4)
+    C(n, k) C(k, 4) chance^(k - 4).
     """
     if inliers <= SAMPLE:
         return -math.inf
@@ -41,13 +41,13 @@ def log_choose(n: int, k: int) -> float:
     return (math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)) / math.log(10)
 
 
-def chance_of_agreement(mapped: Array, matched: Array, radius: float, area: float) -> float:
-    """Probability that a point of frame a, mapped to b, comes within `radius` px of an unrelated match's point in b.
+def chance_of_agreement(mapped: PointsNx2, matched: PointsNx2, radius: float, area: float) -> float:
+    """Probability that a point of frame a, mapped to b, falls within `radius` px of an unrelated match's point in b.
 
-    mapped, matched: (n, 2) both ends of the tentative matches, in pixels of b, whose picture has `area` px. If all were
-    spread evenly this would be the share of the disc in the picture. They are not (features crowd along hedges and
-    roads), and a homography may crowd them further: so ends of different matches are paired, and it is counted how many
-    of those pairs agree.
+    mapped, matched: (n, 2) both ends of the tentative matches, in pixels of b, whose image has `area` px. For uniformly
+    distributed features this would be the disc's share of the image. They are not uniform (features cluster along hedges and
+    roads), and a homography may concentrate them further: so ends of different matches are paired and the agreeing pairs
+    counted.
     """
     near = int(KDTree(mapped).count_neighbors(KDTree(matched), radius))
     own = int((np.linalg.norm(mapped - matched, axis=1) <= radius).sum())
@@ -57,19 +57,19 @@ def chance_of_agreement(mapped: Array, matched: Array, radius: float, area: floa
 
 @dataclass(frozen=True, slots=True)
 class Confirmed:
-    """How much of an overlap matches bear out: `share` of the `cells` in which they could have, 1 where there is none."""
+    """How much of an overlap matches confirm: `share` of the usable `cells`; 1 without any."""
 
     share: float
     cells: int
 
 
-# Share of the cells that look-alikes confirm: halls of one make 0.22 in the median of 68 pairs, 0.35 at three of four.
+# Share of cells that look-alikes confirm: identical halls 0.22 in the median of 68 pairs, 0.35 at the third quartile.
 FALSE_SHARE = 0.25
-CORRELATED_CELLS = 3  # neighbouring cells show one thing, and are confirmed or not together: so many count as one
+CORRELATED_CELLS = 3  # neighbouring cells are confirmed or not together: this many count as one
 
 
 def log_odds(found: Confirmed, true_share: float) -> float:
-    """log10 of how much likelier it is that so many cells are confirmed if the overlap is true than if it is not.
+    """log10 likelihood ratio of a true overlap to a false one, given the confirmed cells.
 
     true_share: share of the cells that true overlaps of this flight confirm.
     """
@@ -78,20 +78,20 @@ def log_odds(found: Confirmed, true_share: float) -> float:
     return found.cells / CORRELATED_CELLS * (for_it + against)
 
 
-def cell_numbers(points: Array, side: float) -> NDArray[np.int64]:
-    """A number (n,) for the square of this side in which each of the points (n, 2) lies."""
+def cell_numbers(points: PointsNx2, side: float) -> NDArray[np.int64]:
+    """Cell number (n,) of each of the points (n, 2), for square cells of this side."""
     if not len(points):
         return np.empty(0, np.int64)
     column, row = (points // side).astype(np.int64).T
     return np.asarray((column - column.min()) * (np.ptp(row) + 1) + row - row.min())
 
 
-def confirmed(features_a: Array, features_b: Array, agreeing: Array) -> Confirmed:
-    """In how much of the overlap, by area, matches bear it out.
+def confirmed(features_a: PointsNx2, features_b: PointsNx2, agreeing: PointsNx2) -> Confirmed:
+    """Share of the overlap, by area, that matches confirm.
 
-    features_a, features_b: what can be expected of both frames in the overlap, (n, 2), (m, 2), agreeing (k, 2) the matches
-    that agree, all in pixels of frame a. The overlap is divided into cells; those in which both frames show enough
-    count, and are confirmed by at least one match that agrees.
+    features_a, features_b: features of both frames in the overlap, (n, 2), (m, 2); agreeing (k, 2): the inlier matches; all in
+    pixels of frame a. The overlap is divided into cells; those with enough features of both frames count, and are confirmed by
+    at least one inlier.
     """
     fewer = min(len(features_a), len(features_b))
     if fewer < LEAST_IN_CELL:

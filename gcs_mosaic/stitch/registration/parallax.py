@@ -1,32 +1,30 @@
-"""Matches that do not lie on the plane, and yet show the same ground from the same two places.
+"""Matches off the plane that are still consistent with the same two viewpoints.
 
-Two views of a plane are related by a homography. What stands above or below it is seen displaced, and every displacement
-points along the line through one point of the picture, the epipole ("plane plus parallax": Irani and Anandan, IEEE PAMI
-20(6), 1998). Two displaced matches fix the epipole; how many others it explains tells crowns and roofs from chance.
+Two views of a plane are related by a homography. A point above or below it is displaced along the line through the epipole
+("plane plus parallax": Irani and Anandan, IEEE PAMI 20(6), 1998). Two displaced matches determine the epipole; the number of
+others it explains separates tree crowns and roofs from chance.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import bdtrc
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from gcs_mosaic.stitch.arrays import Mask, PointsNx2, RowsNx3
 
-# Of the diagonal of the picture: parallax that is looked for. Trees of an eighth of the flying height at 60 % overlap. From
-# 0.04 to 0.06 all comes out the same; at 0.08 rows of like trees are taken for one another's tops.
+# Of the image diagonal: largest parallax considered. Trees an eighth of the flying height tall at 60 % overlap. From 0.04 to
+# 0.06 the results are the same; at 0.08 similar trees in rows are mistaken for one another's tops.
 LARGEST = 0.05
-EPIPOLAR_PX = 2.0  # how far from its epipolar line a match may lie, pixels of the feature picture
-HYPOTHESES = 200  # epipoles tried: where a fifth of the displaced matches are right, 8 of them come of two right ones
-LEAST_CHANCE = 1e-3  # that so many matches agree with one of the hypotheses by accident
+EPIPOLAR_PX = 2.0  # tolerance to the epipolar line, pixels of the feature picture
+HYPOTHESES = 200  # epipoles tried: with a fifth of the displaced matches right, 8 of them come from two right ones
+LEAST_CHANCE = 1e-3  # of so many matches agreeing with one of the hypotheses by accident
 
 
-def displaced_by_height(mapped: Array, matched: Array, on_plane: Mask, diagonal: float) -> Mask:
-    """Which matches (n,) show something above or below the plane.
+def displaced_by_height(mapped: PointsNx2, matched: PointsNx2, on_plane: Mask, diagonal: float) -> Mask:
+    """Which matches (n,) show points above or below the plane.
 
-    mapped, matched (n, 2): both ends of the matches in pixels of frame b, the first taken there by the homography of the
-    plane; on_plane (n,): those that obey it.
+    mapped, matched (n, 2): both ends of the matches in pixels of frame b, the first mapped there by the plane's homography;
+    on_plane (n,): its inliers.
     """
     displacement = np.linalg.norm(matched - mapped, axis=1)
     displaced = np.flatnonzero(~on_plane & (displacement < LARGEST * diagonal))
@@ -46,15 +44,15 @@ def displaced_by_height(mapped: Array, matched: Array, on_plane: Mask, diagonal:
     if not len(agree):
         return found
     best = agree[agree.sum(axis=1).argmax()]
-    # A match that is displaced any way lies within the band around its line by this chance.
+    # Probability that a match displaced in a random direction lies within the band around its epipolar line.
     chance = 4 * EPIPOLAR_PX / (np.pi * LARGEST * diagonal / 2)
     accident = HYPOTHESES * bdtrc(int(best.sum()) - SAMPLE - 1, len(displaced) - SAMPLE, min(chance, 1.0))
     found[displaced[best]] = accident < LEAST_CHANCE
     return found
 
 
-SAMPLE = 2  # displaced matches that fix an epipole
+SAMPLE = 2  # displaced matches that determine an epipole
 
 
-def _homogeneous(points: Array) -> Array:
+def _homogeneous(points: PointsNx2) -> RowsNx3:
     return np.column_stack([points, np.ones(len(points))])

@@ -1,6 +1,6 @@
-"""Do two frames show the same ground? Robust homographies, and the evidence that one of them is no accident.
+"""Pairwise registration: robust homographies, and the evidence that one is not accidental.
 
-MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). What counts as evidence: evidence.py.
+MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). Evidence: `a_contrario`.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, Mask, Matrix3x3, PointsNx2, Vector, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.fixed_pattern import moving
 from gcs_mosaic.stitch.features.matching import match
@@ -25,107 +25,103 @@ from gcs_mosaic.stitch.registration.a_contrario import (
 )
 from gcs_mosaic.stitch.registration.parallax import displaced_by_height
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-HYPOTHESES = 3  # homographies tried: the ground can be outdone by a thing that looks alike elsewhere, and by writing
+HYPOTHESES = 3  # homographies tried: a look-alike elsewhere, or burnt-in text, can outnumber the ground's inliers
 NO_MATCHES = np.empty((0, 2), np.intp)
-NO_PIXELS: Array = np.empty((0, 2))
+NO_PIXELS: PointsNx2 = np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegistrationSettings:
-    """When two frames are believed to show the same ground."""
+    """When two frames are accepted as overlapping."""
 
-    # of the distances to the best and second-best match; RANSAC follows: a loose test loses nothing
+    # ratio of the distances to the best and second-best match; RANSAC follows, so a loose test loses nothing
     ratio: float = 0.85
-    threshold_px: float = 4.0  # how far relief and lens may carry an inlier, in pixels of the feature picture
+    threshold_px: float = 4.0  # tolerance of an inlier to relief and lens distortion, in pixels of the feature picture
     # -log10 of chance agreements expected per pair: one in 3,000 flights of 1,000 frames (30 pairs each)
     least_evidence: float = 8.0
-    # share of the overlap that inliers bear out; true pairs 0.3 and more, copies of one house 0.2 and less
+    # share of the overlap that inliers confirm; true pairs 0.3 and more, copies of one house 0.2 and less
     least_confirmed: float = 0.25
-    # log10 of how much likelier a true overlap is by those features that were matched before: below this it is refused,
+    # log10 likelihood ratio of a true overlap, from features matched before: below this it is refused,
     least_odds_again: float = -0.5
-    # from this on it needs nothing else to bear it out: in woods a tenth of the overlap agrees, and nearly all of these do
+    # from this on no other confirmation is needed: in woods a tenth of the overlap agrees, but nearly all features matched
+    # before
     enough_odds_again: float = 1.0
-    cell_px: float = 16.0  # inliers nearer than this, in pixels of the feature picture, count as one
-    largest_zoom: float = 5.0  # change of scale between two frames that is still believed
+    cell_px: float = 16.0  # inliers closer than this, in pixels of the feature picture, count as one
+    largest_zoom: float = 5.0  # largest accepted change of scale between two frames
 
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Two frames that overlap: inlier pixels of each, (m, 2) in full resolution, and b_from_a (3x3)."""
+    """Two overlapping frames: inlier pixels of each, (m, 2) in full resolution, and b_from_a (3x3)."""
 
-    pixels_a: Array
-    pixels_b: Array
-    features: NDArray[np.intp]  # (m, 2) which of the features of a and b the inliers are
-    b_from_a: Array
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
+    features: IndexPairsNx2  # (m, 2) feature indices of the inliers in a and b
+    b_from_a: Matrix3x3
     independent_inliers: int
-    evidence: float  # -log10 of the chance agreements as good as this that were to be expected
-    displaced_a: Array = field(
-        default_factory=lambda: NO_PIXELS
-    )  # (k, 2) matches beside the plane that parallax explains
-    displaced_b: Array = field(default_factory=lambda: NO_PIXELS)
-    tentative: NDArray[np.intp] = field(default_factory=lambda: NO_MATCHES)  # (k, 2) features, inliers or not
+    evidence: float  # -log10 of the expected number of equally good chance agreements
+    displaced_a: PointsNx2 = field(default_factory=lambda: NO_PIXELS)  # matches off the plane, explained by parallax
+    displaced_b: PointsNx2 = field(default_factory=lambda: NO_PIXELS)
+    tentative: IndexPairsNx2 = field(default_factory=lambda: NO_MATCHES)  # (k, 2) feature indices, inliers or not
 
     def turned(self) -> Registration:
-        """The same, seen from the other frame."""
+        """The same registration with the frames exchanged."""
         a_from_b = np.asarray(np.linalg.inv(self.b_from_a), dtype=np.float64)
         turned = replace(self, features=self.features[:, ::-1], tentative=self.tentative[:, ::-1])
         turned = replace(turned, displaced_a=self.displaced_b, displaced_b=self.displaced_a)
         return replace(turned, pixels_a=self.pixels_b, pixels_b=self.pixels_a, b_from_a=a_from_b)
 
     @property
-    def agreeing_a(self) -> Array:
-        """Pixels (m + k, 2) of frame a that were matched, on the plane or beside it."""
+    def agreeing_a(self) -> PointsNx2:
+        """Pixels (m + k, 2) of frame a that were matched, on the plane or off it."""
         return np.concatenate([self.pixels_a, self.displaced_a])
 
 
 @dataclass(frozen=True, slots=True)
 class NotRegistered:
-    """Two frames that do not overlap as far as can be seen, and why; the pixels that agreed all the same, (m, 2) each."""
+    """Two frames not shown to overlap, and why; the pixels (m, 2) each that agreed nevertheless."""
 
     reason: str
     inliers: int
-    pixels_a: Array
-    pixels_b: Array
+    pixels_a: PointsNx2
+    pixels_b: PointsNx2
 
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """Two frames in pixels of their feature pictures: all their features (n, 2), (m, 2), which of them match (k, 2)."""
+    """Two frames in pixels of their feature pictures: all their features (n, 2), (m, 2), and the matches (k, 2)."""
 
-    all_a: Array
-    all_b: Array
-    size_a: Array
-    size_b: Array
-    matches: NDArray[np.intp]
-    features: NDArray[np.intp]  # (k, 2), the matches counted among all features of either frame
-    again_a: Mask  # (n,) which of them were matched before, see `register`
+    all_a: PointsNx2
+    all_b: PointsNx2
+    size_a: Vector2
+    size_b: Vector2
+    matches: IndexPairsNx2
+    features: IndexPairsNx2  # (k, 2) the matches as indices into all features of either frame
+    again_a: Mask  # (n,) features matched before, see `register`
     again_b: Mask  # (m,)
 
     @property
-    def a(self) -> Array:
+    def a(self) -> PointsNx2:
         return self.all_a[self.matches[:, 0]]
 
     @property
-    def b(self) -> Array:
+    def b(self) -> PointsNx2:
         return self.all_b[self.matches[:, 1]]
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Which of a frame's n features are asked for; each (n,), None means all or none.
+    """Which of a frame's n features take part; each (n,), None means all or none.
 
-    `seen`: those that the other frame should see, as far as poses are known. `again`: those that were matched before, with
-    other frames. Of a wood few features are ever found again, of a field nearly all: what was found before must be found
-    now where the frames overlap, and what never was says nothing.
+    `seen`: those the other frame should see, as far as poses are known. `again`: those matched before, with other frames. In
+    woods few features are ever matched again, over fields nearly all: features matched before must match again where the frames
+    overlap; features never matched carry no evidence.
     """
 
     seen: Mask | None = None
     again: Mask | None = None
 
-    def chosen(self, features: Features) -> NDArray[np.intp]:
+    def chosen(self, features: Features) -> Indices:
         return np.arange(len(features)) if self.seen is None else np.flatnonzero(self.seen)
 
 
@@ -135,7 +131,7 @@ ALL = Part()
 def register(
     a: Features, b: Features, settings: RegistrationSettings, part_a: Part = ALL, part_b: Part = ALL
 ) -> Registration | NotRegistered:
-    """Find the common ground of two frames."""
+    """Find the overlap of two frames."""
     pair = _matched(a, b, part_a, part_b, settings.ratio)
     left = np.ones(len(pair.matches), bool)
     first_doubt: NotRegistered | None = None
@@ -156,7 +152,7 @@ def register(
             doubt, independent, pair.a[inlier] * a.scale, pair.b[inlier] * b.scale
         )
         if evidence < settings.least_evidence:
-            break  # what agrees best is chance: what is left will not do better
+            break  # the best agreement is chance: the remaining matches will not do better
         left &= ~inlier
     return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
 
@@ -177,8 +173,8 @@ def _matched(a: Features, b: Features, part_a: Part, part_b: Part, ratio: float)
     )
 
 
-def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[Array | None, Mask]:
-    """b_from_a (3x3) of those matches that are left, and which of all matches (k,) are its inliers; or None."""
+def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[Matrix3x3 | None, Mask]:
+    """b_from_a (3x3) of the remaining matches, and its inliers among all matches (k,); or None."""
     inlier = np.zeros(len(left), bool)
     if left.sum() <= SAMPLE:
         return None, inlier
@@ -186,7 +182,7 @@ def robust_homography_among(pair: _Pair, left: Mask, threshold: float) -> tuple[
     return homography, inlier
 
 
-def robust_homography(a: Array, b: Array, threshold: float) -> tuple[Array | None, Mask]:
+def robust_homography(a: PointsNx2, b: PointsNx2, threshold: float) -> tuple[Matrix3x3 | None, Mask]:
     """b_from_a (3x3) and the inliers (m,) of matched points (m, 2), or None."""
     homography, inlier = cv2.findHomography(
         a, b, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.9995
@@ -196,12 +192,14 @@ def robust_homography(a: Array, b: Array, threshold: float) -> tuple[Array | Non
     return np.asarray(homography, dtype=np.float64), inlier.ravel().astype(bool)
 
 
-def independent_count(a: Array, b: Array, cell: float) -> int:
-    """Number of inliers that no other one lies next to, in either frame: features pile up on one spot."""
+def independent_count(a: PointsNx2, b: PointsNx2, cell: float) -> int:
+    """Number of inliers in distinct cells, the smaller of the two frames: features pile up on one spot."""
     return min(len(np.unique(cell_numbers(points, cell))) for points in (a, b))
 
 
-def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, settings: RegistrationSettings) -> float:
+def _evidence(
+    pair: _Pair, homography: Matrix3x3, inlier: Mask, independent: int, settings: RegistrationSettings
+) -> float:
     matches = max(independent, independent_count(pair.a, pair.b, settings.cell_px))
     area = float(pair.size_b.prod())
     chance = chance_of_agreement(_mapped(homography, pair.a), pair.b, settings.threshold_px, area)
@@ -209,9 +207,9 @@ def _evidence(pair: _Pair, homography: Array, inlier: Mask, independent: int, se
 
 
 def _doubt(
-    pair: _Pair, homography: Array, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
+    pair: _Pair, homography: Matrix3x3, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
 ) -> str:
-    """Why this homography cannot be two views of one ground, or nothing."""
+    """Reason why this homography cannot be two views of the same ground, or ""."""
     if evidence < settings.least_evidence:
         return f"evidence {evidence:.1f}, {settings.least_evidence:.1f} needed"
     area = _area_scale(homography, pair.a[inlier])
@@ -223,8 +221,8 @@ def _doubt(
     return _contradicted(pair, homography, inlier | displaced, settings)
 
 
-def _contradicted(pair: _Pair, homography: Array, agreeing: Mask, settings: RegistrationSettings) -> str:
-    """What speaks against the overlap, or nothing: what was matched before, if that is enough to judge, else all."""
+def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: Mask, settings: RegistrationSettings) -> str:
+    """Evidence against the overlap, or "": from features matched before if they suffice, else from all."""
     overlap = _Overlap.of(pair, homography, pair.a[agreeing])
     again = overlap.confirmed_again(pair)
     odds = log_odds(again, EXPECTED_SHARE)
@@ -238,22 +236,22 @@ def _contradicted(pair: _Pair, homography: Array, agreeing: Mask, settings: Regi
 
 ANY = np.True_
 ENOUGH_CELLS = 3
-EXPECTED_SHARE = 0.8  # of what was matched before, that a true overlap confirms: 0.75 to 1 in woods
+EXPECTED_SHARE = 0.8  # of the cells with features matched before, that a true overlap confirms: 0.75 to 1 in woods
 NOTHING = Confirmed(1.0, 0)
 
 
 @dataclass(frozen=True, slots=True)
 class _Overlap:
-    """The features of both frames that the other should see, in pixels of a: `a` (n, 2) and which of them do, `b` likewise."""
+    """Features of both frames that the other should see, in pixels of a: `a` (n, 2) and a mask of them, `b` likewise."""
 
-    a: Array
-    b: Array
+    a: PointsNx2
+    b: PointsNx2
     inside_a: Mask
     inside_b: Mask
-    agreeing: Array  # (k, 2)
+    agreeing: PointsNx2  # (k, 2)
 
     @classmethod
-    def of(cls, pair: _Pair, homography: Array, agreeing: Array) -> _Overlap:
+    def of(cls, pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2) -> _Overlap:
         a_from_b = np.asarray(np.linalg.inv(homography), dtype=np.float64)
         places_b = _mapped(a_from_b, pair.all_b)
         in_b = _inside(_mapped(homography, pair.all_a), pair.size_b) & (_area_scale(homography, pair.all_a) > 0)
@@ -261,7 +259,7 @@ class _Overlap:
         return cls(pair.all_a, places_b, in_b, in_a, agreeing)
 
     def confirmed_again(self, pair: _Pair) -> Confirmed:
-        """How much matches bear out of what was matched before in both frames, or in one of them; no cells if too little was."""
+        """Confirmation among features matched before in both frames, or in one of them; no cells if there are too few."""
         for of_a, of_b in ((pair.again_a, pair.again_b), (ANY, pair.again_b), (pair.again_a, ANY)):
             again = self.confirmed(of_a, of_b)
             if again.cells >= ENOUGH_CELLS:
@@ -269,12 +267,12 @@ class _Overlap:
         return NOTHING
 
     def confirmed(self, of_a: Mask | np.bool_, of_b: Mask | np.bool_) -> Confirmed:
-        """How much matches bear out of what these features show."""
+        """Confirmation of the overlap by matches, among these features."""
         return confirmed(self.a[self.inside_a & of_a], self.b[self.inside_b & of_b], self.agreeing)
 
 
-def _area_scale(homography: Array, points: Array) -> Array:
-    """By how much areas around the points (n, 2) grow; not positive behind the camera or seen from below."""
+def _area_scale(homography: Matrix3x3, points: PointsNx2) -> Vector:
+    """Factor (n,) by which areas around the points (n, 2) grow; not positive behind the camera or seen from below."""
     depth = points @ homography[2, :2] + homography[2, 2]
     with np.errstate(divide="ignore"):
         return np.asarray(np.linalg.det(homography) / depth**3)
@@ -282,7 +280,7 @@ def _area_scale(homography: Array, points: Array) -> Array:
 
 def _in_full_resolution(
     pair: _Pair,
-    homography: Array,
+    homography: Matrix3x3,
     inlier: Mask,
     displaced: Mask,
     independent: int,
@@ -304,16 +302,16 @@ def _in_full_resolution(
     )
 
 
-def _mapped(homography: Array, points: Array) -> Array:
+def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
     return np.asarray(cv2.perspectiveTransform(points[None], homography)[0]) if len(points) else points
 
 
-def _inside(points: Array, size: Array) -> Mask:
+def _inside(points: PointsNx2, size: Vector2) -> Mask:
     return np.asarray(((points >= 0) & (points < size)).all(axis=1))
 
 
-def well_spread(points: Array, count: int) -> NDArray[np.intp]:
-    """Indices of at most `count` of the points (n, 2), each as far as possible from those already chosen."""
+def well_spread(points: PointsNx2, count: int) -> Indices:
+    """Indices of at most `count` of the points (n, 2), by farthest-point sampling."""
     if len(points) <= count:
         return np.arange(len(points))
     chosen = [int(((points - points.mean(axis=0)) ** 2).sum(axis=1).argmax())]
