@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -16,6 +17,10 @@ STALL_TIMEOUT = 120.0  # seconds without any progress after which it is given up
 STOP_TIMEOUT = 180.0  # seconds to finish the frame in hand and paint the final poses
 EXPORT_TIMEOUT = 300.0
 POLL = 0.1
+
+# Windows has no SIGTERM that a process could act on; Ctrl-Break, sent to a process group of its own, is what comes closest.
+OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+END: signal.Signals = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
 FRAME_STATES = ("pending", "placed", "waiting", "rejected", "duplicate", "damaged", "dropped")
 
@@ -43,7 +48,7 @@ class Program:
 
     def start(self) -> None:
         """Start it and wait until it listens. Its own session: Ctrl-C reaches us first, and we stop it in order."""
-        self.process = subprocess.Popen(self.command(), start_new_session=True)
+        self.process = subprocess.Popen(self.command(), start_new_session=True, creationflags=OWN_GROUP)
         deadline = time.monotonic() + START_TIMEOUT
         while not (self.out / "status.json").exists():
             self.must_run()
@@ -86,7 +91,7 @@ class Program:
         """SIGTERM, as a service manager does it; the exit code. It is killed if it does not end."""
         if self.process is None:
             return 0
-        self.process.terminate()
+        self.process.send_signal(END)
         try:
             return self.process.wait(STOP_TIMEOUT)
         except subprocess.TimeoutExpired:

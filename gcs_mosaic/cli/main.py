@@ -174,6 +174,7 @@ def _end_on_signals(stop: threading.Event, hurry: threading.Event) -> None:
 
     signal.signal(signal.SIGINT, ask)
     signal.signal(signal.SIGTERM, ask)
-    hang_up = getattr(signal, "SIGHUP", None)  # not on Windows
-    if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:  # nohup ignores it on purpose
-        signal.signal(hang_up, ask)
+    for name in ("SIGHUP", "SIGBREAK"):  # POSIX has the first, Windows the second
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores SIGHUP on purpose
+            signal.signal(number, ask)

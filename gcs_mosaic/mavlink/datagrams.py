@@ -44,8 +44,7 @@ class DatagramReader:
     def __init__(self, bound: socket.socket) -> None:
         self._socket = bound
         bound.setblocking(False)
-        quick = os.name == "posix" and bound.family == socket.AF_INET
-        self._library = ctypes.PyDLL(None, use_errno=True) if quick else None
+        self._library = _c_library() if bound.family == socket.AF_INET else None
         self._buffer = bytearray(_LARGEST)
         self._place = (ctypes.c_char * _LARGEST).from_buffer(self._buffer)
         self._address = _Address()
@@ -81,3 +80,14 @@ class DatagramReader:
         except (BlockingIOError, ConnectionError):  # Windows reports another's closed port here
             return None
         return data, (sender[0], sender[1])
+
+
+def _c_library() -> ctypes.PyDLL | None:
+    """The C library whose `recvfrom` never waits; None where there is none to be had, as on Windows."""
+    if not hasattr(socket, "MSG_DONTWAIT"):
+        return None
+    try:
+        library = ctypes.PyDLL(None, use_errno=True)
+    except TypeError:  # Windows
+        return None
+    return library if hasattr(library, "recvfrom") else None

@@ -13,6 +13,7 @@ from typing import Literal
 from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.serial_port import open_serial, require_termios
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.sockets import listen_tcp
 from gcs_mosaic.messages import Notice
@@ -195,11 +196,10 @@ class TcpServer:
 
 
 def serial(address: LinkAddress, mode: Mode = "rb") -> Opener:
-    """Opens the serial device."""
+    """Opens the serial device. Raises UsageError at once where the system cannot."""
+    require_termios(address.device)
 
     def open_device() -> io.RawIOBase:
-        from gcs_mosaic.mavlink.serial_port import open_serial
-
         return open_serial(address.device, address.baud, writing=mode == "rwb")
 
     return open_device

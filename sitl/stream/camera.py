@@ -29,8 +29,8 @@ _PROBE = (
 @cache
 def python_with_gstreamer() -> str | None:
     """A Python that can run the server: Debian's own, as PyGObject comes with the system; None if there is none."""
-    for python in ("/usr/bin/python3", shutil.which("python3")):
-        if python and not subprocess.run([python, "-c", _PROBE], capture_output=True, check=False).returncode:
+    for python in filter(None, map(shutil.which, ("/usr/bin/python3", "python3"))):
+        if not subprocess.run([python, "-c", _PROBE], capture_output=True, check=False).returncode:
             return python
     return None
 
@@ -82,10 +82,10 @@ class StreamingCamera:
 
     def freeze(self) -> None:
         """The network falls silent."""
-        self._send(signal.SIGSTOP)
+        self._send("SIGSTOP")
 
     def thaw(self) -> None:
-        self._send(signal.SIGCONT)
+        self._send("SIGCONT")
 
     def kill(self) -> None:
         """As if the plug were pulled."""
@@ -98,7 +98,10 @@ class StreamingCamera:
                     assert pipe is not None
                     pipe.close()
 
-    def _send(self, number: signal.Signals) -> None:
+    def _send(self, name: str) -> None:
+        number = getattr(signal, name, None)
+        if number is None:
+            raise ValueError(f"a camera that freezes needs {name}, which this system does not have: use Linux or macOS")
         if self.process is not None:
             self.process.send_signal(number)
 
