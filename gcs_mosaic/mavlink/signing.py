@@ -23,9 +23,7 @@ KEY_BYTES = 32
 _LARGEST_FILE = 1024  # bytes; a passphrase is a single line
 _EPOCH_UTC = 1_420_070_400.0  # 2015-01-01
 _TICKS_PER_S = 100_000
-_NEW_STREAM_TICKS = (
-    60 * _TICKS_PER_S
-)  # how far a new stream's timestamp may lie behind the newest one (MAVLink: 1 minute)
+_NEW_STREAM_TICKS = 60 * _TICKS_PER_S  # how far a new stream may lag behind the newest timestamp (MAVLink: 1 minute)
 _MARKER_V1, _SIGNED = 0xFE, 0x01
 _LINK_ID, _SIGNATURE = -13, -6  # offsets in a signed packet
 
