@@ -1,4 +1,4 @@
-"""A simulated flight with known truth: made-up ground, a camera, a vehicle that speaks MAVLink, and a score.
+"""Simulated flights with ground truth: synthetic ground, a camera, a MAVLink vehicle, and a score.
 
-It is an instrument for measuring gcs-mosaic and therefore shares no code with it.
+A measuring instrument for gcs-mosaic, and therefore without any code in common.
 """

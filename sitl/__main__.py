@@ -1,4 +1,4 @@
-"""`python -m sitl`: fly against the real program and say how well it did."""
+"""`python -m sitl`: flies against the real program and scores it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MISUSED = 2
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "python -m sitl") -> int:
-    """Exit code: 0 done, 1 the program under test failed, 2 bad usage."""
+    """Run; the exit code: 0 success, 1 the program under test failed, 2 usage error."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         return judge(words[1:]) if words[:1] == ["score"] else flown(parser(program).parse_args(words))
@@ -53,7 +53,7 @@ def interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def judge(words: list[str]) -> int:
-    """`score TRUTH.json PLACEMENTS.json` in one line."""
+    """`score TRUTH.json PLACEMENTS.json`: print the score in one line."""
     asked = argparse.ArgumentParser(prog="python -m sitl score")
     asked.add_argument("truth", type=Path)
     asked.add_argument("placements", type=Path)
@@ -63,7 +63,7 @@ def judge(words: list[str]) -> int:
 
 
 def flown(asked: argparse.Namespace) -> int:
-    """Make the pictures, start the program, fly, let it finish, judge it."""
+    """Render the pictures, start the program, fly, let it finish, score it."""
     with workspace(asked) as work, streaming(asked) as camera:
         flight = None if asked.frames else simulated_flight(asked)
         film = recorded(asked.frames, asked.interval) if flight is None else simulated(flight, asked.interval)
@@ -78,7 +78,7 @@ def flown(asked: argparse.Namespace) -> int:
 
 @contextmanager
 def streaming(asked: argparse.Namespace) -> Iterator[StreamingCamera | None]:
-    """The camera that streams, if one is asked for. ValueError where there can be none."""
+    """The streaming camera, if asked for. Raises ValueError if it cannot be started."""
     if not asked.rtsp:
         yield None
         return
@@ -112,7 +112,7 @@ def known_truth(flight: Flight | None, file: Path | None) -> Truth | None:
 
 
 def world_cache() -> Path | None:
-    """Where painted worlds are kept; None where nothing can be."""
+    """Cache folder of painted worlds; None if it is not writable."""
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gcs-mosaic-sitl"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -123,7 +123,7 @@ def world_cache() -> Path | None:
 
 @contextmanager
 def workspace(asked: argparse.Namespace) -> Iterator[Path]:
-    """A folder for what was given no place, removed in the end unless it is to be kept."""
+    """A temporary folder for outputs without a given path, removed at the end unless --keep."""
     work = Path(tempfile.mkdtemp(prefix="gcs-mosaic-sitl-"))
     try:
         yield work
@@ -135,7 +135,7 @@ def workspace(asked: argparse.Namespace) -> Iterator[Path]:
 
 
 def refuse_used_folders(program: Program) -> None:
-    """The accounts of two flights in one folder could not be told apart."""
+    """Raises ValueError for a non-empty folder: the counts of two flights could not be told apart."""
     for folder in (program.watch, program.out):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ValueError(

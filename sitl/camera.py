@@ -1,4 +1,4 @@
-"""Takes the pictures: a lens over the world, with the faults of a real camera."""
+"""Renders the pictures: a lens over the world, with the defects of a real camera."""
 
 from __future__ import annotations
 
@@ -25,37 +25,37 @@ from .sight import first_met
 from .targets import Target, paint_targets
 from .world import World
 
-HAZE = np.array([222, 208, 196], np.float32)  # BGR of the air towards the horizon
-ZENITH = np.array([206, 160, 112], np.float32)  # BGR of the sky high above
+HAZE = np.array([222, 208, 196], np.float32)  # BGR of the haze at the horizon
+ZENITH = np.array([206, 160, 112], np.float32)  # BGR of the sky at the zenith
 CLEAR_AIR = 4000.0  # metres over which 63 % of the light is lost to haze
-SHARPNESS = 0.3  # octaves finer than one level per pixel size: the mip filter alone is softer than a good lens
+SHARPNESS = 0.3  # octaves of mip level bias: the mip filter alone is softer than a good lens
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
-    """The lens and what the sensor adds; the defaults are a small, decent camera."""
+    """Lens and sensor; the defaults model a decent small camera."""
 
     lens: Lens = field(default_factory=Lens)
-    vignetting: float = 0.12  # share of light lost in the corners, by the square of the distance from the middle
-    exposure: float = 0.0  # deviation of the exposure between frames, in log
-    exposure_step: float = 1.0  # factor by which automatic exposure darkens every other run of frames
-    step_every: int = 5  # frames in such a run
-    noise: float = 1.5  # deviation of the sensor noise, in grey levels of 255
-    quality: int = 92  # of the JPEG
+    vignetting: float = 0.12  # share of light lost in the corners, quadratic in the radius
+    exposure: float = 0.0  # standard deviation of the log exposure between frames
+    exposure_step: float = 1.0  # factor by which auto exposure darkens every other run of frames
+    step_every: int = 5  # frames per run
+    noise: float = 1.5  # standard deviation of the sensor noise, in grey levels of 255
+    quality: int = 92  # JPEG quality
     sensor: Sensor = field(default_factory=Sensor)
 
     def gain(self, index: int, rng: np.random.Generator) -> float:
-        """The exposure of frame number `index`, 1 as planned."""
+        """Exposure factor of frame number `index`; 1 is nominal."""
         darker = index // self.step_every % 2 == 1
         return float(np.exp(rng.normal(0, self.exposure))) / (self.exposure_step if darker else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """A camera over a world. relief: share of the world's heights that is seen, 0 for a plane.
+    """A camera over a world. relief: scale factor of the world's heights, 0 for a plane.
 
-    With relief, walls and crowns are right in views within about 40 degrees of straight down; flatter ones smear them. In a
-    sheer world views are followed down to what they meet first, so what stands tall hides what is behind it.
+    With relief, walls and crowns render correctly within about 40 degrees of nadir; more oblique views smear them. In a
+    sheer world rays are traced to their first intersection, so tall objects occlude what is behind them.
     """
 
     world: World
@@ -65,39 +65,39 @@ class Scene:
     targets: tuple[Target, ...] = ()
 
     def surface(self, x: Array, y: Array) -> Array:
-        """Heights in metres of places x, y of any shape."""
+        """Heights in metres at x, y (any shape)."""
         return self.world.height_at(x, y, self.relief)
 
     def ground_from_pixels(self, state: CameraState, pixels: Array) -> Array:
-        """(n, 2) pixels -> (n, 2) metres: the orthographic place of the surface point seen; NaN for sky."""
+        """(n, 2) pixels -> (n, 2) metres: orthographic position of the surface point seen; NaN for sky."""
         x, y = self.seen(state, rays_from_pixels(self.camera.lens, np.asarray(pixels, np.float64)))
         return np.stack([x, y], axis=-1)
 
     def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array]:
-        """(x, y) in metres of the places seen along rays (..., 2); NaN for sky."""
+        """(x, y) in metres of the surface points seen along rays (..., 2); NaN for sky."""
         if self.relief and self.world.sheer:
             return first_met(state, rays, self.surface, self.relief * float(self.world.heights.max()))
         return ground_of_rays(state, rays, self.surface if self.relief else None)
 
     def pixels_from_ground(self, state: CameraState, ground: Array) -> Array:
-        """(n, 2) metres -> (n, 2) pixels of the surface there, hidden or not; NaN behind the camera."""
+        """(n, 2) metres -> (n, 2) pixels of the surface there, occluded or not; NaN behind the camera."""
         heights = self.surface(ground[..., 0], ground[..., 1]) if self.relief else 0.0
         return pixels_from_ground(self.camera.lens, state, ground, heights)
 
     def picture(self, state: CameraState, index: int) -> NDArray[Any]:
-        """(height, width, bands), of three BGR: what the camera sees in this state; index seeds this frame's own noise."""
+        """(height, width, bands), BGR if three: the picture taken in this state; `index` seeds the frame's noise."""
         rng = self.chance(index)
         return expose(self.camera, self.light(state), self.camera.gain(index, rng), rng)
 
     def gain(self, index: int) -> float:
-        """The exposure of a frame: what its light is multiplied by."""
+        """Exposure factor of a frame."""
         return self.camera.gain(index, self.chance(index))
 
     def chance(self, index: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, 4, index])
 
     def light(self, state: CameraState) -> Field:
-        """(height, width, 3): the picture before the sensor."""
+        """(height, width, 3): the light before the sensor."""
         rays = rays_of_picture(self.camera.lens)
         east, south, down = sinking_views(state, rays)
         x, y = self.seen(state, rays)
@@ -111,14 +111,14 @@ class Scene:
         return colours
 
     def encoded(self, state: CameraState, index: int) -> bytes:
-        """The picture as the sensor's kind of file."""
+        """The picture in the sensor's file format."""
         return self.camera.sensor.encoded(self.picture(state, index), self.camera.quality)
 
 
 def octave(scene: Scene, state: CameraState, down: Array) -> Array:
-    """log2 of how many world pixels one picture pixel covers, as the geometric mean of its two directions; NaN for sky.
+    """log2 of the world pixels covered by one picture pixel (geometric mean of both directions); NaN for sky.
 
-    A plane seen under a ray whose vertical part is `down` (camera axes, z = 1) is magnified by height / focal * down^-1.5.
+    A plane seen along a ray with vertical component `down` (camera axes, z = 1) is scaled by height / focal * down^-1.5.
     """
     base = np.log2(state.height / scene.camera.lens.focal_px / scene.world.gsd) - SHARPNESS
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -127,7 +127,7 @@ def octave(scene: Scene, state: CameraState, down: Array) -> Array:
 
 
 def veil(colours: Field, state: CameraState, views: tuple[Array, Array, Array]) -> None:
-    """Haze over far ground, and the sky above it, in place."""
+    """Add haze to distant ground, and the sky above it, in place."""
     east, south, down = views
     slope = down / np.sqrt(east * east + south * south + down * down)
     distance = state.height / np.maximum(slope, 1e-5)
@@ -138,7 +138,7 @@ def veil(colours: Field, state: CameraState, views: tuple[Array, Array, Array]) 
 
 
 def expose(camera: Camera, light: Field, gain: float, rng: np.random.Generator) -> NDArray[Any]:
-    """Vignetting, exposure and sensor noise: the counts of all bands."""
+    """Apply vignetting, exposure and sensor noise; the counts of all bands."""
     radius2 = (rays_of_picture(camera.lens) ** 2).sum(-1)
     fall_off = 1 - np.float32(camera.vignetting) * radius2 / radius2.max()
     seen = camera.sensor.levels(light) * (np.float32(gain) * fall_off)[..., None]

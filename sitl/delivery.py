@@ -1,4 +1,4 @@
-"""Brings pictures into the watched folder as slow cards and cables do: late, and a piece at a time."""
+"""Delivers pictures into the watched folder as slow cards and cables do: late, and in pieces."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import ClassVar
 
 PIECES = 4
-AT_ONCE = 8  # files on their way at the same time
+AT_ONCE = 8  # concurrent files
 
 
 def write_slowly(path: Path, data: bytes, seconds: float, pieces: int = PIECES) -> None:
-    """Write a file in pieces over some seconds, so that a watcher really sees it half-written."""
+    """Write a file in pieces over `seconds`, so that a watcher really sees it incomplete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     size = max(1, -(-len(data) // pieces))
     with path.open("wb") as file:
@@ -26,7 +26,7 @@ def write_slowly(path: Path, data: bytes, seconds: float, pieces: int = PIECES) 
 
 @dataclass(slots=True)
 class Delivery:
-    """delay: seconds from the trigger to a file's first byte; writing: seconds from its first to its last."""
+    """delay: seconds from the trigger to a file's first byte; writing: seconds from its first to its last byte."""
 
     lead: ClassVar[float] = 0.0  # seconds before the first trigger
 
@@ -37,10 +37,10 @@ class Delivery:
     sent: list[Future[None]] = field(default_factory=list)
 
     def expect(self, data: bytes, due: float) -> None:
-        """Nothing: a file comes after its trigger."""
+        """No-op: a file follows its trigger."""
 
     def send(self, name: str, data: bytes) -> None:
-        """Start a picture on its way and return at once."""
+        """Start delivering a picture; returns at once."""
         self.sent.append(self.pool.submit(self.bring, self.folder / name, data))
 
     def bring(self, path: Path, data: bytes) -> None:
@@ -48,11 +48,11 @@ class Delivery:
         write_slowly(path, data, self.writing)
 
     def finish(self) -> None:
-        """Wait for all pictures; the first error of any (a full disk, say) is raised."""
+        """Wait for all pictures; raises the first error of any (such as a full disk)."""
         for future in self.sent:
             future.result()
         self.pool.shutdown()
 
     def abandon(self) -> None:
-        """Finish what is being written and forget the rest."""
+        """Finish files being written and drop the rest."""
         self.pool.shutdown(cancel_futures=True)

@@ -1,4 +1,4 @@
-"""When was a photograph taken? Reads just that from a JPEG, whatever nonsense the file may hold."""
+"""Reads the capture time from a JPEG's EXIF data, robust against malformed files."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
-HEAD = 256 * 1024  # bytes read of a file: the EXIF segment comes first and is at most 64 KiB
+HEAD = 256 * 1024  # bytes read per file: the EXIF segment comes first and is at most 64 KiB
 EXIF_IFD, DATE_TIME_ORIGINAL, SUB_SECONDS = 0x8769, 0x9003, 0x9291
 
 
 def taken_at(path: Path) -> float | None:
-    """EXIF DateTimeOriginal as seconds (its own clock read as UTC), None where a file has none that can be read."""
+    """EXIF DateTimeOriginal in seconds (camera clock taken as UTC); None if there is no readable one."""
     with path.open("rb") as file:
         head = file.read(HEAD)
     for segment in exif_segments(head):
@@ -24,7 +24,7 @@ def taken_at(path: Path) -> float | None:
 
 
 def exif_segments(data: bytes) -> Iterator[bytes]:
-    """The TIFF blocks of a JPEG's APP1 segments."""
+    """TIFF blocks of a JPEG's APP1 segments."""
     at = 2 if data[:2] == b"\xff\xd8" else len(data)
     while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:
         (length,) = struct.unpack_from(">H", data, at + 2)
@@ -34,7 +34,7 @@ def exif_segments(data: bytes) -> Iterator[bytes]:
 
 
 def date_of(tiff: bytes) -> float:
-    """KeyError, ValueError or struct.error where the block has no readable date."""
+    """Date in a TIFF block. Raises KeyError, ValueError or struct.error if there is no readable one."""
     order = {b"II": "<", b"MM": ">"}[tiff[:2]]
     (first,) = struct.unpack_from(order + "I", tiff, 4)
     (inner,) = struct.unpack(order + "I", directory(tiff, order, first)[EXIF_IFD])
@@ -45,7 +45,7 @@ def date_of(tiff: bytes) -> float:
 
 
 def directory(tiff: bytes, order: str, at: int) -> dict[int, bytes]:
-    """The tags of one directory that hold text or numbers of 32 bits, as raw bytes."""
+    """Tags of one IFD with ASCII or LONG values, as raw bytes."""
     (count,) = struct.unpack_from(order + "H", tiff, at)
     tags = {}
     for k in range(count):

@@ -1,4 +1,4 @@
-"""What is flown, from the simulator or from a folder of photographs: pictures with the times at which they are taken."""
+"""The pictures of a flight and their capture times, simulated or from a folder of photographs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from .flight import Flight
 from .geometry import CameraState
 
 PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff"}
-USUAL_INTERVAL = 2.0  # seconds, where nothing says how far apart the pictures were taken
-LONGEST_PAUSE = 20.0  # seconds: nobody wants to wait for a change of batteries
+USUAL_INTERVAL = 2.0  # seconds, where the capture times are unknown
+LONGEST_PAUSE = 20.0  # seconds: nobody wants to wait for a battery change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exposure:
-    """A picture as the camera stores it: when it is taken, its POSIX path in the watched folder, the bytes of its file."""
+    """A picture as stored by the camera: capture time, POSIX path in the watched folder, file content."""
 
     index: int
     time: float
@@ -29,7 +29,7 @@ class Exposure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Film:
-    """All exposures of a flight, made one by one while `exposures()` is followed. note: how the times were found."""
+    """All exposures of a flight, produced lazily by `exposures()`. note: where the times come from."""
 
     count: int
     seconds: float
@@ -38,7 +38,7 @@ class Film:
 
 
 def simulated(flight: Flight, interval: float | None = None) -> Film:
-    """The pictures of a simulated flight, at its own times or at even ones."""
+    """The pictures of a simulated flight, at its own times or at a fixed interval."""
     times = [state.time if interval is None else k * interval for k, state in enumerate(flight.states)]
 
     def exposures() -> Iterator[Exposure]:
@@ -50,7 +50,7 @@ def simulated(flight: Flight, interval: float | None = None) -> Film:
 
 
 def recorded(folder: Path, interval: float | None = None) -> Film:
-    """The photographs of a folder in name order. ValueError where there are none."""
+    """The photographs of a folder in name order. Raises ValueError if there are none."""
     paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in PICTURES and path.is_file())
     if not paths:
         raise ValueError(
@@ -67,7 +67,7 @@ def recorded(folder: Path, interval: float | None = None) -> Film:
 
 
 def times_of(paths: list[Path], interval: float | None) -> tuple[list[float], str]:
-    """Seconds since the first picture, and how they were found."""
+    """Seconds since the first picture, and where they come from."""
     if interval is not None:
         return [k * interval for k in range(len(paths))], f"one every {interval:g} s"
     taken = [taken_at(path) for path in paths]
@@ -83,5 +83,5 @@ def times_of(paths: list[Path], interval: float | None) -> tuple[list[float], st
 
 
 def paused(seconds: float) -> float:
-    """A camera whose clock was set back, or that rested, must not stop the show."""
+    """The interval, bounded: a camera clock set back, or a long pause, must not stall the flight."""
     return min(seconds, LONGEST_PAUSE) if seconds >= 0 else USUAL_INTERVAL

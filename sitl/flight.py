@@ -1,4 +1,4 @@
-"""Makes a whole flight: states, pictures named as a camera names them, and the truth of it."""
+"""Builds a whole flight: states, pictures with camera-style names, and the ground truth."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from .truth import Truth, counting, grid_of, true_frame, write
 from .world import COUNTRY, make_world
 
 WORKERS = 2
-AHEAD = 4  # pictures rendered before they are wanted: about 2 MB
-GSD = 0.1  # metres per pixel of the ground's picture
-WORLD_SIZES = (2048, 4096, 6144, 8192, 12288, 16384, 24576)  # 6144 is painted in 7 s, 12288 in half a minute and 1.2 GB
-PER_FOLDER = 999  # cameras begin a new folder after so many pictures
+AHEAD = 4  # pictures rendered in advance: about 2 MB
+GSD = 0.1  # metres per pixel of the ground raster
+WORLD_SIZES = (2048, 4096, 6144, 8192, 12288, 16384, 24576)  # 6144 takes 7 s to paint, 12288 half a minute and 1.2 GB
+PER_FOLDER = 999  # pictures per DCIM folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A flight that can be flown: names[k] is taken in states[k]. folder: where the pictures are, if they were written."""
+    """A flight: picture names[k] is taken in states[k]. folder: where the pictures are, if written."""
 
     scene: Scene
     states: tuple[CameraState, ...]
@@ -41,7 +41,7 @@ class Flight:
         return Truth(lens=camera.lens, frames=frames, targets=self.scene.targets, vignetting=camera.vignetting)
 
     def pictures(self) -> Iterator[bytes]:
-        """The files in order of capture, the next few rendered ahead on threads."""
+        """The files in order of capture, rendered a few ahead on threads."""
         waiting: deque[Future[bytes]] = deque()
         with ThreadPoolExecutor(WORKERS) as pool:
             for index, state in enumerate(self.states):
@@ -53,12 +53,12 @@ class Flight:
 
 
 class Options(TypedDict, total=False):
-    """What else a flight may be given.
+    """Optional parameters of a flight.
 
-    seed: of the ground, the wind and the noise. cache: a folder in which painted worlds are kept. ground: one of GROUNDS.
-    relief: share of the heights that is seen, 0 for a plane. camera: its lens keeps focal and k1, its size gives way.
-    world_size: pixels of 0.1 m; without it the smallest of WORLD_SIZES that holds the flight. route: frames, height,
-    overlaps; its seed gives way. crowd: how many people, vehicles and marks there are.
+    seed: of the ground, the wind and the noise. cache: folder of painted worlds. ground: one of GROUNDS. relief: scale
+    factor of the heights, 0 for a plane. camera: its lens keeps focal and k1, its size is overridden. world_size: pixels of
+    0.1 m; default the smallest of WORLD_SIZES that contains the flight. route: frames, height, overlaps; its seed is
+    overridden. crowd: number of people, vehicles and marks.
     """
 
     seed: int
@@ -72,8 +72,8 @@ class Options(TypedDict, total=False):
 
 
 def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[Options]) -> Flight:
-    """A flight of a named scenario with pictures of `size` (width, height), not yet rendered. ValueError if there is none,
-    or none so large as to hold it."""
+    """A flight of a named scenario with pictures of `size` (width, height), not yet rendered. Raises ValueError for an
+    unknown scenario, or if no world is large enough."""
     if scenario not in SCENARIOS:
         raise ValueError(f"{scenario!r} is no scenario; there are {', '.join(SCENARIOS)}")
     seed = options.get("seed", 1)
@@ -89,7 +89,7 @@ def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[O
 
 
 def world_size_for(states: list[CameraState], lens: Lens) -> int:
-    """Pixels of GSD along the side of the smallest world that holds all ground that counts."""
+    """Side in pixels of the smallest world that contains all ground seen at a useful resolution."""
     grid, reach = grid_of(lens), 0.0
     for state in states:
         counts = counting(lens, state, grid)
@@ -114,6 +114,6 @@ def make(scenario: str, folder: Path, size: tuple[int, int] = (1000, 750), **opt
 
 
 def camera_names(count: int, suffix: str = ".JPG") -> Iterator[str]:
-    """DCIM/100MEDIA/IMG_0001.JPG and on, POSIX paths relative to the watched folder."""
+    """DCIM/100MEDIA/IMG_0001.JPG and following, POSIX paths relative to the watched folder."""
     for k in range(count):
         yield f"DCIM/{100 + k // PER_FOLDER}MEDIA/IMG_{k + 1:04d}{suffix}"

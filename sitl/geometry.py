@@ -1,4 +1,4 @@
-"""The camera's own mathematics: where a pixel looks, and where a place on the ground is seen.
+"""Camera model: projection from pixels to the ground and back.
 
 Ground coordinates are metres: x east, y SOUTH, height up. With z = -height this is right-handed, and a level camera
 heading north has exactly these axes (x right, y down in the picture, z along the view), so its rotation is the identity.
@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 HeightAt = Callable[[Array, Array], Array]
 
-NEWTON_STEPS = 6  # the radial term is mild: this leaves less than a thousandth of a pixel
-SURFACE_STEPS = 6  # fixed-point steps towards a surface whose slopes are gentler than the view
-LOWEST_VIEW = 1e-4  # a ray must sink at least so much per metre to count as looking at the ground
+NEWTON_STEPS = 6  # the radial term is mild: leaves an error below a thousandth of a pixel
+SURFACE_STEPS = 6  # fixed-point iterations; converges on slopes gentler than the ray
+LOWEST_VIEW = 1e-4  # least downward slope of a ray that counts as hitting the ground
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraState:
-    """Where the camera is and how it is turned when it takes a picture.
+    """Pose of the camera at the time of a picture.
 
-    time: seconds since the flight began; x, y, height: metres; yaw: heading of the picture's top, clockwise from north;
-    pitch: nose up, which moves the view towards the heading; roll: right wing down. Angles in radians.
+    time: seconds since the start of the flight; x, y, height: metres; yaw: heading of the picture's top, clockwise from
+    north; pitch: nose up, which tilts the view towards the heading; roll: right wing down. Angles in radians.
     """
 
     time: float
@@ -42,15 +42,15 @@ class CameraState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lens:
-    """A pinhole with one radial term.
+    """A pinhole camera with one radial distortion term.
 
     focal: in half-diagonals of the picture; k1: OpenCV's sense, distorted = undistorted * (1 + k1 r^2), r in focal lengths.
     """
 
     width: int = 1200
     height: int = 900
-    focal: float = 1.45  # a common small camera: 69 degrees over the diagonal
-    k1: float = -0.04  # 2 % of barrel in the corners, as small drones have
+    focal: float = 1.45  # a common small camera: 69 degrees diagonal field of view
+    k1: float = -0.04  # 2 % barrel distortion in the corners, as on small drones
 
     @property
     def focal_px(self) -> float:
@@ -61,12 +61,12 @@ class Lens:
         return (self.width - 1) / 2, (self.height - 1) / 2
 
     def footprint(self, height: float) -> tuple[float, float]:
-        """Metres across and along the heading that a level picture covers, lens term aside."""
+        """Footprint of a level picture in metres, across and along the heading, without distortion."""
         return self.width * height / self.focal_px, self.height * height / self.focal_px
 
 
 def world_from_camera(state: CameraState) -> NDArray[np.float64]:
-    """The 3x3 rotation: roll, then pitch, then yaw."""
+    """3x3 rotation matrix: roll, then pitch, then yaw."""
     (cy, cp, cr), (sy, sp, sr) = (
         np.cos([state.yaw, state.pitch, state.roll]),
         np.sin([state.yaw, state.pitch, state.roll]),
@@ -78,7 +78,7 @@ def world_from_camera(state: CameraState) -> NDArray[np.float64]:
 
 
 def undistort(distorted: Array, k1: float) -> Array:
-    """Solve r (1 + k1 r^2) = r_d for every point (n, 2) in focal lengths, by Newton's method."""
+    """Solve r (1 + k1 r^2) = r_d for points (n, 2) in focal lengths, by Newton's method."""
     radius_d = np.hypot(distorted[..., 0], distorted[..., 1])
     radius = radius_d.copy()
     for _ in range(NEWTON_STEPS):
@@ -88,28 +88,28 @@ def undistort(distorted: Array, k1: float) -> Array:
 
 
 def rays_from_pixels(lens: Lens, pixels: Array) -> Array:
-    """(..., 2) pixels -> (..., 2) undistorted directions with z = 1 in the camera's axes."""
+    """(..., 2) pixels -> (..., 2) undistorted directions with z = 1 in camera axes."""
     return undistort((pixels - np.array(lens.centre)) / lens.focal_px, lens.k1)
 
 
 @lru_cache(maxsize=4)
 def rays_of_picture(lens: Lens) -> NDArray[np.float32]:
-    """(height, width, 2) directions of all pixels; the same for every frame of a camera."""
+    """(height, width, 2) directions of all pixels; equal for all frames of a camera."""
     x, y = np.meshgrid(np.arange(lens.width, dtype=np.float64), np.arange(lens.height, dtype=np.float64))
     return rays_from_pixels(lens, np.stack([x, y], axis=-1)).astype(np.float32)
 
 
 def sinking_views(state: CameraState, rays: Array) -> tuple[Array, Array, Array]:
-    """Directions (east, south, down) of rays (..., 2) as three arrays; down <= LOWEST_VIEW is sky."""
+    """Directions (east, south, down) of rays (..., 2), as three arrays; down <= LOWEST_VIEW is sky."""
     rotation = world_from_camera(state).astype(rays.dtype)
     east, south, down = (rays[..., 0] * row[0] + rays[..., 1] * row[1] + row[2] for row in rotation)
     return east, south, down
 
 
 def ground_of_rays(state: CameraState, rays: Array, height_at: HeightAt | None = None) -> tuple[Array, Array]:
-    """(x, y) in metres of the surface seen along rays (..., 2), NaN for sky.
+    """(x, y) in metres of the surface seen along rays (..., 2); NaN for sky.
 
-    The surface is z = 0, or the given heights, reached by fixed-point steps along each ray.
+    The surface is z = 0, or the given heights, found by fixed-point iteration along each ray.
     """
     east, south, down = sinking_views(state, rays)
     per_metre = np.divide(1, down, out=np.full_like(down, np.nan), where=down > LOWEST_VIEW)
@@ -122,13 +122,13 @@ def ground_of_rays(state: CameraState, rays: Array, height_at: HeightAt | None =
 
 
 def ground_from_pixels(lens: Lens, state: CameraState, pixels: Array, height_at: HeightAt | None = None) -> Array:
-    """(n, 2) pixels -> (n, 2) ground places; sky is NaN. With relief: the orthographic place of the surface seen."""
+    """(n, 2) pixels -> (n, 2) ground points; NaN for sky. With relief: orthographic position of the surface seen."""
     x, y = ground_of_rays(state, rays_from_pixels(lens, np.asarray(pixels, np.float64)), height_at)
     return np.stack([x, y], axis=-1)
 
 
 def pixels_from_ground(lens: Lens, state: CameraState, ground: Array, heights: Array | float = 0.0) -> Array:
-    """(n, 2) ground places at heights (n,) -> (n, 2) pixels, also outside the picture; NaN behind the camera."""
+    """(n, 2) ground points at heights (n,) -> (n, 2) pixels, also outside the picture; NaN behind the camera."""
     ground = np.asarray(ground, np.float64)
     down = state.height - np.broadcast_to(np.asarray(heights, np.float64), ground.shape[:-1])
     offset = np.stack([ground[..., 0] - state.x, ground[..., 1] - state.y, down], axis=-1)
@@ -142,7 +142,7 @@ def pixels_from_ground(lens: Lens, state: CameraState, ground: Array, heights: A
 
 
 def resolution(lens: Lens, state: CameraState, pixels: Array) -> Array:
-    """Metres per pixel at pixels (n, 2) on the plane z = 0, in the direction where they are coarsest; NaN for sky."""
+    """Metres per pixel on the plane z = 0 at pixels (n, 2), in the coarsest direction; NaN for sky."""
     half = np.array([[0.5, 0.0], [0.0, 0.5]])
     columns = [
         ground_from_pixels(lens, state, pixels + step) - ground_from_pixels(lens, state, pixels - step) for step in half

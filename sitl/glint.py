@@ -1,6 +1,6 @@
-"""Waves and the sun's glitter on water, other ones in every frame.
+"""Waves and sun glint on water, different in every frame.
 
-Glitter gathers where a level mirror would show the sun: it stays in one part of the picture while the ground moves on.
+Glint concentrates around the specular reflection of the sun: fixed in the picture while the ground moves through it.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from .ground.noise import fractal
 from .ground.objects import SUN
 from .ground.raster import Field
 
-ROUGH = 0.16  # radians: how far waves tilt the mirror
-CROWDED = 0.03  # share of pixels that glitter where most does
-SWELL = 0.07  # share of the light that one deviation of the waves takes
-PER_SECOND = 1000  # two frames this short apart show different waves
+ROUGH = 0.16  # radians: standard deviation of the wave slopes
+CROWDED = 0.03  # share of glinting pixels at the specular point
+SWELL = 0.07  # relative brightness change per standard deviation of the waves
+PER_SECOND = 1000  # time resolution: frames 1 ms apart show different waves
 
 
 def shimmer(colours: Field, water: Array, state: CameraState, rays: Array) -> None:
-    """Put waves and glints on a picture (h, w, 3) where it shows water (h, w; 0 to 1), in place."""
+    """Add waves and glint to a picture (h, w, 3) where it shows water (h, w; 0 to 1), in place."""
     height, width = colours.shape[:2]
     rng = np.random.default_rng([16, round(state.time * PER_SECOND), round(state.x * PER_SECOND) % 2**32])
     waves = fractal(rng, max(height, width), coarsest=32)[:height, :width]
@@ -33,11 +33,11 @@ def shimmer(colours: Field, water: Array, state: CameraState, rays: Array) -> No
 
 
 def towards_sun(state: CameraState, rays: Array) -> NDArray[np.float32]:
-    """How much of the sun the water shows along rays (h, w, 2): 1 where a level mirror would show all of it."""
+    """Strength of the sun's reflection along rays (h, w, 2): 1 at the specular point of level water."""
     east, south, down = sinking_views(state, rays)
     view = np.stack([east, south, down], axis=-1)
     view /= np.linalg.norm(view, axis=-1, keepdims=True)
     sun = np.array([-SUN[0], -SUN[1], 1.0])
-    # A mirror turns down into up and keeps the rest, so the angle to the sun is that between the view and the sun's own foot.
+    # A mirror inverts the vertical component only, so the angle to the sun equals that between the view and the mirrored sun.
     off = np.arccos(np.clip(view @ (sun / np.linalg.norm(sun)), -1, 1))
     return np.asarray(np.exp(-0.5 * (off / (2 * ROUGH)) ** 2), np.float32)

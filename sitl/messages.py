@@ -1,4 +1,4 @@
-"""What a vehicle says, as pymavlink messages: the manners of PX4, ArduPilot and a MAVLink camera. Pure: no socket, no clock."""
+"""Builds the vehicle's pymavlink messages in the manner of PX4, ArduPilot and a MAVLink camera. Pure: no socket, no clock."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from .geometry import CameraState
 
 AUTOPILOT, CAMERA = 1, 100  # MAVLink component ids
-ORIGIN = (47.3977, 8.5456, 488.0)  # degrees and metres: where pilots of simulators have always started
+ORIGIN = (47.3977, 8.5456, 488.0)  # degrees and metres: PX4 SITL's default home (Zurich)
 METRES_PER_DEGREE = 111_320.0
-LONGEST_URL = 200  # bytes; the field holds 205
+LONGEST_URL = 200  # bytes; the message field has 205
 FULL_TURN = 360.0
 
 Sent = tuple[int, Any]  # component id, message
@@ -22,7 +22,7 @@ Sent = tuple[int, Any]  # component id, message
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """The vehicle's clocks at one instant: seconds since boot, seconds since 1970."""
+    """The vehicle's clocks at one instant: seconds since boot, and since 1970."""
 
     boot: float
     utc: float
@@ -30,7 +30,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capture:
-    """One picture taken. index: the camera's own count; state: None for recorded frames, whose position is not known."""
+    """One picture taken. index: the camera's image index; state: None for recorded frames of unknown position."""
 
     index: int
     name: str
@@ -38,7 +38,7 @@ class Capture:
 
 
 def position(state: CameraState | None) -> tuple[int, int, float, float]:
-    """Latitude and longitude in 1e-7 degrees, altitude over the sea and over the ground in metres; 0, 0 means none."""
+    """Latitude and longitude in 1e-7 degrees, altitude above sea level and above ground in metres; zeros if unknown."""
     if state is None:
         return 0, 0, 0.0, 0.0
     latitude = ORIGIN[0] - state.y / METRES_PER_DEGREE
@@ -47,7 +47,7 @@ def position(state: CameraState | None) -> tuple[int, int, float, float]:
 
 
 def attitude(state: CameraState) -> list[float]:
-    """The quaternion (w, x, y, z) of yaw, pitch, roll."""
+    """Quaternion (w, x, y, z) of yaw, pitch, roll."""
     (cy, cp, cr), (sy, sp, sr) = (
         trig(np.array([state.yaw, state.pitch, state.roll]) / 2).tolist() for trig in (np.cos, np.sin)
     )
@@ -60,13 +60,13 @@ def attitude(state: CameraState) -> list[float]:
 
 
 def px4(capture: Capture, moment: Moment) -> Iterator[Sent]:
-    """The trigger request, and the autopilot's own word of a capture: no URL, and a result that it does not know."""
+    """CAMERA_TRIGGER, and the autopilot's CAMERA_IMAGE_CAPTURED without a URL and with an unknown result."""
     yield AUTOPILOT, mavlink.MAVLink_camera_trigger_message(micros(moment.boot), capture.index)
     yield AUTOPILOT, image_captured(capture, moment, camera_id=1, result=-1, url="")
 
 
 def ardupilot(capture: Capture, moment: Moment) -> Iterator[Sent]:
-    """CAMERA_FEEDBACK as sent without a feedback pin: epoch time, and an index of 16 bits that wraps."""
+    """CAMERA_FEEDBACK as sent without a feedback pin: epoch time, and a 16-bit index that wraps."""
     latitude, longitude, over_sea, over_ground = position(capture.state)
     at = capture.state or CameraState(time=0, x=0, y=0, height=0)
     roll, pitch, yaw = np.degrees([at.roll, at.pitch, at.yaw]).tolist()
@@ -92,7 +92,7 @@ def ardupilot(capture: Capture, moment: Moment) -> Iterator[Sent]:
 
 
 def camera(capture: Capture, moment: Moment) -> Iterator[Sent]:
-    """A camera with MAVLink of its own names the file."""
+    """CAMERA_IMAGE_CAPTURED of a MAVLink camera, which names the file."""
     url = f"mftp://{capture.name}"
     url = url if len(url.encode()) <= LONGEST_URL else ""
     yield CAMERA, image_captured(capture, moment, camera_id=0, result=1, url=url)
@@ -120,7 +120,7 @@ def image_captured(capture: Capture, moment: Moment, *, camera_id: int, result: 
 
 
 def heartbeats(manners: tuple[str, ...]) -> Iterator[Sent]:
-    """The autopilot's, and the camera's where it has a voice."""
+    """HEARTBEAT of the autopilot, and of the camera if it is a MAVLink component."""
     ardupilot_flies = "px4" not in manners
     autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA if ardupilot_flies else mavlink.MAV_AUTOPILOT_PX4
     armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED | mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

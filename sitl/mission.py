@@ -1,4 +1,4 @@
-"""Flies a film: triggers at their times, pictures a little later, telemetry all the while."""
+"""Flies a film: triggers on time, pictures a little later, telemetry throughout."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from .messages import Capture
 from .stream.projector import Projector
 from .vehicle import Vehicle
 
-BREATH = 0.05  # seconds between looks at the clock
-FIRST_INDEX = 1  # cameras count from one
+BREATH = 0.05  # seconds; polling interval
+FIRST_INDEX = 1  # cameras count from 1
 
 Say = Callable[[Exposure], None]
 
@@ -20,8 +20,8 @@ Say = Callable[[Exposure], None]
 def fly(
     film: Film, vehicle: Vehicle, delivery: Delivery | Projector, speed: float = 1.0, said: Say | None = None
 ) -> None:
-    """Fly to the end and wait for the last picture to arrive. A picture that is not ready in time delays all that follow,
-    so the pace is kept however slow the machine is. said: called after every trigger."""
+    """Fly to the end and wait for the last picture to arrive. A picture that is not ready in time delays all later ones,
+    so that intervals are kept on a slow machine too. said: called after every trigger."""
     began = time.monotonic() + delivery.lead
     try:
         for exposure in film.exposures():
@@ -38,7 +38,7 @@ def fly(
 
 
 def wait_until(began: float, exposure: Exposure, vehicle: Vehicle, speed: float) -> float:
-    """Tick until the exposure is due; returns when the flight must have begun for it to be on time."""
+    """Tick until the exposure is due; returns the flight's start time, shifted by any lateness."""
     due = began + exposure.time / speed
     late = time.monotonic() - due
     vehicle.tick(exposure.state)

@@ -1,4 +1,4 @@
-"""The command line of the simulated flight."""
+"""Command line of the simulated flight."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Flight plans: where the camera is at each picture, wind and all.
+"""Flight plans: the camera pose at each picture, including wind.
 
-A route is an ideal line of stations; `blown` turns it into states as the air really leaves them. Every route lies around
-(0, 0), keeps at the default size within the default world, and grows with the number of frames.
+A route is an ideal sequence of stations; `blown` perturbs it with wind and gusts. Every route is centred on (0, 0), fits the
+default world at the default size, and grows with the number of frames.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ from numpy.typing import NDArray
 
 from .geometry import CameraState, Lens
 
-TURN_SECONDS = 2.0  # lost between two flight lines
+TURN_SECONDS = 2.0  # per turn between two flight lines
 CLIMB_RATIO = 3.0
-GAP = 1.6  # lengths of a picture between the last known ground and the first after it: nothing overlaps, wind or not
-LOOKS = np.radians([72, 55, 75, 66])  # tilts of oblique frames; half the angle of view is 22, so most see the horizon
+GAP = 1.6  # picture lengths between the last frame before the gap and the first after it: no overlap, whatever the wind
+LOOKS = np.radians([72, 55, 75, 66])  # tilts of oblique frames; the half field of view is 22, so most see the horizon
 OBLIQUE_EVERY = 5  # frames
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """frames: about how many (a route may need a few more); height in metres; overlaps as shares of a picture."""
+    """frames: approximate number (a route may need a few more); height in metres; overlaps as shares of a picture."""
 
     frames: int = 30
     height: float = 100.0
     forward: float = 0.75
     side: float = 0.6
     speed: float = 12.0  # metres per second over ground
-    wind: float = 3.0  # metres per second, across the first line: makes the crab angle
-    tilt: float = 0.05  # radians that pitch and roll never leave
-    climbs: int = 0  # times that a survey rises to CLIMB_RATIO times its height and comes down again
-    strangers: int = 0  # frames over a place that nothing else sees (scenario `lost`)
+    wind: float = 3.0  # metres per second, across the first line: causes the crab angle
+    tilt: float = 0.05  # radians; bound of pitch and roll
+    climbs: int = 0  # number of climbs of a survey to CLIMB_RATIO times its height and back
+    strangers: int = 0  # frames over ground that no other frame sees (scenario `lost`)
     seed: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Station:
-    """A place on the ideal route. course: where it flies, clockwise from north; look: camera tilted ahead, radians."""
+    """A point on the ideal route. course: flight direction, clockwise from north; look: forward camera tilt; radians."""
 
     x: float
     y: float
@@ -53,20 +53,20 @@ Route = Callable[[Lens, Plan], list[Station]]
 
 
 def fly(scenario: str, lens: Lens, plan: Plan) -> list[CameraState]:
-    """The states of a named scenario; KeyError for a name that is none."""
+    """The states of a named scenario. Raises KeyError for an unknown name."""
     return blown(SCENARIOS[scenario](lens, plan), plan)
 
 
 def steps(lens: Lens, plan: Plan) -> tuple[float, float]:
-    """Metres between pictures of a line and between lines, at the plan's height."""
+    """Metres between pictures along a line and between lines, at the plan's height."""
     across, along = lens.footprint(plan.height)
     return along * (1 - plan.forward), across * (1 - plan.side)
 
 
 def survey(lens: Lens, plan: Plan) -> list[Station]:
-    """Lines to and fro, level or with climbs, over as square an area as the number of frames allows.
+    """A lawnmower pattern, level or with climbs, over as square an area as the number of frames allows.
 
-    The lines lie as close as the plan's height wants, so that a climb only adds overlap.
+    Line spacing follows from the plan's height, so a climb only adds overlap.
     """
     step, spacing = steps(lens, plan)
     lines = max(1, round(np.sqrt(plan.frames * step / spacing)))
@@ -84,12 +84,12 @@ def survey(lens: Lens, plan: Plan) -> list[Station]:
 
 
 def climbed(share: float, climbs: int) -> float:
-    """Factor of the height after this share of a flight: smoothly from 1 to CLIMB_RATIO and back, so many times."""
+    """Height factor after this share of a flight: smoothly from 1 to CLIMB_RATIO and back, `climbs` times."""
     return float(CLIMB_RATIO ** (0.5 - 0.5 * np.cos(2 * np.pi * climbs * share)))
 
 
 def climb(lens: Lens, plan: Plan) -> list[Station]:
-    """An outward spiral that ends three times as high as it began (at 0.8 of the plan's height)."""
+    """An outward spiral that ends at three times its initial height (0.8 of the plan's)."""
     stations, turn, radius = [], 0.0, 0.15 * plan.height
     for height in 0.8 * plan.height * CLIMB_RATIO ** np.linspace(0, 1, plan.frames):
         x, y = radius * np.cos(turn), radius * np.sin(turn)
@@ -101,7 +101,7 @@ def climb(lens: Lens, plan: Plan) -> list[Station]:
 
 
 def lost(lens: Lens, plan: Plan) -> list[Station]:
-    """East over known ground, a gap, at least three frames of new ground; then back west beside it, bridging the gap."""
+    """East, a gap without frames, at least three frames beyond it; then back west alongside, bridging the gap."""
     step, spacing = steps(lens, plan)
     gap = lens.footprint(plan.height)[1] * GAP
     both = max(8, round((plan.frames - gap / step) / 2))
@@ -116,13 +116,13 @@ def lost(lens: Lens, plan: Plan) -> list[Station]:
 
 
 def strangers(plan: Plan, middle: float) -> list[Station]:
-    """Places far south of everything, far from each other."""
+    """Stations far south of all others, and far apart."""
     sides = np.linspace(-1, 1, plan.strangers) if plan.strangers > 1 else np.zeros(plan.strangers)
     return [Station(x=float(k) * middle, y=2.0 * plan.height, height=plan.height, course=0.4) for k in sides]
 
 
 def oblique(lens: Lens, plan: Plan) -> list[Station]:
-    """A survey that now and then lifts its eyes: towards the middle of the area, up to the horizon and the sky."""
+    """A survey with regular oblique frames towards the middle of the area, up to the horizon and the sky."""
     stations = survey(lens, plan)
     for n, k in enumerate(range(OBLIQUE_EVERY - 1, len(stations), OBLIQUE_EVERY)):
         at = stations[k]
@@ -136,7 +136,7 @@ SCENARIOS: dict[str, Route] = {"survey": survey, "climb": climb, "lost": lost, "
 
 
 def blown(route: list[Station], plan: Plan) -> list[CameraState]:
-    """What wind makes of a route: a crab angle, gusts in place, height, heading and attitude, and the time it takes."""
+    """Apply wind to a route: crab angle; gusts in position, height, heading and attitude; and the flight time."""
     rng = np.random.default_rng([plan.seed, 5])
     count, times = len(route), clock(route, plan)
     east, south = gusts(rng, count) * 1.2, gusts(rng, count) * 1.2
@@ -157,12 +157,12 @@ def blown(route: list[Station], plan: Plan) -> list[CameraState]:
 
 
 def crab(course: float, plan: Plan) -> float:
-    """The nose points into a wind from the west by the angle that keeps the course."""
+    """Crab angle into a wind from the west that keeps the course."""
     return float(np.arcsin(np.clip(-plan.wind / max(plan.speed, 0.1) * np.cos(course), -0.5, 0.5)))
 
 
 def gusts(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """(count,) of deviation 1, each remembering 0.6 of the one before: air does not forget at once."""
+    """(count,) correlated noise (AR(1), coefficient 0.6) of standard deviation 1."""
     values = rng.standard_normal(count)
     for k in range(1, count):
         values[k] = 0.6 * values[k - 1] + 0.8 * values[k]

@@ -1,8 +1,9 @@
-"""The program under test, as an operator has it: a process, a folder, signals. Nothing of its code is imported."""
+"""The program under test, as an operator runs it: a process, a folder, signals. None of its code is imported."""
 
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -11,28 +12,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-START_TIMEOUT = 60.0  # seconds until it must listen
-STALL_TIMEOUT = 120.0  # seconds without any progress after which it is given up
-STOP_TIMEOUT = 180.0  # seconds to finish the frame in hand and paint the final poses
+START_TIMEOUT = 60.0  # seconds until it listens
+STALL_TIMEOUT = 120.0  # seconds without progress
+STOP_TIMEOUT = 180.0  # seconds to finish the current frame and paint the final poses
 EXPORT_TIMEOUT = 300.0
 POLL = 0.1
+
+# Windows has no SIGTERM that a process can handle; Ctrl-Break to its own process group is the closest equivalent.
+OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+END: signal.Signals = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
 FRAME_STATES = ("pending", "placed", "waiting", "rejected", "duplicate", "damaged", "dropped")
 
 
 class ProgramError(Exception):
-    """The program did not do what it must; the message is one sentence for the operator."""
+    """The program failed; the message is one sentence for the operator."""
 
 
 @dataclass(slots=True)
 class Program:
-    """gcs-mosaic, listening on a UDP port of this host, watching a folder, writing into another."""
+    """gcs-mosaic, listening on a local UDP port, watching one folder, writing to another."""
 
     port: int
     watch: Path
     out: Path
     http: str | None
-    rtsp: str | None = None  # where the frames come from instead of the folder
+    rtsp: str | None = None  # URL of a live stream, instead of the folder
     process: subprocess.Popen[bytes] | None = field(default=None)
 
     def command(self) -> list[str]:
@@ -42,8 +47,8 @@ class Program:
         return [sys.executable, "-m", "gcs_mosaic", "--mavlink", f"udp:127.0.0.1:{self.port}", *where, *page]
 
     def start(self) -> None:
-        """Start it and wait until it listens. Its own session: Ctrl-C reaches us first, and we stop it in order."""
-        self.process = subprocess.Popen(self.command(), start_new_session=True)
+        """Start it and wait until it listens. In its own session, so that Ctrl-C reaches only us and we stop it cleanly."""
+        self.process = subprocess.Popen(self.command(), start_new_session=True, creationflags=OWN_GROUP)
         deadline = time.monotonic() + START_TIMEOUT
         while not (self.out / "status.json").exists():
             self.must_run()
@@ -62,13 +67,13 @@ class Program:
             raise ProgramError(f"gcs-mosaic ended by itself with exit code {code}; what it said is above")
 
     def account(self, kind: str) -> dict[str, int]:
-        """The account of "frames" or "events" as mosaic.json has it; empty until there is one."""
+        """The counts of "frames" or "events" in mosaic.json; empty until it exists."""
         data = json_of(self.out / "mosaic.json")
         found = data.get(kind)
         return {str(key): int(value) for key, value in found.items()} if isinstance(found, dict) else {}
 
     def wait_for(self, count: int, said: Callable[[dict[str, int]], None], meanwhile: Callable[[], None]) -> None:
-        """Wait until `count` frames are accounted for and none is pending; `meanwhile` is called over and over."""
+        """Wait until `count` frames are processed and none is pending; `meanwhile` is called at every poll."""
         last, changed = self.account("frames"), time.monotonic()
         while processed(last) < count:
             self.must_run()
@@ -83,10 +88,10 @@ class Program:
                 raise ProgramError(f"{done}, then nothing moved for {STALL_TIMEOUT:.0f} s: {last}")
 
     def stop(self) -> int:
-        """SIGTERM, as a service manager does it; the exit code. It is killed if it does not end."""
+        """Send SIGTERM, as a service manager does, and return the exit code. Killed if it does not end."""
         if self.process is None:
             return 0
-        self.process.terminate()
+        self.process.send_signal(END)
         try:
             return self.process.wait(STOP_TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -97,7 +102,7 @@ class Program:
             ) from None
 
     def placements(self, file: Path) -> dict[str, Any]:
-        """Every frame's place, by `gcs-mosaic export`."""
+        """All placements, from `gcs-mosaic export`."""
         command = [
             sys.executable,
             "-m",
@@ -120,7 +125,7 @@ def processed(account: dict[str, int]) -> int:
 
 
 def json_of(path: Path) -> dict[str, Any]:
-    """Empty while there is no such file: it is written beside and renamed, so it is whole or absent."""
+    """The JSON object in a file, empty if missing: files are replaced atomically, so they are whole or absent."""
     try:
         data = json.loads(path.read_text())
     except FileNotFoundError:

@@ -1,7 +1,7 @@
-"""Judges a placements.json by the truth of a simulated flight.
+"""Scores a placements.json against the truth of a simulated flight.
 
-An island is free in place, heading and scale, so each one is laid on the truth by its best similarity first. Errors are
-in pixels of the median frame.
+An island is free in position, heading and scale, so each is first aligned to the truth by its best similarity transform.
+Errors are in pixels of the median frame.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from .similarity import lengths, robust_similarity, similarity
 from .truth import TrueFrame, Truth
 from .warp import Floats, Placed, placed_frame
 
-BEYOND = 1e5  # pixels: what a point counts that was sent to the horizon
+BEYOND = 1e5  # pixels; error assigned to a point mapped beyond the horizon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """frames: how many there are; placed: how many of them lie in an island of two or more; alone: in one of their own.
+    """frames: all; placed: those on an island of two or more; alone: those on an island of their own.
 
-    ortho_*: distance of a frame's grid points from their true ground place; pair_*: distance between the two places that
-    two overlapping frames of one island give to one ground point; scale_*: a frame's scale against the truth (1 is right).
-    NaN where there is nothing to measure.
+    ortho_*: distance of a frame's grid points from their true ground position; pair_*: distance between the positions that
+    two overlapping frames of one island give to one ground point; scale_*: a frame's scale relative to the truth (1 is
+    correct). NaN where there is nothing to measure.
     """
 
     frames: int
@@ -44,7 +44,7 @@ class Score:
     pair_p95: float
     scale_p5: float
     scale_p95: float
-    unknown: tuple[str, ...]  # names placed that the truth does not know
+    unknown: tuple[str, ...]  # placed names missing in the truth
 
     def __str__(self) -> str:
         return (
@@ -58,7 +58,7 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Laid:
-    """A frame and its grid points on the ground as its island was laid on the truth: (63, 2) metres, NaN beyond."""
+    """A placed frame with the alignment of its island to the truth."""
 
     true: TrueFrame
     placed: Placed
@@ -69,13 +69,13 @@ class Laid:
         return np.asarray(canvas @ self.ground_from_canvas[:2, :2].T + self.ground_from_canvas[:2, 2])
 
     def distances(self) -> Floats:
-        """Metres from the truth of the grid points that count."""
+        """Errors in metres of the used grid points."""
         used = self.true.grid_used
         return lengths(self.ground(self.true.grid_px[used]) - self.true.grid_ground[used])
 
 
 def score(truth: Truth, placements: dict[str, Any]) -> Score:
-    """placements: a parsed placements.json; frames match by whole name, else by base name."""
+    """placements: a parsed placements.json; frames are matched by full name, else by base name."""
     by_island, unknown = islands_of(truth, placements)
     groups = [lay(group) for group in by_island.values() if len(group) > 1]
     laid = [frame for group in groups for frame in group]
@@ -107,7 +107,7 @@ def score(truth: Truth, placements: dict[str, Any]) -> Score:
 def islands_of(
     truth: Truth, placements: dict[str, Any]
 ) -> tuple[dict[int, list[tuple[TrueFrame, Placed]]], tuple[str, ...]]:
-    """The known frames by island, and the names that the truth does not know."""
+    """The known frames by island, and the names missing in the truth."""
     whole = {frame.name: frame for frame in truth.frames}
     counts = Counter(PurePosixPath(name).name for name in whole)
     base = {PurePosixPath(name).name: frame for name, frame in whole.items() if counts[PurePosixPath(name).name] == 1}
@@ -124,7 +124,7 @@ def islands_of(
 
 
 def lay(group: list[tuple[TrueFrame, Placed]]) -> list[Laid]:
-    """Lay an island on the truth by the similarity that fits its grid points best."""
+    """Align an island to the truth by the similarity that best fits its grid points."""
     canvas = np.concatenate([placed.canvas(true.grid_px[true.grid_used]) for true, placed in group])
     ground = np.concatenate([true.grid_ground[true.grid_used] for true, _ in group])
     known = np.isfinite(canvas).all(1)
@@ -133,12 +133,12 @@ def lay(group: list[tuple[TrueFrame, Placed]]) -> list[Laid]:
 
 
 def gaps_of(group: list[Laid], lens: Lens) -> list[Floats]:
-    """For every two frames that share ground: metres between the places they give to the grid points of either."""
+    """For every pair of overlapping frames: metres between the positions they give to the grid points of either."""
     return [gap(group[i], group[j], lens) for i, j in np.argwhere(meeting([frame.true for frame in group]))]
 
 
 def meeting(frames: list[TrueFrame]) -> NDArray[np.bool_]:
-    """(n, n): do the boxes around what two different frames see meet?"""
+    """(n, n): whether the bounding boxes of the ground seen by two different frames intersect."""
     seen = [frame.grid_ground[frame.grid_used] for frame in frames]
     low = np.array([ground.min(0, initial=np.inf) for ground in seen])
     high = np.array([ground.max(0, initial=-np.inf) for ground in seen])
@@ -147,7 +147,7 @@ def meeting(frames: list[TrueFrame]) -> NDArray[np.bool_]:
 
 
 def gap(one: Laid, other: Laid, lens: Lens) -> Floats:
-    """Metres between the places given to the grid points of `one` that `other` sees too, at a resolution that counts."""
+    """Metres between the positions given to those grid points of `one` that `other` also sees at a useful resolution."""
     used = one.true.grid_used
     ground, height = one.true.grid_ground[used], one.true.grid_height[used]
     seen = np.asarray(pixels_from_ground(lens, other.true.state, ground, height), np.float64)
@@ -158,7 +158,7 @@ def gap(one: Laid, other: Laid, lens: Lens) -> Floats:
 
 
 def counts_in(true: TrueFrame, lens: Lens, pixels: Floats) -> NDArray[np.bool_]:
-    """Which pixels (n, 2) lie where the frame's own grid counts, judged by the nearest grid point."""
+    """Mask of pixels (n, 2) whose nearest grid point of the frame is used."""
     if true.grid_used.all():
         return np.ones(len(pixels), np.bool_)
     reach = np.array([lens.width, lens.height]) / [8, 6]
@@ -168,7 +168,7 @@ def counts_in(true: TrueFrame, lens: Lens, pixels: Floats) -> NDArray[np.bool_]:
 
 
 def relative_scale(frame: Laid) -> float:
-    """How much too large the frame lies on the ground."""
+    """Scale of the placed frame relative to the truth."""
     used = frame.true.grid_used
     ground = frame.ground(frame.true.grid_px[used])
     known = np.isfinite(ground).all(1)

@@ -1,6 +1,6 @@
-"""What a camera makes of light: bands of counts, and the file they are kept in.
+"""Sensor model: converts light to counts per band, and encodes the file.
 
-Every band is a sum of blue, green and red, so that the truth of each is known wherever the ground is.
+Every band is a linear combination of blue, green and red, so its truth is known wherever the ground is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .ground.raster import Field
 
-# Shares of blue, green and red in blue, green, red, red edge, near infrared (which plants shine in) and all light.
+# Weights of blue, green and red in the bands blue, green, red, red edge, near infrared (bright vegetation) and panchromatic.
 MIXTURES = np.array(
     [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-0.2, 0.8, 0.4], [-0.4, 1.9, -0.5], [0.33, 0.34, 0.33]], np.float32
 )
@@ -27,8 +27,8 @@ EIGHT, DEEP, THERMAL = (0.0, 1.0), (200.0, 40.0), (29_000.0, 1.5)  # counts in t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor:
-    """`bands` of `depth` bits. Three of eight bits are a JPEG, all others a TIFF; one of sixteen bits is like a thermal camera's:
-    a few hundred counts of contrast far above zero."""
+    """`bands` of `depth` bits. Three bands of 8 bits are a JPEG, all others a TIFF; one band of 16 bits resembles a thermal
+    camera: a few hundred counts of contrast on a large offset."""
 
     bands: int = 3
     depth: int = 8
@@ -42,23 +42,23 @@ class Sensor:
         return ".JPG" if (self.bands, self.depth) == (3, 8) else ".TIF"
 
     def levels(self, light: Field) -> Field:
-        """(..., bands) grey levels of light (..., 3) in blue, green and red."""
+        """Light (..., 3) in BGR -> grey levels (..., bands)."""
         mixtures = LUMINANCE if self.bands == 1 else MIXTURES[: self.bands]
         return light if self.bands == 3 else np.asarray(np.maximum(light @ mixtures.T, 0), np.float32)
 
     def counts(self, levels: Field) -> NDArray[Any]:
-        """(..., bands) uint8 or uint16."""
+        """Counts (..., bands), uint8 or uint16."""
         dark, per_level = self.response
         kind = np.uint8 if self.depth == 8 else np.uint16
         return np.asarray(np.clip(dark + per_level * levels + 0.5, 0, np.iinfo(kind).max), kind)
 
     @property
     def response(self) -> tuple[float, float]:
-        """Counts in the dark, and counts per grey level."""
+        """Dark counts, and counts per grey level."""
         return EIGHT if self.depth == 8 else THERMAL if self.bands == 1 else DEEP
 
     def encoded(self, counts: NDArray[Any], quality: int) -> bytes:
-        """The file of a picture (h, w, bands); `quality` is the JPEG's."""
+        """The encoded file of a picture (h, w, bands); `quality` applies to JPEG."""
         if self.suffix == ".JPG":
             done, data = cv2.imencode(".jpg", counts, [cv2.IMWRITE_JPEG_QUALITY, quality])
             assert done

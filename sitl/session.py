@@ -1,4 +1,4 @@
-"""One session, told aloud: start the program, fly, let it finish, stop it, judge it."""
+"""One session, reported step by step: start the program, fly, let it finish, stop it, score it."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .vehicle import Faults, Vehicle
 
 DONE, FAILED = 0, 1  # exit codes
 SAY_EVERY = 5  # pictures
-DELAY, WRITING = 0.4, 0.3  # seconds from a trigger to its file's first byte, and on to the last
+DELAY, WRITING = 0.4, 0.3  # seconds from a trigger to its file's first byte, and from there to the last
 USUAL_PORT = 14550
 
 
 def fly_alone(asked: argparse.Namespace, film: Film, camera: StreamingCamera | None = None) -> int:
-    """Fly for a program that somebody else started."""
+    """Fly for a program that is already running."""
     with closing(vehicle_of(asked, asked.port or USUAL_PORT)) as vehicle:
         fly_film(asked, film, vehicle, camera or asked.watch or Path("frames"), lambda: "")
     return DONE
@@ -34,7 +34,7 @@ def fly_alone(asked: argparse.Namespace, film: Film, camera: StreamingCamera | N
 def fly_against(
     program: Program, asked: argparse.Namespace, film: Film, truth: Truth | None, camera: StreamingCamera | None = None
 ) -> int:
-    """Fly for a program of our own; the exit code. What a camera streams is not judged: its frames have other names."""
+    """Fly for a program that we start; the exit code. Streamed frames are not scored, because they have other names."""
     code = FAILED
     screen = camera or program.watch
     try:
@@ -62,7 +62,7 @@ def fly_film(
     screen: Path | StreamingCamera,
     so_far: Callable[[], str],
 ) -> None:
-    """Trigger and deliver all pictures, into a folder or to a camera that streams them."""
+    """Trigger and deliver all pictures, to a folder or to a streaming camera."""
     where = f"files go to {screen}" if isinstance(screen, Path) else f"streamed at {screen.url}"
     say(f"flying {film.count} pictures in {film.seconds / asked.speed:.0f} s ({film.note}), {where}")
 
@@ -76,7 +76,7 @@ def fly_film(
 
 
 def wait_for_all(program: Program, count: int, vehicle: Vehicle) -> None:
-    """Until every picture is accounted for. The vehicle has landed, but its radio is still on."""
+    """Wait until every picture is processed. The vehicle has landed, but keeps sending telemetry."""
 
     def progress(account: dict[str, int]) -> None:
         say(f"processed {processed(account)}/{count}: {told(account)}")
@@ -85,7 +85,7 @@ def wait_for_all(program: Program, count: int, vehicle: Vehicle) -> None:
 
 
 def stay(asked: argparse.Namespace, program: Program, vehicle: Vehicle) -> None:
-    """Keep the page up until Ctrl-C, which then ends the flight in order."""
+    """Keep the page up until Ctrl-C, which then ends the flight cleanly."""
     if not asked.stay:
         return
     say(f"the flight is over; the page stays at {page_of(program)} until Ctrl-C")
@@ -111,7 +111,7 @@ def page_of(program: Program) -> str:
 
 
 def told(account: dict[str, int]) -> str:
-    """'placed 30, rejected 1': what is not zero."""
+    """Non-zero counts as text, such as 'placed 30, rejected 1'."""
     return ", ".join(f"{key} {value}" for key, value in account.items() if value) or "nothing yet"
 
 

@@ -1,4 +1,4 @@
-"""What a view meets first among things that stand tall: crowns and roofs hide what is behind them."""
+"""Ray casting onto the height map with occlusion: crowns and roofs hide what is behind them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from .geometry import LOWEST_VIEW, Array, CameraState, HeightAt, sinking_views
 
 Mask = NDArray[np.bool_]
 
-STEP = 0.6  # metres of height between two looks: at 35 degrees off the vertical one cell of the height map
-HALVINGS = 4  # of the last step: down to 4 cm
+STEP = 0.6  # metres of height per step: one cell of the height map at 35 degrees off nadir
+HALVINGS = 4  # bisections of the last step: down to 4 cm
 
 
 def first_met(state: CameraState, rays: Array, height_at: HeightAt, tallest: float) -> tuple[Array, Array]:
-    """(x, y) in metres of the surface seen along rays (..., 2), NaN for sky; nothing is higher than `tallest` or below 0."""
+    """(x, y) in metres of the first surface hit by rays (..., 2), NaN for sky; heights are within 0 to `tallest`."""
     east, south, down = sinking_views(state, rays)
     per_metre = np.divide(1, down, out=np.full_like(down, np.nan), where=down > LOWEST_VIEW)
     east, south = east * per_metre, south * per_metre

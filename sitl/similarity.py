@@ -1,4 +1,4 @@
-"""The similarity (turn, one scale, shift) that lays one set of points on another."""
+"""Similarity transform (rotation, uniform scale, translation) between two point sets."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ ROBUST_STEPS = 40
 
 
 def robust_similarity(source: Floats, target: Floats) -> Floats:
-    """3x3 target_from_source: least squares, then reweighted towards the least sum of distances, so that a few misplaced
-    frames do not drag the rest along."""
+    """3x3 target_from_source: least squares, iteratively reweighted towards the least sum of distances, so that a few
+    misplaced frames do not bias the fit."""
     if len(source) < 2:
         return np.full((3, 3), np.nan)
     weights = np.ones(len(source))
@@ -23,8 +23,8 @@ def robust_similarity(source: Floats, target: Floats) -> Floats:
 
 
 def similarity(source: Floats, target: Floats, weights: Floats) -> Floats:
-    """3x3 of rotation, one scale and shift by weighted least squares; never a mirror. With points as complex numbers this
-    is the straight line target = a * source + b."""
+    """3x3 similarity by weighted least squares, without reflection. With points as complex numbers it is the linear
+    regression target = a * source + b."""
     weights = weights / weights.sum()
     z, w = source @ [1, 1j], target @ [1, 1j]
     z_mean, w_mean = weights @ z, weights @ w

@@ -1,4 +1,4 @@
-"""What a search looks for: people and vehicles that move between frames, and small marks that lie still."""
+"""Search targets: people and vehicles that move between frames, and small static marks."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ Colour = tuple[float, float, float]
 Floats = NDArray[np.float64]
 PixelsFromGround = Callable[[CameraState, Array], Array]
 
-# BGR under full light, before the lens takes its share: none of them is a colour of the ground.
+# BGR under full light, before vignetting; none of them is a colour of the ground.
 CLOTHES: tuple[Colour, ...] = ((40, 110, 235), (225, 225, 225), (60, 215, 235), (200, 120, 40))
 PAINTS: tuple[Colour, ...] = ((225, 225, 225), (45, 40, 190), (170, 70, 30))
 MARK_COLOURS: tuple[Colour, ...] = ((40, 110, 235), (225, 225, 225))
-PERSON = 0.6, 0.45  # metres from above, with a pack
+PERSON = 0.6, 0.45  # metres, seen from above with a backpack
 VEHICLE = 4.4, 1.8  # metres
-MARK_PX = 6.0  # side of a mark in pixels of a frame taken at the planned height
+MARK_PX = 6.0  # side of a mark in pixels of a frame at the planned height
 WALK, DRIVE = (0.8, 1.6), (4.0, 9.0)  # metres per second
-BEAT, ROAD = 25.0, 120.0  # metres a person or vehicle goes before it turns round
-MIDDLE = 0.7  # share of a picture in which a target may be when it is first thought of
-SUBPIXELS = 8  # a pixel is covered to one 64th
+BEAT, ROAD = 25.0, 120.0  # metres that a person or vehicle moves before turning back
+MIDDLE = 0.7  # central share of a picture in which a target is initially placed
+SUBPIXELS = 8  # per axis: coverage in steps of 1/64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A flat rectangle of one colour (BGR) on the ground that goes to and fro along its heading, or lies still.
+    """A flat rectangle of one colour (BGR) on the ground that moves back and forth along its heading, or is static.
 
-    x, y: metres, where it is at time 0; length (along the heading), width: metres; heading: radians, clockwise from north;
-    speed: metres per second; way: metres until it turns round.
+    x, y: metres, position at time 0; length (along the heading), width: metres; heading: radians, clockwise from north;
+    speed: metres per second; way: metres before it turns back.
     """
 
     kind: str  # person, vehicle or mark
@@ -48,24 +48,24 @@ class Target:
     way: float = 1.0
 
     def place(self, time: float) -> Floats:
-        """(2,) metres: its middle after so many seconds."""
+        """(2,) metres: its centre at `time` seconds."""
         gone = (self.speed * time) % (2 * self.way)
         return np.asarray(np.array([self.x, self.y]) + min(gone, 2 * self.way - gone) * self.ahead)
 
     def corners(self, time: float) -> Floats:
-        """(4, 2) metres, in order around it."""
+        """(4, 2) metres, in cyclic order."""
         along, across = self.ahead * self.length / 2, np.array([-self.ahead[1], self.ahead[0]]) * self.width / 2
         return np.array([along + across, along - across, -along - across, across - along]) + self.place(time)
 
     @property
     def ahead(self) -> Floats:
-        """(2,): one metre along the heading."""
+        """(2,): unit vector along the heading."""
         return np.array([np.sin(self.heading), -np.cos(self.heading)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crowd:
-    """How many targets of each kind there are."""
+    """Number of targets of each kind."""
 
     people: int = 0
     vehicles: int = 0
@@ -74,7 +74,7 @@ class Crowd:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
-    """A target that lies wholly in a picture: its number, and where its middle is, (2,) pixels and (2,) metres."""
+    """A target fully inside a picture: its number, and its centre in (2,) pixels and (2,) metres."""
 
     target: int
     px: Floats
@@ -82,7 +82,7 @@ class Sighting:
 
 
 def spread(crowd: Crowd, lens: Lens, states: Sequence[CameraState], height: float, seed: int) -> tuple[Target, ...]:
-    """Targets over the ground that the flight sees, each seen in one frame at least. height: the planned one, in metres."""
+    """Targets distributed over the ground covered, each visible in at least one frame. height: planned, in metres."""
     rng = np.random.default_rng([seed, 8])
     mark = MARK_PX * height / lens.focal_px
     kinds = (
@@ -107,7 +107,7 @@ def one_target(
     lens: Lens,
     states: Sequence[CameraState],
 ) -> Target:
-    """A target that is in the middle of a frame chosen by lot when that frame is taken."""
+    """A target in the central part of a randomly chosen frame at the time of that frame."""
     state = states[int(rng.integers(len(states)))]
     share = 0.5 + (rng.random(2) - 0.5) * MIDDLE
     there = ground_from_pixels(lens, state, (share * [lens.width, lens.height])[None])[0]
@@ -131,7 +131,7 @@ def one_target(
 def sightings(
     targets: Sequence[Target], lens: Lens, state: CameraState, pixels_of: PixelsFromGround
 ) -> Iterator[Sighting]:
-    """The targets that lie wholly in the picture taken in this state; `pixels_of` as Scene.pixels_from_ground."""
+    """Targets fully inside the picture taken in this state; `pixels_of` as Scene.pixels_from_ground."""
     limits = np.array([lens.width, lens.height]) - 0.5
     for number, target in enumerate(targets):
         middle = target.place(state.time)
@@ -141,7 +141,7 @@ def sightings(
 
 
 def paint_targets(light: Field, targets: Sequence[Target], state: CameraState, pixels_of: PixelsFromGround) -> None:
-    """Lay targets over a picture before the sensor (height, width, 3), in place, each pixel by the share it is covered."""
+    """Draw targets onto the light (height, width, 3), in place, anti-aliased by pixel coverage."""
     for target in targets:
         outline = pixels_of(state, target.corners(state.time))
         if np.isfinite(outline).all():
@@ -149,7 +149,7 @@ def paint_targets(light: Field, targets: Sequence[Target], state: CameraState, p
 
 
 def paint_polygon(light: Field, outline: Array, colour: Colour) -> None:
-    """A convex polygon (n, 2) in pixels."""
+    """Draw a convex polygon (n, 2) in pixels, anti-aliased."""
     limits = np.array([light.shape[1], light.shape[0]])
     low = np.clip(np.floor(outline.min(0) + 0.5), 0, limits).astype(int)
     high = np.clip(np.ceil(outline.max(0) + 0.5), 0, limits).astype(int)

@@ -1,6 +1,6 @@
-"""What a cheap thermal camera makes of a picture: little contrast, and a pattern of its own that stands still in every frame.
+"""Model of a cheap thermal camera: low contrast, and fixed-pattern noise in every frame.
 
-The pattern is of the camera, not of the place: columns and rows of the sensor, a cold rim, dirt on the window, writing.
+The pattern belongs to the camera: sensor columns and rows, a cold rim, dirt on the window, an overlay.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from .sensor import LUMINANCE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalCamera:
-    """make: the seed of its pattern. contrast: of the ground, as a share of the picture's; the others are grey levels of 255."""
+    """make: seed of the pattern. contrast: of the ground, relative to the input picture; others in grey levels of 255."""
 
     make: int = 1
     contrast: float = 0.25
     level: float = 105.0
-    rim: float = -45.0  # more in the corners than in the middle
-    grid: float = 1.5  # deviation of columns and of rows
-    dirt: float = 24.0  # darker under a spot
+    rim: float = -45.0  # offset of the corners from the centre
+    grid: float = 1.5  # standard deviation of column and row offsets
+    dirt: float = 24.0  # darkening under a spot
     spots: int = 12
-    noise: float = 1.0  # deviation, other in every frame
+    noise: float = 1.0  # standard deviation of the temporal noise
     writing: bool = True
 
     def picture(self, seen: Image, index: int) -> Image:
-        """(h, w) of a picture (h, w, 3) BGR; index seeds the frame's own noise."""
+        """(h, w, 3) BGR -> (h, w) thermal picture; `index` seeds the frame's noise."""
         height, width = seen.shape[:2]
         warm = np.asarray(cv2.GaussianBlur(seen @ LUMINANCE[0], (0, 0), 1.2), np.float32)
         rng = np.random.default_rng([self.make, 18, index])
@@ -41,7 +41,7 @@ class ThermalCamera:
         return picture
 
     def pattern(self, size: tuple[int, int]) -> Field:
-        """(h, w): what stands still, besides the writing."""
+        """(h, w): the fixed pattern, without the overlay."""
         width, height = size
         rng = np.random.default_rng([self.make, 17])
         y, x = np.mgrid[0:height, 0:width].astype(np.float32)
@@ -55,7 +55,7 @@ class ThermalCamera:
 
 
 def write(picture: Image) -> None:
-    """Range, emissivity, a scale beside the picture and a cross in its middle, in place."""
+    """Draw the overlay in place: range, emissivity, a scale bar and a centre cross."""
     height, width = picture.shape
     for line, text in enumerate(("MAX 34.6C", "MIN 11.2C", "e=0.95")):
         cv2.putText(picture, text, (12, 24 + 20 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.5, 255, 1, cv2.LINE_AA)

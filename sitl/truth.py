@@ -1,4 +1,4 @@
-"""What is known of a simulated flight: for every frame, where its pixels truly lie on the ground. Kept as truth.json."""
+"""Ground truth of a simulated flight: the true ground positions of every frame's pixels. Stored as truth.json."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .geometry import CameraState, Lens, resolution
 from .targets import Sighting, Target, sightings
 
 FORMAT = 2
-COLUMNS, ROWS = 9, 7  # grid points of a frame, its corners included
-COARSEST = 4.0  # a point counts while a pixel there is at most so many times the frame's best; beyond lies the horizon
+COLUMNS, ROWS = 9, 7  # grid points of a frame, including its corners
+COARSEST = 4.0  # a point is used up to this multiple of the frame's finest metres per pixel; beyond is the horizon
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueFrame:
-    """grid_px, grid_ground: (63, 2) row by row, metres, NaN for sky; grid_height: (63,) metres of the surface seen;
-    grid_used: (63,) points that count; gsd: metres per pixel in the middle of the picture, or of its best point; gain: its
-    exposure, 1 as planned; sightings: the targets that lie wholly in it."""
+    """grid_px: (63, 2) pixels, row-major; grid_ground: (63, 2) metres, NaN for sky; grid_height: (63,) metres of the surface
+    seen; grid_used: (63,) mask of used points; gsd: metres per pixel at the centre, at most COARSEST times the finest; gain:
+    exposure factor, 1 is nominal; sightings: targets fully inside the picture."""
 
     name: str
     gsd: float
@@ -38,7 +38,7 @@ class TrueFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """vignetting: share of light lost in the corners, by the square of the distance from the middle."""
+    """vignetting: share of light lost in the corners, quadratic in the radius."""
 
     lens: Lens
     frames: tuple[TrueFrame, ...]
@@ -47,12 +47,12 @@ class Truth:
 
     @property
     def gsd(self) -> float:
-        """Metres per pixel of the median frame: the pixel in which errors are told."""
+        """Metres per pixel of the median frame: the unit of all pixel errors."""
         return float(np.median([frame.gsd for frame in self.frames]))
 
 
 def true_frame(scene: Scene, state: CameraState, name: str, index: int = 0) -> TrueFrame:
-    """What is known of frame number `index`."""
+    """Ground truth of frame number `index`."""
     lens = scene.camera.lens
     grid = grid_of(lens)
     ground = scene.ground_from_pixels(state, grid)
@@ -72,7 +72,7 @@ def true_frame(scene: Scene, state: CameraState, name: str, index: int = 0) -> T
 
 
 def counting(lens: Lens, state: CameraState, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which of the pixels (n, 2), a grid over the whole picture, see ground at a resolution that counts."""
+    """Mask of the pixels (n, 2), a grid over the whole picture, that see ground at a useful resolution."""
     coarseness = resolution(lens, state, pixels)
     with np.errstate(invalid="ignore"):
         return np.asarray(coarseness <= COARSEST * np.nanmin(coarseness), np.bool_)
@@ -108,7 +108,7 @@ def write(truth: Truth, path: Path) -> None:
 
 
 def read(path: Path) -> Truth:
-    """ValueError with a clear sentence for a file that is no truth.json of this format."""
+    """Read a truth.json. Raises ValueError if it is none of this format."""
     try:
         data = json.loads(path.read_text())
         if data["format"] != FORMAT:
@@ -145,7 +145,7 @@ def target_of(entry: dict[str, Any]) -> Target:
 
 
 def with_nulls(values: NDArray[np.float64]) -> Any:
-    """Lists with null for NaN: JSON has no NaN. `read` gets NaN back, as float arrays turn None into it."""
+    """Nested lists with None for NaN, which JSON lacks. `read` restores NaN, as float arrays convert None to it."""
     kept = values.astype(object)
     kept[~np.isfinite(values)] = None
     return kept.tolist()

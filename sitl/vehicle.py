@@ -1,4 +1,4 @@
-"""A vehicle on a UDP link: sends its telemetry and its camera's messages, and loses some of them if asked to."""
+"""A vehicle on a UDP link: sends telemetry and camera messages, optionally with link faults."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from .messages import (
     system_time,
 )
 
-SYSTEM = 1  # never 255: that is the ground station's
-BOOTED_BEFORE = 90.0  # seconds: the boot clock does not start with the flight
+SYSTEM = 1  # system id; 255 is the ground station's
+BOOTED_BEFORE = 90.0  # seconds from boot to the start of the flight
 HEARTBEAT_EVERY, POSITION_EVERY = 1.0, 0.25  # seconds
 
 
 @dataclass(slots=True, kw_only=True)
 class Faults:
-    """A bad link for camera messages: shares of them that are dropped, sent twice, or held back until the next one."""
+    """Link faults of camera messages: probabilities of being dropped, duplicated, or held back until the next one."""
 
     drop: float = 0.0
     duplicate: float = 0.0
@@ -44,7 +44,7 @@ class Faults:
         self.rng = np.random.default_rng([self.seed, 6])
 
     def passed(self, messages: Iterable[Sent]) -> Iterator[Sent]:
-        """What of these messages gets through now, in the order in which it does."""
+        """The messages that are sent now, in order."""
         for message in messages:
             lost, twice, late = self.rng.random(3) < (self.drop, self.duplicate, self.reorder)
             if lost:
@@ -59,10 +59,10 @@ class Faults:
 
 class Vehicle:
     """System 1 with an autopilot (component 1) and, in the manner `camera`, a camera (component 100), sending MAVLink 2 to one
-    UDP address. It has no thread: call `tick` often and it sends what is due."""
+    UDP address. Has no thread: call `tick` often to send what is due."""
 
     def __init__(self, host: str, port: int, manners: Iterable[str] = ("px4",), faults: Faults | None = None) -> None:
-        """ValueError for a manner that is none of px4, ardupilot, camera."""
+        """Raises ValueError for a manner other than px4, ardupilot, camera."""
         self.manners = tuple(manners)
         if not self.manners or set(self.manners) - set(MANNERS):
             raise ValueError(
@@ -76,7 +76,7 @@ class Vehicle:
         self.due = {"heartbeat": 0.0, "position": 0.0}
 
     def tick(self, state: CameraState | None) -> None:
-        """Send HEARTBEAT and SYSTEM_TIME once a second, the position (if known) four times a second."""
+        """Send HEARTBEAT and SYSTEM_TIME once a second, GLOBAL_POSITION_INT (if known) four times a second."""
         now = self.moment()
         if self.is_due("heartbeat", HEARTBEAT_EVERY):
             self.send([*heartbeats(self.manners), system_time(now)])
@@ -91,7 +91,7 @@ class Vehicle:
         return True
 
     def capture(self, capture: Capture) -> None:
-        """Tell of a picture in every manner, through the link's faults."""
+        """Announce a picture in every manner, subject to the link faults."""
         now = self.moment()
         for manner in self.manners:
             self.send(self.faults.passed(MANNERS[manner](capture, now)))
@@ -104,7 +104,7 @@ class Vehicle:
             self.voices[component].send(message)
 
     def write(self, packet: Any) -> None:
-        """What pymavlink calls. A datagram that nobody wants (yet) is no error: radio is like that."""
+        """Called by pymavlink. A refused datagram is no error: the receiver may not be listening yet."""
         try:
             self.socket.send(bytes(packet))
         except ConnectionRefusedError:

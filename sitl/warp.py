@@ -1,4 +1,4 @@
-"""Where a placements.json says that the pixels of a frame lie on its canvas."""
+"""Maps a frame's pixels to its canvas as given in a placements.json."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A frame as placed: a homography, and where given what the lens adds to it.
+    """A frame as placed: a homography, and optionally a warp (lens and relief).
 
-    The warp is a grid of canvas places; between them the homography is taken plus the bilinear mean of the residuals.
+    The warp is a grid of canvas positions; between them the homography applies plus the bilinearly interpolated residual.
     """
 
     name: str
@@ -26,7 +26,7 @@ class Placed:
     residual: Floats  # (r, c, 2) canvas units, empty without a warp
 
     def canvas(self, pixels: Floats) -> Floats:
-        """(n, 2) pixels -> (n, 2) canvas; NaN where the homography sends a pixel beyond its horizon."""
+        """(n, 2) pixels -> (n, 2) canvas; NaN beyond the homography's horizon."""
         flat = project(self.canvas_from_frame, pixels)
         return flat + self.bent(pixels) if self.residual.size else flat
 
@@ -38,7 +38,7 @@ class Placed:
 
 
 def cell(edges: Floats, values: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """Which cell each value falls into, and how far (n, 1) in it."""
+    """Cell index of each value, and its fraction (n, 1) within the cell."""
     index = np.clip(np.searchsorted(edges, values) - 1, 0, len(edges) - 2)
     return index, ((values - edges[index]) / (edges[index + 1] - edges[index]))[:, None]
 
@@ -50,7 +50,7 @@ def project(matrix: Floats, points: Floats) -> Floats:
 
 
 def placed_frame(entry: dict[str, Any], middle: Floats) -> Placed:
-    """One entry of "frames"; middle (2,) is the picture's centre, which gives the homography its sign."""
+    """Parse one entry of "frames"; middle (2,) is the picture's centre, which fixes the homography's sign."""
     matrix = np.array(entry["canvas_from_frame"], np.float64).reshape(3, 3)
     if matrix[2] @ [*middle, 1.0] < 0:
         matrix = -matrix

@@ -1,7 +1,7 @@
-"""The ground a flight is flown over: a picture from above at every scale, and its heights.
+"""The ground of a flight: an image pyramid from above, and a height map.
 
-The middle of the world is (0, 0): metres, x east, y south. Outside, the ground is mirrored, so that an oblique view has
-something to see; no true place is known there.
+The centre of the world is (0, 0): metres, x east, y south. Outside, the ground is mirrored, so that oblique views see
+something; there is no ground truth there.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from .ground.shapes import Land
 from .ground.suburb import raise_suburb
 from .ground.water import paint_water
 
-PAINT_VERSION = 1  # raise it when the same seed gives another picture: cached worlds are then made anew
-COARSEST = 32  # pixels: the pyramid ends here
+PAINT_VERSION = 1  # increment when a seed's picture changes: invalidates cached worlds
+COARSEST = 32  # pixels; side of the coarsest pyramid level
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """levels: pictures (size, size, 3) BGR, each half the one before; heights: metres; gsd: metres per pixel of levels[0].
+    """levels: pictures (size, size, 3) BGR, each half the previous size; heights: metres; gsd: metres per pixel of levels[0].
 
-    sheer: things stand so tall that a view must be followed down to the first that it meets. water: how much of each pixel of
-    levels[0] is water on which waves move, 0 to 1.
+    sheer: objects are so tall that rays must be traced to their first intersection. water: share of each pixel of levels[0]
+    that is water with moving waves, 0 to 1.
     """
 
     levels: tuple[Image, ...]
@@ -56,12 +56,12 @@ class World:
         return len(self.levels[0]) * self.gsd
 
     def contains(self, ground: Array) -> NDArray[np.bool_]:
-        """Which of the places (..., 2) are known ground; NaN is not."""
+        """Mask of the points (..., 2) inside the world; NaN is outside."""
         with np.errstate(invalid="ignore"):
             return np.asarray((np.abs(ground) < self.side / 2).all(-1))
 
     def height_at(self, x: Array, y: Array, relief: float = 1.0) -> Array:
-        """Metres, by linear interpolation between the cells' centres."""
+        """Metres, interpolated bilinearly between cell centres."""
         flat = np.atleast_2d(x)
         column, row = (self.cell_of(np.atleast_2d(place)) for place in (x, y))
         found = cv2.remap(self.heights, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -72,7 +72,7 @@ class World:
         return np.nan_to_num(mirrored(place / cell, len(self.heights))).astype(np.float32)
 
     def water_at(self, x: Array, y: Array) -> Field:
-        """How much of the places (h, w) is water, 0 to 1; nothing of what is not finite."""
+        """Share of water at points (h, w), 0 to 1; 0 where not finite."""
         if self.water is None:
             return np.zeros(x.shape, np.float32)
         column, row = (
@@ -82,7 +82,7 @@ class World:
         return np.where(np.isfinite(x), seen, 0).astype(np.float32)
 
     def colours(self, x: Array, y: Array, octave: Array) -> Field:
-        """(h, w, 3) BGR of places (h, w), each mixed from the two levels nearest to its octave, log2(pixel size / gsd);
+        """(h, w, 3) BGR at points (h, w), interpolated between the two levels nearest to the octave, log2(pixel size / gsd);
         NaN is black."""
         out = np.zeros((*x.shape, 3), np.float32)
         octave = np.clip(np.nan_to_num(octave), 0, len(self.levels) - 1)
@@ -96,7 +96,7 @@ class World:
         return out
 
     def sample(self, level: int, x: Array, y: Array, used: NDArray[np.bool_]) -> Field:
-        """(h, w, 3) colours of one level; only the part of the level that is used is touched (it may lie on disk)."""
+        """(h, w, 3) colours of one level; reads only the part of the level in use (it may be memory-mapped)."""
         picture, scale = self.levels[level], self.gsd * 2**level
         column, row = (mirrored(np.nan_to_num(place) / scale, len(picture)).astype(np.float32) for place in (x, y))
         window = tuple(span_of(place[used], len(picture)) for place in (row, column))
@@ -107,20 +107,20 @@ class World:
 
 
 def mirrored(place: Array, size: int) -> Array:
-    """Place in pixels from the world's middle -> pixel index in a raster of `size`, folded back at the borders."""
+    """Position in pixels from the world's centre -> pixel index in a raster of `size`, mirrored at the borders."""
     period = 2 * size
     folded = np.abs((place - size / 2) % period - size)
     return np.asarray(folded - 0.5)
 
 
 def span(used: Any) -> slice:
-    """From the first to the last that is true."""
+    """Slice from the first to the last true element."""
     where = np.flatnonzero(used)
     return slice(int(where[0]), int(where[-1]) + 1)
 
 
 def span_of(index: Array, size: int) -> slice:
-    """The slice of a raster that holds all these indices and the neighbours that interpolation wants."""
+    """Slice of a raster that covers all indices plus the neighbours needed for interpolation."""
     low, high = int(np.floor(index.min())) - 2, int(np.ceil(index.max())) + 3
     return slice(min(max(0, low), size - 1), max(1, min(size, high)))
 
@@ -134,15 +134,15 @@ BARE: dict[str, Callable[[int, int, float], Image]] = {
     "maize": lambda seed, size, gsd: paint_drills(MAIZE, seed, size, gsd),
     "berries": lambda seed, size, gsd: paint_drills(BERRIES, seed, size, gsd),
     "vines": lambda seed, size, gsd: paint_drills(VINES, seed, size, gsd),
-}  # grounds that are a picture only, (seed, pixels along a side, metres per pixel) -> picture; their heights are hills
+}  # grounds with a picture only, (seed, side in pixels, metres per pixel) -> picture; their heights are hills
 RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
     "orchard": raise_orchard,
     "canopy": raise_canopy,
     "quarter": lambda seed, size, gsd: raise_blocks(QUARTER, seed, size, gsd),
     "barracks": lambda seed, size, gsd: raise_blocks(BARRACKS, seed, size, gsd),
     "suburb": raise_suburb,
-}  # grounds that are a picture and the heights of what stands on it, on a plane
-LAKE = "lake"  # a plane with water on which waves move
+}  # grounds with a picture and the heights of the objects, on a plane
+LAKE = "lake"  # a plane with water and moving waves
 GROUNDS = (COUNTRY, LAKE, *BARE, *RAISED)
 
 
@@ -150,10 +150,10 @@ GROUNDS = (COUNTRY, LAKE, *BARE, *RAISED)
 def make_world(
     seed: int = 1, size: int = 6144, gsd: float = 0.1, cache: Path | None = None, ground: str = COUNTRY
 ) -> World:
-    """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted once and read from there.
+    """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted only once.
 
-    ground: one of GROUNDS; "country", "canopy" and "suburb" are as ground is; all others are there to mislead: they repeat
-    themselves, or look alike everywhere.
+    ground: one of GROUNDS; "country", "canopy" and "suburb" are realistic; all others are adversarial: repetitive or
+    self-similar.
     """
     if cache is None and ground in RAISED:
         picture, heights = RAISED[ground](seed, size, gsd)
@@ -180,7 +180,7 @@ def pyramid(picture: Image) -> tuple[Image, ...]:
 
 
 def save(world: World, folder: Path) -> None:
-    """Written beside and renamed: two flights may paint the same world at once."""
+    """Write to a temporary folder and rename: two flights may paint the same world at once."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(dir=folder.parent))
     for k, level in enumerate(world.levels):

@@ -21,11 +21,12 @@ from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.features.extraction import Features, extract
 from gcs_mosaic.stitch.graph.observer import Observer, Observers
-from gcs_mosaic.stitch.graph.placement import Outcome, Placement, Rejection
+from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.stitch.mapping.journal import Journal
 from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.store.tiles import read_tile
 
 
 class Stitcher(Protocol):
@@ -43,6 +44,8 @@ class Stitcher(Protocol):
     def moved(self) -> list[Placement]: ...
     def placements(self) -> list[Placement]: ...
     def frame_counts(self) -> dict[int, int]: ...
+    def covered(self) -> list[Covered]: ...
+    def waiting(self) -> list[Waiting]: ...
     def held_out(self) -> dict[int, HeldOut]: ...
     def finish(self) -> list[Rejection]: ...
 
@@ -70,6 +73,8 @@ class Renderer(Protocol):
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]: ...
     def follow(self, placements: Iterable[Placement]) -> None: ...
     def next_steps(self) -> list[Step]: ...
+    def resume(self, shown: Iterable[Painted]) -> None: ...
+    def painted(self) -> list[Painted]: ...
     def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]: ...
     def close(self) -> None: ...
 
@@ -88,13 +93,16 @@ def method_of(
     worker: WorkerProcess,
     load_original: LoadImage,
     painted: Callable[[Painted], None],
-    scratch: Path,
+    out: Path,
     observer: Observer | None,
     *,
     punctual: bool,
     paint_live: bool,
 ) -> Method:
-    """The method that the settings ask for. `painted` is told of each frame that is painted, or is to be otherwise."""
+    """The method that the settings ask for. `painted` is told of each frame that is painted, or is to be otherwise.
+
+    `out` has the tiles that were written, and room for scratch files.
+    """
     if config.method == "paper":
         paper = PaperMosaic(config.paper, config.reduction)
         return Method(paper, PaperPainter(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
@@ -104,6 +112,8 @@ def method_of(
         painted(frame)
         mosaic.hold(frame.name, frame.pose, frame.camera)
 
-    painter = Painter(load_original, note, config.paint, scratch=scratch, live=paint_live)
+    painter = Painter(
+        load_original, note, config.paint, scratch=out, live=paint_live, load_tile=partial(read_tile, out)
+    )
     features = config.stitch.features
     return Method(mosaic, painter, partial(extract, settings=features), features.megapixels * 1e6)

@@ -13,6 +13,7 @@ from typing import TypeVar
 from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
+from gcs_mosaic.app.resuming import LARGE, settings_of
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.messages import Frame, Notice
@@ -21,7 +22,8 @@ from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
-from gcs_mosaic.stitch.transaction import Kept, transaction
+from gcs_mosaic.stitch.transaction import Kept, Snapshot, transaction
+from gcs_mosaic.store.checkpoint import Checkpoints
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.records import Accounts, FrameState, IslandRecord
 from gcs_mosaic.store.retry import Retry, at_once
@@ -58,7 +60,7 @@ class Pipeline(Kept):
     all in the end. `observer` looks on while frames are placed. `utc` and `retry` are the store's.
     """
 
-    FIXED = frozenset({"_worker", "_say", "features_of"})
+    FIXED = frozenset({"_worker", "_say", "features_of", "_checkpoints", "_settings"})
 
     def __init__(
         self,
@@ -90,6 +92,9 @@ class Pipeline(Kept):
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
         self._reduction = config.reduction
+        self._processed: dict[str, None] = {}  # names of frames, in that order
+        self._settings = settings_of(config)
+        self._checkpoints = Checkpoints(out, LARGE, self.store.ledger.make_durable)
         self._say = say
         self._painting = Painting(self._painter, self.store, self, self.load_original, say)
 
@@ -100,6 +105,34 @@ class Pipeline(Kept):
 
     def accounts(self) -> Accounts:
         return self.store.accounts()
+
+    # Resuming
+
+    def resume(self, saved: Snapshot) -> list[Frame]:
+        """Go on with the flight that the folder holds, from what was saved of it by `checkpoint`.
+
+        Returns the frames that are still to be processed, in the order in which they came. `save` is to follow.
+        """
+        self.load(saved)
+        shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
+        again = self.store.resume(self._processed.keys(), len(self.mosaic.islands))
+        self._painter.resume(shown)
+        changes = self.store.changes
+        changes.placements = {placement.name: placement for placement in self.mosaic.placements()}
+        changes.painted = {painted.name: painted for painted in self._painter.painted()}
+        changes.covered = {covered.name: covered for covered in self.mosaic.covered()}
+        changes.states = {
+            **dict.fromkeys(changes.placements, (FrameState.PLACED, None)),
+            **dict.fromkeys(changes.covered, (FrameState.COVERED, None)),
+            **{waiting.name: (FrameState.WAITING, None) for waiting in self.mosaic.waiting()},
+            **{frame.name: (frame.state, frame.reason) for frame in self.store.ledger.frames(FrameState.REJECTED)},
+        }
+        return again
+
+    def checkpoint(self, *, at_once: bool = False) -> None:
+        """Write down what is known, to be resumed from; now, or when it costs little. After `save`."""
+        self._checkpoints.write(lambda: {"settings": self._settings, "pipeline": self.saved()}, at_once=at_once)
+        self._say_problem("checkpoint", self._checkpoints.problem)
 
     # Frames come in
 
@@ -120,11 +153,14 @@ class Pipeline(Kept):
         name = prepared.frame.name
         try:
             with transaction(self):
-                return self._process(prepared)
+                done = self._process(prepared)
+                self._processed[name] = None
+                return done
         except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
             logger.exception("%s could not be processed", name)
             reason = f"it could not be processed ({error!r})"
             self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
+            self._processed[name] = None
             self.store.settle(name, FrameState.REJECTED, reason)
             return Done(name, FrameState.REJECTED, reason, None, {})
 
@@ -273,6 +309,7 @@ class Pipeline(Kept):
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""
+        self._checkpoints.close()
         self._worker.close()
         self._painter.close()
         self.store.close()

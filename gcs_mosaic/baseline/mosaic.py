@@ -26,7 +26,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.neighbours import region_of_interest
-from gcs_mosaic.stitch.graph.placement import Placement, Rejection
+from gcs_mosaic.stitch.graph.placement import Covered, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.stitch.transaction import Kept, transaction
@@ -210,6 +210,14 @@ class PaperMosaic(Kept):
     def frame_counts(self) -> dict[int, int]:
         """Number of placed frames by island."""
         return {0: len(self._placed)} if self._placed else {}
+
+    def covered(self) -> list[Covered]:
+        """No frame is left out for another."""
+        return []
+
+    def waiting(self) -> list[Waiting]:
+        """No frame waits."""
+        return []
 
     def held_out(self) -> dict[int, HeldOut]:
         """No matches are held out."""

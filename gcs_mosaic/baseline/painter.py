@@ -7,7 +7,7 @@ from functools import partial
 
 from gcs_mosaic.baseline.mosaic import PaperMosaic
 from gcs_mosaic.baseline.raster import Raster
-from gcs_mosaic.render.painted import Extent, TileKey
+from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.repaint_queue import Step
 from gcs_mosaic.render.tile_grid import Tile
@@ -72,6 +72,14 @@ class PaperPainter(Kept):
 
     def next_steps(self) -> list[Step]:
         """Nothing is ever repainted."""
+        return []
+
+    def resume(self, shown: Iterable[Painted]) -> None:
+        """Cannot be done: the recipe's one picture is in memory only."""
+        raise NotImplementedError("a map of the paper's recipe cannot be resumed")
+
+    def painted(self) -> list[Painted]:
+        """Nothing is painted frame by frame."""
         return []
 
     def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:

@@ -1,4 +1,4 @@
-"""The command line: words become settings, and a run of `app`.
+"""The command line: turns arguments into settings and runs `app`.
 
-May import `app`, `config` and what its own commands show of other rooms; called by `gcs_mosaic.__main__` alone.
+May import `app`, `config` and what its own commands need of other rooms; called by `gcs_mosaic.__main__` alone.
 """

@@ -1,4 +1,4 @@
-"""Words on the command line become settings: those that need to know of the stitching, and what does not go together."""
+"""Settings from command-line arguments: those that need the stitching's modules, and checks of combinations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.features.detectors import is_available
 
 
 def config_of(given: argparse.Namespace) -> Config:
-    """The settings file, overruled by what was given."""
+    """The settings file, overridden by the command line."""
     config = overruled(load_config(given.config) if given.config else Config(), _understood(given))
     if getattr(given, "features", None):
         config = config.with_features(given.features)
@@ -28,7 +28,7 @@ def config_of(given: argparse.Namespace) -> Config:
 
 
 def flight_config(given: argparse.Namespace, listening: Listening) -> Config:
-    """The same for a live flight; `listening` is what its links were opened with."""
+    """As above for a live flight; `listening` has the settings its links were opened with."""
     config = replace(config_of(given), mavlink=listening.mavlink, link=listening.link)
     if given.watch:
         config = replace(config, rtsp=None)
@@ -36,6 +36,6 @@ def flight_config(given: argparse.Namespace, listening: Listening) -> Config:
 
 
 def _understood(given: argparse.Namespace) -> argparse.Namespace:
-    """With values in place of words."""
+    """The arguments with text converted to values."""
     words = vars(given)
     return argparse.Namespace(**words | {"from": parse_from(words["from"])}) if words.get("from") else given

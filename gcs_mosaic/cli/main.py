@@ -1,6 +1,6 @@
-"""The command line: arguments -> settings -> what was asked for; exit codes.
+"""The command line: parses arguments, runs the command, returns the exit code.
 
-0: done. 1: something failed that should not have. 2: bad usage, told in one sentence. 3: no frame found a place.
+0: success. 1: unexpected failure. 2: usage error, reported in one sentence. 3: no frame could be placed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gcs_mosaic.cli.options import listening_of, parse
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 
-SIMULATOR = ("gcs_mosaic.sitl.__main__", "sitl.__main__")  # in an installed package, and in a clone
+SIMULATOR = ("gcs_mosaic.sitl.__main__", "sitl.__main__")  # in an installed package, in a clone
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _flush_or_let_go() -> None:
-    """A reader that is gone must not decide the exit code, as it would if Python's own last flush failed."""
+    """A closed pipe must not change the exit code, as it would if Python's own final flush failed."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -59,7 +59,7 @@ def _flush_or_let_go() -> None:
 
 
 def fly(given: argparse.Namespace) -> None:
-    """The live flight. The links are opened before anything large is loaded, and what comes meanwhile is kept by the system."""
+    """A live flight. Links are opened before any large import; the kernel buffers what arrives meanwhile."""
     from gcs_mosaic.app.links import listen
 
     shutdown = Shutdown(stop=threading.Event(), hurry=threading.Event())
@@ -74,7 +74,7 @@ def fly(given: argparse.Namespace) -> None:
 
 
 def stitch(given: argparse.Namespace) -> None:
-    """A folder of frames."""
+    """Stitch a folder of frames."""
     from gcs_mosaic.app import batch
     from gcs_mosaic.cli.choices import config_of
 
@@ -83,7 +83,7 @@ def stitch(given: argparse.Namespace) -> None:
 
 
 def replay(given: argparse.Namespace) -> None:
-    """A recorded flight."""
+    """Replay a recorded flight."""
     from gcs_mosaic.app import replay
     from gcs_mosaic.cli.choices import config_of
 
@@ -92,7 +92,7 @@ def replay(given: argparse.Namespace) -> None:
 
 
 def benchmark(given: argparse.Namespace) -> None:
-    """What a frame costs on this machine."""
+    """Measure the time per frame on this machine."""
     from gcs_mosaic.app import benchmark
     from gcs_mosaic.cli.choices import config_of
 
@@ -100,7 +100,7 @@ def benchmark(given: argparse.Namespace) -> None:
 
 
 def serve(given: argparse.Namespace) -> None:
-    """The page of a flight that is over, or that another program writes."""
+    """Serve the page of a finished flight, or of one written by another process."""
     from gcs_mosaic.store.folder import find_flight
     from gcs_mosaic.web.address import HttpAddress
     from gcs_mosaic.web.server import WebServer
@@ -115,14 +115,14 @@ def serve(given: argparse.Namespace) -> None:
 
 
 def status(given: argparse.Namespace) -> None:
-    """What a running or ended flight says of itself."""
+    """Print the status of a running or finished flight."""
     from gcs_mosaic.store.status import read_status
 
     print(read_status(given.flight, as_json=given.json))
 
 
 def export(given: argparse.Namespace) -> None:
-    """A flight for other programs."""
+    """Export a flight for other programs."""
     from gcs_mosaic.export import export
 
     if given.format == "tiff":
@@ -139,14 +139,14 @@ def export(given: argparse.Namespace) -> None:
 
 
 def config(given: argparse.Namespace) -> None:
-    """All settings with their defaults, as YAML that can be given back with --config."""
+    """Print all settings with their defaults, as YAML suitable for --config."""
     from gcs_mosaic.config.settings_file import documented_defaults
 
     print(documented_defaults(), end="")
 
 
 def demo(given: argparse.Namespace) -> int:
-    """A simulated flight: the simulator starts the program as its own process, as an operator would."""
+    """Run a simulated flight: the simulator starts the program as a separate process, as an operator would."""
     from importlib import import_module
     from importlib.util import find_spec
 
@@ -167,13 +167,14 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
 
 
 def _end_on_signals(stop: threading.Event, hurry: threading.Event) -> None:
-    """Ctrl-C, SIGTERM and a terminal that is closed ask for the end; the second one for a quick one."""
+    """SIGINT, SIGTERM and a closed terminal request the end; a second signal requests a quick one."""
 
     def ask(number: int, frame: FrameType | None) -> None:
         (hurry if stop.is_set() else stop).set()
 
     signal.signal(signal.SIGINT, ask)
     signal.signal(signal.SIGTERM, ask)
-    hang_up = getattr(signal, "SIGHUP", None)  # not on Windows
-    if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:  # nohup ignores it on purpose
-        signal.signal(hang_up, ask)
+    for name in ("SIGHUP", "SIGBREAK"):  # POSIX only, Windows only
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:  # nohup ignores SIGHUP on purpose
+            signal.signal(number, ask)

@@ -1,4 +1,4 @@
-"""The words of all commands, and where each goes in the settings; nothing here needs the stitching."""
+"""Arguments of all commands, and the setting that each overrides; independent of the stitching."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 
-ANNOUNCE_AS = 191  # MAVLink system id if none is given: no aircraft's, which count from 1, and no ground station's
+ANNOUNCE_AS = 191  # default system id: not an aircraft's, which count from 1, nor the ground station's
 
-# Where in the settings an option's value goes; what was not given changes nothing.
+# The setting that each option overrides, if given.
 SETTINGS: Mapping[str, tuple[str, ...]] = {
     "mavlink": ("mavlink",),
     "vehicle": ("link", "vehicle"),
@@ -46,18 +46,18 @@ T = TypeVar("T")
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises UsageError where the words make no sense."""
+    """Raises UsageError on invalid arguments."""
 
     def __init__(self, **more: Any) -> None:
         super().__init__(**{"allow_abbrev": False, **more})
-        self.asked = self.prog  # whose help is of use: what a command does not know is told by the parser above it
+        self.asked = self.prog  # whose --help to name: unknown arguments of a command are reported by the parent parser
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} ({self.asked} --help shows what there is)")
 
 
 def overruled(settings: T, given: argparse.Namespace, names: Sequence[str] = tuple(SETTINGS)) -> T:
-    """Settings with what these options say, as far as they were given. UsageError if they say what cannot be."""
+    """Settings overridden by the given options among `names`. Raises UsageError for invalid values."""
     for name in names:
         value = getattr(given, name, None)
         if value is not None and value is not False:
@@ -77,7 +77,7 @@ def _with(settings: Any, path: tuple[str, ...], value: object) -> Any:
 
 
 def listening_of(given: argparse.Namespace) -> Listening:
-    """What the settings file says of the links, overruled by what a live flight may be given."""
+    """The link settings of the settings file, overridden by the command line."""
     names = [field.name for field in fields(Listening)]
     said = read_settings(given.config) if given.config else {}
     listening: Listening = from_mapping(
@@ -87,12 +87,12 @@ def listening_of(given: argparse.Namespace) -> Listening:
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """What was asked for; `command` is None for a live flight. UsageError where that cannot be told."""
+    """Parse the arguments; `command` is None for a live flight. Raises UsageError."""
     if words and not words[0].startswith("-") and words[0] not in COMMANDS:
         near = get_close_matches(words[0], COMMANDS, n=1)
         meant = f"did you mean {near[0]!r}?" if near else f"those are {', '.join(COMMANDS)}"
         raise UsageError(f"{words[0]!r} is no command ({meant}); without one gcs-mosaic flies")
-    if words[:1] == ["demo"]:  # the simulator knows its own words
+    if words[:1] == ["demo"]:  # the simulator parses its own arguments
         return argparse.Namespace(command="demo", words=list(words[1:]))
     parser = _parser()
     if words and words[0] in COMMANDS:
@@ -115,7 +115,7 @@ def _parser() -> Parser:
 
 
 class _TellVersion(argparse.Action):
-    """Looked up only when it is asked for: a clone that is not installed flies all the same."""
+    """Looks the version up only when asked for: a clone that is not installed works all the same."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import PackageNotFoundError, version
@@ -129,7 +129,7 @@ class _TellVersion(argparse.Action):
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
-    """What a live flight may be given."""
+    """Add the arguments of a live flight."""
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")

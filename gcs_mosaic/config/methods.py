@@ -1,4 +1,4 @@
-"""How frames are placed."""
+"""The stitching methods."""
 
 from typing import Literal
 

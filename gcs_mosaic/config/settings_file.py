@@ -1,4 +1,4 @@
-"""Settings dataclasses from YAML, checked and nested."""
+"""Builds nested settings dataclasses from YAML, validated."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from gcs_mosaic.errors import UsageError
 
 
 def documented_defaults() -> str:
-    """Every setting with its default, unit and reason, as YAML. A clone has the file in config/, an installed package its own."""
+    """Every setting with its default, unit and reason, as YAML: config/default.yaml of a clone, or the installed copy."""
     ours = files("gcs_mosaic").joinpath("default.yaml")
     text = ours if ours.is_file() else Path(__file__).parents[2] / "config" / "default.yaml"
     return text.read_text(encoding="utf-8")
 
 
 def read_settings(path: Path) -> dict[str, Any]:
-    """What a YAML file says. UsageError if it cannot be read or is no mapping."""
+    """The mapping in a YAML file. Raises UsageError if it cannot be read or is not a mapping."""
     try:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -37,14 +37,14 @@ def read_settings(path: Path) -> dict[str, Any]:
 
 
 def as_mapping(values: object, where: str) -> dict[str, Any]:
-    """The values, if they are settings by name. UsageError."""
+    """The values as a mapping of settings. Raises UsageError if they are none."""
     if not isinstance(values, dict):
         raise UsageError(f"{where}: expected settings as 'name: value' lines, got {values!r}.")
     return values
 
 
 def from_mapping(kind: type, values: object, where: str) -> Any:
-    """A settings dataclass from a mapping of some or all of its fields, checked and nested."""
+    """A settings dataclass from a mapping of some or all of its fields, validated recursively."""
     hints, values = typing.get_type_hints(kind), as_mapping(values, where)
     for key in values:
         if key not in hints:
@@ -71,7 +71,7 @@ def _fields_of(kind: Any) -> list[str]:
 
 
 def _value(kind: Any, value: object, where: str) -> Any:
-    """The value if it is of this kind, else a UsageError."""
+    """The value converted to type `kind`. Raises UsageError."""
     if dataclasses.is_dataclass(kind):
         return from_mapping(typing.cast(type, kind), value, where)
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)

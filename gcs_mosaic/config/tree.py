@@ -1,4 +1,4 @@
-"""All settings in one tree, read from YAML. Each room's defaults stand beside the room; here they are only put together."""
+"""All settings in one tree, read from YAML. Each room defines its defaults; here they are only assembled."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from gcs_mosaic.triggers.shots import ShotSettings
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config(Listening):
-    """What `gcs-mosaic` runs with. Paths are relative to where it is started."""
+    """The settings of `gcs-mosaic`. Paths are relative to the working directory."""
 
     watch: str = "frames"  # folder in which the camera's files appear
-    # live stream instead of a folder, such as rtsp://HOST:554/main; auto: where the aircraft says that it is; null: none
+    # live stream instead of a folder, such as rtsp://HOST:554/main; auto: as announced by the aircraft; null: none
     rtsp: str | None = None
     out: str = "mosaic"  # folder for tiles, ledger and originals
-    http: str | None = "127.0.0.1:8470"  # where the page is served; null for none
-    method: Method = "adjusted"  # paper: its recipe literally, to compare with; it breaks on long flights
+    http: str | None = "127.0.0.1:8470"  # address of the page; null for none
+    method: Method = "adjusted"  # paper: the paper's method, for comparison; fails on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
-    # what is heard is kept as FILE.tlog, or with true as flight.tlog in the output folder, for replay; false: it is not
+    # record received packets for replay to FILE.tlog, or with true to flight.tlog in the output folder; false: do not
     record: bool | str = False
-    finish_s: float = 60.0  # longest time for the last frames and the final painting after Ctrl-C
+    finish_s: float = 60.0  # time limit for the last frames and the final painting after Ctrl-C
     frames: FolderSettings = field(default_factory=FolderSettings)
     stream: StreamSettings = field(default_factory=StreamSettings)
     shots: ShotSettings = field(default_factory=ShotSettings)
@@ -54,21 +54,21 @@ class Config(Listening):
 
     @property
     def features(self) -> FeatureKind:
-        """What frames are placed by."""
+        """The features of the selected method."""
         return self.paper.features if self.method == "paper" else self.stitch.features.kind
 
     def with_features(self, kind: FeatureKind) -> Config:
-        """The same with other features, in whichever method."""
+        """A copy with other features, for either method."""
         features = dataclasses.replace(self.stitch.features, kind=kind)
         stitch = dataclasses.replace(self.stitch, features=features)
         return dataclasses.replace(self, stitch=stitch, paper=dataclasses.replace(self.paper, features=kind))
 
     @property
     def reduction(self) -> int:
-        """Whole factor by which frames are reduced."""
+        """Integer factor by which frames are reduced."""
         return round(1 / self.scale)
 
 
 def load_config(path: Path) -> Config:
-    """Settings from a YAML file over the defaults. UsageError names what is unknown or of the wrong kind."""
+    """The defaults overridden by a YAML file. Raises UsageError, which names an unknown setting or a wrong type."""
     return typing.cast(Config, from_mapping(Config, read_settings(path), str(path)))

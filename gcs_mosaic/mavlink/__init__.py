@@ -1,4 +1,4 @@
-"""A MAVLink link: bytes become camera events and news of the link, and the little that is said, if that is asked for, is sent.
+"""A MAVLink link: parses bytes into camera events and link reports; transmits only what was explicitly asked for.
 
 May import `messages` and `errors`; called by `app`.
 """

@@ -1,4 +1,4 @@
-"""Every form of `--mavlink`, validated here, so that nothing reaches pymavlink that it would guess about or execute."""
+"""Parses and validates every form of `--mavlink`, so that pymavlink never has to guess at or execute an address."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gcs_mosaic.errors import UsageError
 
 Kind = Literal["udp", "udpout", "tcp", "tcpin", "serial", "file"]
 
-DEFAULT_BAUD = 57600  # bits per second; what telemetry radios are sold with
-EVERY_INTERFACE = "0.0.0.0"  # a vehicle on the radio's network must reach us, as it reaches any ground station
+DEFAULT_BAUD = 57600  # bits per second; the factory setting of telemetry radios
+EVERY_INTERFACE = "0.0.0.0"  # a vehicle on the radio's network must reach us, like any ground station
 
 _SCHEMES: dict[str, Kind] = {
     "udp": "udp",
@@ -33,7 +33,7 @@ _DEVICE = re.compile(r"(/dev/(?!.*\.\.)[\w./+-]+|COM\d{1,3})", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkAddress:
-    """Where MAVLink comes from: `host` and `port` for sockets, `device` and `baud` for serial, `path` for a log."""
+    """Source of a MAVLink stream: `host` and `port` for sockets, `device` and `baud` for serial, `path` for a log."""
 
     kind: Kind
     host: str = ""
@@ -44,11 +44,11 @@ class LinkAddress:
 
 
 def parse_address(text: str) -> LinkAddress:
-    """The address that `text` names.
+    """Parse an address.
 
     Accepts `udp:PORT`, `udp:HOST:PORT`, `udpin:…`, `udpout:HOST:PORT`, `tcp:HOST:PORT`, `tcpin:[HOST:]PORT`, the same with `://`,
-    a plain `IP:PORT` (UDP), IPv6 in brackets (`[::1]:14550`), `serial:/dev/ttyACM0:57600`, a plain `/dev/tty…` or `COM3`, also
-    with the speed behind a comma as in MAVProxy, and `FILE.tlog`. Raises UsageError for all else.
+    a plain `IP:PORT` (UDP), IPv6 in brackets (`[::1]:14550`), `serial:/dev/ttyACM0:57600`, a plain `/dev/tty…` or `COM3`,
+    optionally with the baud rate after a comma as in MAVProxy, and `FILE.tlog`. Raises UsageError for anything else.
     """
     text = text.strip()
     if text.lower().endswith(".tlog"):
@@ -66,7 +66,7 @@ def parse_address(text: str) -> LinkAddress:
 
 
 def connection_string(address: LinkAddress) -> str:
-    """The address in pymavlink's own spelling, which is also how it is shown to people."""
+    """The address in pymavlink's notation, which is also what the operator sees."""
     match address.kind:
         case "udp":
             return f"udpin:{host_and_port(address.host, address.port)}"
@@ -79,7 +79,7 @@ def connection_string(address: LinkAddress) -> str:
 
 
 def host_and_port(host: str, port: int) -> str:
-    """As people write it: an IPv6 address stands in brackets."""
+    """HOST:PORT, with an IPv6 address in brackets."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 

@@ -1,4 +1,4 @@
-"""Announcing ourselves: a heartbeat, and a few words when the operator should look. Pure; time comes as an argument."""
+"""Schedules our own HEARTBEAT and STATUSTEXT messages. Pure; time is passed in."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from gcs_mosaic.mavlink.messages import MavMessage
 from gcs_mosaic.mavlink.parser import dialect
 
 HEARTBEAT_EVERY_S = 1.0
-TEXT_EVERY_S = 2.0  # a ground station reads texts aloud; a telemetry radio has room for little
-SAME_TOPIC_EVERY_S = 10.0  # ... and nobody listens to what is said again and again
+TEXT_EVERY_S = 2.0  # ground stations read texts aloud, and telemetry radios have little bandwidth
+SAME_TOPIC_EVERY_S = 10.0  # ... and repetitions are ignored
 _LONGEST_TEXT = 50  # bytes of a STATUSTEXT
 
 Topic = Literal["overlap", "frames", "disk"]
@@ -19,7 +19,7 @@ Topic = Literal["overlap", "frames", "disk"]
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """A few words for the operator at the ground station; the newest about a topic is what counts."""
+    """A short text for the operator at the ground station; only the newest on a topic counts."""
 
     topic: Topic
     text: str
@@ -27,7 +27,7 @@ class Announcement:
 
 
 class Announcer:
-    """What is to be sent when: HEARTBEAT once a second, STATUSTEXT seldom, however often it is told something."""
+    """Rate limiter: HEARTBEAT once a second, STATUSTEXT rarely, however often `tell` is called."""
 
     def __init__(self) -> None:
         self._heartbeat_due = self._text_due = 0.0
@@ -35,11 +35,11 @@ class Announcer:
         self._topic_due: dict[Topic, float] = {}
 
     def tell(self, announcement: Announcement) -> None:
-        """Something is to be said; an earlier word on the same topic that was not said yet is left out."""
+        """Queue a text; it replaces an unsent one on the same topic."""
         self._waiting[announcement.topic] = announcement
 
     def due(self, now: float, *, reachable: bool = True) -> Iterator[MavMessage]:
-        """What is to be sent at `now` (monotonic seconds); words wait until somebody is `reachable`."""
+        """Messages to send at `now` (monotonic seconds); texts wait until a peer is `reachable`."""
         if now >= self._heartbeat_due:
             self._heartbeat_due = now + HEARTBEAT_EVERY_S
             yield heartbeat()
@@ -51,7 +51,7 @@ class Announcer:
 
 
 def heartbeat() -> MavMessage:
-    """A program beside the ground station: no autopilot, nothing that can be armed or flown."""
+    """HEARTBEAT of an onboard controller without an autopilot: nothing that can be armed or flown."""
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_ONBOARD_CONTROLLER,
         dialect.MAV_AUTOPILOT_INVALID,

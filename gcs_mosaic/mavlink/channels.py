@@ -1,5 +1,5 @@
-"""Where messages come from: one reader for each kind of address. They send what they are given, which is nothing unless
-somebody asked for it (`Speaker`)."""
+"""Transports: one channel class per kind of address. They send only what they are given, which is nothing without a
+`Speaker`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from gcs_mosaic.messages import Notice
 logger = logging.getLogger(__name__)
 
 _LARGEST_DATAGRAM = 65535
-_MOST_PEERS = 32  # senders whose unfinished packets are kept; the one that was silent longest is forgotten
-_PEER_GONE_S = 10.0  # a sender that was not heard for ten heartbeats is not spoken to
+_MOST_PEERS = 32  # senders whose partial packets are kept; the one silent longest is evicted
+_PEER_GONE_S = 10.0  # nothing is sent to a peer that has missed ten heartbeats
 
 Admits = Callable[[bytes], bool]
 
@@ -37,28 +37,29 @@ class Channel(Protocol):
     """A source of messages."""
 
     ended: bool
-    """There can be no more."""
+    """The source is exhausted."""
     working: bool
     """False while it cannot be opened."""
 
     @property
     def skipped_bytes(self) -> int:
-        """How many bytes have come that were no MAVLink."""
+        """Number of received bytes that were not MAVLink."""
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
-        """What has come, after at most about `timeout_s`; empty if nothing has."""
+        """Messages and notices received within about `timeout_s`; empty if there were none."""
 
     def send(self, packet: bytes) -> bool:
-        """Send `packet` to whom we hear; whether it went out. Never waits."""
+        """Send `packet` to the known peers; whether it was sent. Never blocks."""
 
     def close(self) -> None:
-        """Give the port, device or file back."""
+        """Release the port, device or file."""
 
 
 def open_channel(address: LinkAddress, settings: LinkSettings, signing: Signing | None = None) -> Channel:
-    """The channel at `address`; packets that `signing` does not admit are left out.
+    """The channel at `address`; packets that `signing` does not admit are dropped.
 
-    Raises UsageError for a port that is taken, a file that is not there, or an address that calls out if we are not to.
+    Raises UsageError for a port in use, a missing file, a serial device on a system without termios, or an outgoing address
+    without `announce`.
     """
     admits = signing.admits if signing else None
     match address.kind:
@@ -75,14 +76,14 @@ def open_channel(address: LinkAddress, settings: LinkSettings, signing: Signing 
 
 @dataclass(slots=True)
 class _Peer:
-    """One sender, and when the last packet came from it that was believed."""
+    """A sender, and when its last admitted packet arrived."""
 
     reader: PacketReader
     heard: float = -math.inf
 
 
 class UdpChannel:
-    """Listens on a UDP port that nobody else holds. Senders are kept apart, so that none can damage another's bytes."""
+    """Listens on a UDP port held exclusively. Each sender has its own parser, so none can corrupt another's packets."""
 
     def __init__(self, address: LinkAddress, settings: LinkSettings, admits: Admits | None = None) -> None:
         self.ended, self.working = False, True
@@ -109,7 +110,7 @@ class UdpChannel:
         now, sent = time.monotonic(), False
         for address, peer in self._peers.items():
             if now - peer.heard <= _PEER_GONE_S:
-                with suppress(OSError):  # a network that is away, or a full buffer: radio is like that
+                with suppress(OSError):  # network down or buffer full: normal on a radio link
                     sent |= self._socket.sendto(packet, address) > 0
         return sent
 
@@ -125,7 +126,7 @@ class UdpChannel:
 
 
 class CallingChannel:
-    """Calls a UDP port, and hears what comes back from there alone."""
+    """Sends to a remote UDP port and receives from that peer only."""
 
     def __init__(self, address: LinkAddress, settings: LinkSettings, admits: Admits | None = None) -> None:
         if settings.announce is None:
@@ -154,7 +155,7 @@ class CallingChannel:
         self._socket.settimeout(timeout_s)
         try:
             data = self._socket.recv(_LARGEST_DATAGRAM)
-        except (TimeoutError, ConnectionError):  # nobody listens there yet
+        except (TimeoutError, ConnectionError):  # no listener there yet
             return []
         received = time.monotonic()
         return [Arrival(message, received) for message in self._reader.feed(data)]

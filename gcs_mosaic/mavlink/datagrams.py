@@ -1,7 +1,7 @@
-"""All datagrams that have come to a UDP socket, without letting other threads in between one and the next.
+"""Drains a UDP socket without releasing the GIL between datagrams.
 
-Python gives up its lock with every call of a socket and waits up to 5 ms to have it back while another thread computes: 200
-datagrams a second. So they are taken by the C library's own `recvfrom`, called with the lock held; it never waits.
+Each Python socket call releases the GIL and waits up to 5 ms to reacquire it while another thread computes, which limits
+reception to 200 datagrams a second. The C library's `recvfrom` is therefore called with the GIL held, non-blocking.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 _LARGEST = 65535  # bytes of a datagram
-_MOST = 256  # datagrams at a time: then somebody looks whether to stop
+_MOST = 256  # datagrams per batch, so that the stop flag is checked in between
 
 
 class Datagram(NamedTuple):
-    """What one sender (host, port) sent at once, and when it was taken (monotonic seconds)."""
+    """One datagram, its sender (host, port), and when it was read (monotonic seconds)."""
 
     data: bytes
     sender: tuple[str, int]
@@ -28,7 +28,7 @@ class Datagram(NamedTuple):
 
 
 class _Address(ctypes.Structure):
-    """`sockaddr_in`; its first two bytes are not looked at, because they differ between systems."""
+    """`sockaddr_in`; the first two bytes are not interpreted, because they differ between systems."""
 
     _fields_ = (
         ("family", ctypes.c_uint16),
@@ -39,19 +39,18 @@ class _Address(ctypes.Structure):
 
 
 class DatagramReader:
-    """Reads a bound socket. IPv6 goes the slower way: no radio floods us over it."""
+    """Reads a bound socket. IPv6 uses the slower Python path: no telemetry radio floods us over it."""
 
     def __init__(self, bound: socket.socket) -> None:
         self._socket = bound
         bound.setblocking(False)
-        quick = os.name == "posix" and bound.family == socket.AF_INET
-        self._library = ctypes.PyDLL(None, use_errno=True) if quick else None
+        self._library = _c_library() if bound.family == socket.AF_INET else None
         self._buffer = bytearray(_LARGEST)
         self._place = (ctypes.c_char * _LARGEST).from_buffer(self._buffer)
         self._address = _Address()
 
     def read(self, timeout_s: float) -> list[Datagram]:
-        """What has come, oldest first; empty if nothing comes for so long."""
+        """The pending datagrams, oldest first; empty after `timeout_s` without any."""
         found = list(self._taken())
         if not found and select.select([self._socket], [], [], timeout_s)[0]:
             found = list(self._taken())
@@ -78,6 +77,17 @@ class DatagramReader:
     def _take(self) -> tuple[bytes, tuple[str, int]] | None:
         try:
             data, sender = self._socket.recvfrom(_LARGEST)
-        except (BlockingIOError, ConnectionError):  # Windows reports another's closed port here
+        except (BlockingIOError, ConnectionError):  # Windows reports a peer's closed port here
             return None
         return data, (sender[0], sender[1])
+
+
+def _c_library() -> ctypes.PyDLL | None:
+    """The C library with a non-blocking `recvfrom`; None where unavailable, as on Windows."""
+    if not hasattr(socket, "MSG_DONTWAIT"):
+        return None
+    try:
+        library = ctypes.PyDLL(None, use_errno=True)
+    except TypeError:  # Windows
+        return None
+    return library if hasattr(library, "recvfrom") else None

@@ -1,8 +1,8 @@
-"""Keeps a flood of triggers, a fault's or a forger's, from burying the real ones. Pure; time comes as an argument.
+"""Rate limiting of triggers: a flood, by fault or forgery, must not bury the real ones. Pure; time is passed in.
 
-A leaky bucket for each source. One that overflows is no camera: it is left out until it has been quieter for some seconds.
-The others go on as if it were not there, and no more than a few sources are listened to at a time, so that a forger who
-takes another name for each message gains nothing, as long as the camera was there first.
+One leaky bucket per source. A source that overflows its bucket is no camera and is blocked until it has been quieter for
+some seconds; other sources are unaffected. The number of sources is bounded, so a forger who changes identity with each
+message gains nothing, provided the camera was heard first.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Literal, NamedTuple
 
 Verdict = Literal["admitted", "left out", "closed", "opened"]
 
-MOST_SOURCES = 16  # of one link; an autopilot has up to three, each of MAVLink's six cameras one
-_FORGOTTEN_AFTER_S = 60.0  # a source that has said nothing for so long makes room for another
-_OPENED_AT = 0.5  # of a full bucket: a flood that comes in waves is not let in between them
+MOST_SOURCES = 16  # per link; an autopilot has up to three, each of MAVLink's six cameras one
+_FORGOTTEN_AFTER_S = 60.0  # a source silent for this long may be evicted
+_OPENED_AT = 0.5  # of a full bucket: hysteresis against floods that come in waves
 
 
 class TriggerSource(NamedTuple):
-    """Who sends one kind of camera message. `sender` is where the packets come from, where a link can tell."""
+    """The sender of one type of camera message. `sender` is the peer's address, where the link knows it."""
 
     sender: str
     system: int
@@ -37,7 +37,7 @@ class _Bucket:
 
 
 class FloodGate:
-    """Says of each camera message whether it may pass; `left_out` counts those that may not."""
+    """Admits or drops each camera message; `left_out` counts the dropped ones."""
 
     def __init__(self, per_second: float, at_once: int) -> None:
         self.left_out = 0
@@ -45,7 +45,7 @@ class FloodGate:
         self._buckets: dict[TriggerSource, _Bucket] = {}
 
     def ask(self, source: TriggerSource, now: float) -> Verdict:
-        """Whether a message that came at `now` (monotonic seconds) may pass: also when `opened`, not when `closed`."""
+        """Verdict on a message received at `now` (monotonic seconds): `opened` admits it, `closed` drops it."""
         bucket = self._bucket(source, now)
         verdict = "left out" if bucket is None else self._pour(bucket, now)
         self.left_out += verdict in ("left out", "closed")

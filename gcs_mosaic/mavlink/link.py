@@ -1,4 +1,4 @@
-"""Camera triggers from a MAVLink link. Without a speaker it only listens: not one byte is ever sent."""
+"""Camera triggers from a MAVLink link. Without a speaker the link is receive-only: not one byte is sent."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def triggers(
     signing: Signing | None = None,
     speaker: Speaker | None = None,
 ) -> Items:
-    """Camera events, how the link is, and what must be said about it, until `stop` is set (or a recording ends).
+    """Camera events, link reports and notices, until `stop` is set (or a recording ends).
 
-    The link is opened by this call, not by the first `next`: UsageError (a port that is taken, a file that is not
-    there) comes at once. `close` gives the link back. Several links to one aircraft share a `choice`
-    and a `recording`; `signing` and `speaker` are this link's own.
+    The link is opened by this call, not by the first `next`, so UsageError (port in use, missing file) is raised at once.
+    `close` releases the link. Several links to one aircraft share a `choice` and a `recording`; `signing` and `speaker`
+    belong to this link alone.
     """
     settings = settings or LinkSettings()
     choice = choice or VehicleChoice(settings.vehicle)
@@ -44,13 +44,13 @@ def triggers(
     listener = Listener(address, settings, choice, now, time.time() - now)
     link = _Link(channel, listener, recording or Recording(), signing, speaker)
     listening = link.listen(stop, settings.poll_s)
-    next(listening)  # because only a generator that has begun gives its port back when it is closed
+    next(listening)  # only a generator that has started runs its cleanup, and releases the port, on close
     return listening
 
 
 @dataclass(slots=True)
 class _Link:
-    """All that belongs to one open link."""
+    """The parts of one open link."""
 
     channel: Channel
     listener: Listener
@@ -62,7 +62,7 @@ class _Link:
     def listen(self, stop: threading.Event, poll_s: float) -> Items:
         with closing(self.channel):
             greeting = self.listener.greeting(self.speaker.identity if self.speaker else None)
-            yield greeting  # to `triggers`, to begin
+            yield greeting  # consumed by `triggers`, to start the generator
             yield greeting
             while not stop.is_set() and not self.channel.ended:
                 for arrival in self.channel.read(poll_s):

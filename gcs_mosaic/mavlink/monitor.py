@@ -1,4 +1,4 @@
-"""What to make of the messages on one link: whom to follow, what to say aloud. No I/O; time comes as an argument."""
+"""Link monitor: vehicle selection, heartbeat and silence tracking, operator notices. No I/O; time is passed in."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gcs_mosaic.messages import LinkReport, Notice, Refusals, StreamOffer, Trigg
 LinkState = Literal["listening", "heard", "silent", "failed"]
 
 REPORT_EVERY_S = 1.0
-MOST_NAMED = 8  # other aircraft that are named; system ids can be forged, and the status must stay small
+MOST_NAMED = 8  # other aircraft listed; system ids can be forged, and the status must stay small
 NO_REFUSALS = Refusals()
 _REFUSED = {
     "unsigned": "has the aircraft been given the signing key? (a radio's own reports on itself never are signed)",
@@ -25,13 +25,13 @@ _REFUSED = {
 }
 MAV_TYPE_GCS = 6
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
-GROUND_STATION_PORT = 14550  # where every ground station listens unless told otherwise
+GROUND_STATION_PORT = 14550  # the default port of every ground station
 _AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _VEHICLES = {1: "fixed-wing aircraft", 2: "quadrotor", 4: "helicopter", 13: "hexarotor", 14: "octorotor", 30: "camera"}
 
 
 class VehicleChoice:
-    """The one aircraft whose camera is listened to; shared by all links, so that two of them cannot disagree."""
+    """The one aircraft whose triggers are used; shared by all links, so that they agree on it."""
 
     def __init__(self, wanted: int | None = None) -> None:
         self.wanted = wanted
@@ -39,30 +39,30 @@ class VehicleChoice:
 
     @property
     def followed(self) -> int | None:
-        """System id of the aircraft that is followed; None until one triggers."""
+        """System id of the followed aircraft; None until one triggers."""
         return self._chosen.get("id")
 
     def follows(self, event: TriggerEvent) -> bool:
-        """Whether `event` comes from the followed aircraft; the first one asked about is chosen if none was wanted."""
-        # One dictionary call, because links on several threads may ask at once.
+        """Whether `event` comes from the followed aircraft; without a configured one, the first asked about is chosen."""
+        # A single, hence atomic, dictionary call: links on several threads may ask at once.
         return self._chosen.setdefault("id", event.vehicle) == event.vehicle
 
 
 class Listener:
-    """Turns messages into events and notices. Ask `tick` now and then, so that silence is noticed too."""
+    """Turns messages into events and notices. Call `tick` periodically, so that silence is detected too."""
 
     def __init__(
         self, address: LinkAddress, settings: LinkSettings, choice: VehicleChoice, started: float, utc_of_zero: float
     ) -> None:
-        """`started` is on the monotonic clock; `utc_of_zero` is what UTC was when that clock stood at zero."""
+        """`started` is on the monotonic clock; `utc_of_zero` is UTC at that clock's zero."""
         self._address, self._settings, self._choice = address, settings, choice
         self._name = connection_string(address)
         self._last_heard, self._ever_heard = started, False
         self._utc_of_zero = utc_of_zero
-        self._noise, self._noise_at = 0, started  # as it was when the last message came
+        self._noise, self._noise_at = 0, started  # non-MAVLink bytes as of the last message
         self._reported: tuple[LinkReport, float] | None = None
         self._silent, self._silences = False, 0
-        self._others: Counter[int] = Counter()  # triggers of other aircraft, by MAVLink system id
+        self._others: Counter[int] = Counter()  # triggers of other aircraft by system id
         self._times = VehicleTimes()
         self._refusals_said: set[str] = set()
         self._gate = FloodGate(settings.most_triggers_per_s, settings.most_triggers_at_once)
@@ -71,19 +71,19 @@ class Listener:
         self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
 
     def greeting(self, identity: str | None = None) -> Notice:
-        """What is said at the start; `identity` is ours on the link, if we announce ourselves."""
+        """The opening notice; `identity` is ours on the link, if we announce ourselves."""
         manner = f"announcing ourselves as {identity}" if identity else "nothing is ever sent"
         return self._notice("info", f"listening on {self._name}; {manner}")
 
     def farewell(self) -> Notice:
-        """What is said at the end."""
+        """The closing notice."""
         flood = f"; {self._gate.left_out} triggers of a flood were left out" if self._gate.left_out else ""
         return self._notice("info", f"{self._name} is closed{flood}")
 
     def hear(
         self, message: MavMessage, received: float, sender: str = ""
     ) -> Iterator[TriggerEvent | StreamOffer | Notice]:
-        """What a message means; most mean nothing. `sender` is where it comes from, where the link can tell."""
+        """Events and notices from a message; most yield none. `sender` is the peer's address, where the link knows it."""
         yield from self._back_again(received)
         if message.get_type() == "HEARTBEAT":
             yield from self._heartbeat(message, received)
@@ -97,10 +97,10 @@ class Listener:
     def tick(
         self, now: float, *, working: bool = True, noise: int = 0, refused: Refusals = NO_REFUSALS, sent: int = 0
     ) -> Iterator[Notice | LinkReport]:
-        """What the passing of time means.
+        """Time-driven notices and reports.
 
-        `working` is false while the link cannot be opened; `noise` counts the bytes so far that were no MAVLink,
-        `refused` and `sent` packets.
+        `working` is false while the link cannot be opened; `noise` is the number of non-MAVLink bytes so far, `refused` and
+        `sent` count packets.
         """
         if self._noise_at != self._last_heard:
             self._noise, self._noise_at = noise, self._last_heard
@@ -118,7 +118,7 @@ class Listener:
         is_late = waited > self._settings.ground_station_after_s
         if self._ground_station == "unknown" and is_late and not self._is_forwarded_to_us():
             self._ground_station = "missing"
-            # A forwarding ground station keeps its own heartbeats to itself; where it listens itself, we are in its way.
+            # A ground station that forwards keeps its own heartbeats to itself; on its default port we block it.
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
 
@@ -127,7 +127,7 @@ class Listener:
         return self._address.host in LOOPBACK and self._address.port != GROUND_STATION_PORT
 
     def _refusals(self, refused: Refusals) -> Iterator[Notice]:
-        """Each reason is said once."""
+        """One warning per reason."""
         for reason, advice in _REFUSED.items():
             if getattr(refused, reason) and reason not in self._refusals_said:
                 self._refusals_said.add(reason)

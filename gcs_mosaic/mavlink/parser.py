@@ -1,4 +1,4 @@
-"""Bytes -> MAVLink messages. Damage costs the damaged packet and nothing behind it."""
+"""Bytes -> MAVLink messages. A corrupt packet never costs the packets after it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable
 
-os.environ["MAVLINK20"] = "1"  # whatever loads pymavlink later must agree that messages above 255 exist
+os.environ["MAVLINK20"] = "1"  # MAVLink 2 for every later import of pymavlink: message ids above 255
 from pymavlink.dialects.v20 import ardupilotmega as dialect  # the one dialect with 112, 180 and 263
 
 from gcs_mosaic.mavlink.messages import MavMessage
@@ -24,11 +24,11 @@ _parser = dialect.MAVLink(None)  # keeps no state from one packet to the next
 
 
 class PacketReader:
-    """The messages in one peer's bytes, whole or in pieces; never raises, keeps less than one packet.
+    """Parses one peer's byte stream, in chunks of any size; never raises, buffers less than one packet.
 
-    After a broken packet the search goes on one byte later. pymavlink's own parser would drop as many bytes as the
-    broken header claims, and good packets with them. `datagrams`: a datagram that begins with a whole packet is not
-    the rest of the one before. `admits` is asked of every undamaged packet whether it is to be believed.
+    After a corrupt packet the parser resynchronises one byte further on. pymavlink's own parser would drop as many bytes
+    as the corrupt header claims, and good packets with them. `datagrams`: a datagram that starts with a whole packet does
+    not continue the previous one. `admits` decides on every intact packet.
     """
 
     def __init__(self, *, datagrams: bool, admits: Callable[[bytes], bool] | None = None) -> None:
@@ -37,7 +37,7 @@ class PacketReader:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[MavMessage]:
-        """The messages that are complete with `data`; packets of other dialects and broken ones are passed over."""
+        """The messages completed by `data`; corrupt packets and those of other dialects are skipped."""
         buffer = data if self._begins_afresh(data) else self._rest + data
         self.skipped_bytes += len(self._rest) + len(data) - len(buffer)
         messages, position, used = [], 0, 0
@@ -64,8 +64,8 @@ class PacketReader:
 
 
 def decode_packet(packet: bytes) -> MavMessage | None:
-    """The message in exactly one packet; None if it is damaged or of another dialect."""
-    if packet[0] != _MARKER_V1 and packet[2] & ~_SIGNED:  # a flag that nobody has defined yet
+    """The message in exactly one packet; None if it is corrupt or of another dialect."""
+    if packet[0] != _MARKER_V1 and packet[2] & ~_SIGNED:  # an undefined incompatibility flag
         return None
     try:
         message = _parser.decode(bytearray(packet))
@@ -75,7 +75,7 @@ def decode_packet(packet: bytes) -> MavMessage | None:
 
 
 def packet_length(buffer: bytes, start: int) -> int:
-    """Bytes of the packet that begins at `start`, as its header claims; the longest there is if that is cut off."""
+    """Length of the packet at `start` according to its header; the maximum if the header is truncated."""
     if len(buffer) < start + 3:
         return _LONGEST_PACKET
     payload, flags = buffer[start + 1], buffer[start + 2]

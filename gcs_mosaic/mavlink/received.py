@@ -1,4 +1,4 @@
-"""A message as it came in."""
+"""A received message."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gcs_mosaic.mavlink.messages import MavMessage
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A message and when it came, in seconds of the host's monotonic clock; `sender` says from where, if a link can tell."""
+    """A message and its arrival time in monotonic seconds; `sender` is the peer's address, where the link knows it."""
 
     message: MavMessage
     received: float

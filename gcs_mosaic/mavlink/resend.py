@@ -1,7 +1,7 @@
-"""StreamRequests a camera again for CAMERA_IMAGE_CAPTURED messages that got lost. Pure; time comes as an argument.
+"""Requests lost CAMERA_IMAGE_CAPTURED messages from the camera again. Pure; time is passed in.
 
-A gap in a camera's image_index means that a message was lost on the way; MAV_CMD_REQUEST_MESSAGE (512) asks for the one
-with a certain index. Shared by all links of a flight, because a message that one of them lost may come over another.
+A gap in a camera's image_index means that a message was lost; MAV_CMD_REQUEST_MESSAGE (512) requests it by index. Shared
+by all links of a flight, because a message lost on one may arrive over another.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from gcs_mosaic.mavlink.transmitter import OWN_COMPONENT
 from gcs_mosaic.messages import Source, TriggerEvent
 
 ASK_EVERY_S = 1.0
-ASK_AGAIN_S = 3.0  # for the same index: slow radios answer after a second or two
+ASK_AGAIN_S = 3.0  # for the same index: over slow radios an answer takes a second or two
 TRIES = 3
-LONGEST_WAIT_S = 1.0  # a message may be late, or come over the other link
-LARGEST_GAP = 64  # indices; a counter that leaps further has begun anew
-_REMEMBERED = 256  # indices of a camera by which a repetition is told from a counter that begins anew
+LONGEST_WAIT_S = 1.0  # before the first request: a message may be late, or arrive over the other link
+LARGEST_GAP = 64  # indices; a larger jump is a counter reset
+_REMEMBERED = 256  # indices per camera, to tell a repetition from a counter reset
 _MOST_CAMERAS = 8
-_LARGEST_INDEX = 2**24  # the command's parameters are floats
-_ANSWER_S = 5.0  # an answer that comes later is somebody else's
+_LARGEST_INDEX = 2**24  # the command's parameters are 32-bit floats
+_ANSWER_S = 5.0  # a later COMMAND_ACK answers someone else's request
 _REFUSED = (dialect.MAV_RESULT_DENIED, dialect.MAV_RESULT_UNSUPPORTED)
 
 
@@ -35,20 +35,20 @@ class _Lost:
 
 @dataclass(slots=True)
 class _Camera:
-    """What is known of one counter. Lost indices stay known after the last try, for they may still come."""
+    """State of one image_index counter. Lost indices are kept after the last try, as they may still arrive."""
 
     vehicle: int
     component: int
     highest: int = -1
     heard: OrderedDict[int, float | None] = field(default_factory=OrderedDict)  # index -> time on the camera's clock
     lost: OrderedDict[int, _Lost] = field(default_factory=OrderedDict)
-    links: set[str] = field(default_factory=set)  # over which it is heard
-    asked: float | None = None  # when, for the last time
+    links: set[str] = field(default_factory=set)  # on which it is heard
+    asked: float | None = None  # time of the last request
     refuses: bool = False
 
 
 class Recovery:
-    """Which message to ask for, and when. Threads may share it."""
+    """Schedules requests for lost messages. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -56,7 +56,7 @@ class Recovery:
         self._next_ask = 0.0
 
     def note(self, event: TriggerEvent, link: str, now: float) -> None:
-        """A picture was told on `link` (a name); what is missing before it was lost."""
+        """Register a message received on `link` (a name); indices missing before it are lost."""
         if event.source < Source.IMAGE_CAPTURED_BY_AUTOPILOT or event.sequence is None:
             return
         key = (event.vehicle, event.component, event.camera)
@@ -68,7 +68,7 @@ class Recovery:
             _count(camera, event.sequence, event.source_time, now)
 
     def due(self, link: str, now: float) -> MavMessage | None:
-        """The question that is to be asked on `link` now, if there is one."""
+        """The request to send on `link` now, if any."""
         with self._lock:
             if now < self._next_ask:
                 return None
@@ -83,7 +83,7 @@ class Recovery:
         return None
 
     def acknowledged(self, message: MavMessage, own_system: int, now: float) -> bool:
-        """Whether `message` is a camera's refusal of our question, after which it is asked no more."""
+        """Whether `message` is a camera's refusal of our request, after which no more are sent to it."""
         if message.get_type() != "COMMAND_ACK" or message.command != dialect.MAV_CMD_REQUEST_MESSAGE:
             return False
         ours = message.target_system in (0, own_system) and message.target_component in (0, OWN_COMPONENT)
@@ -101,13 +101,13 @@ class Recovery:
 
 def _count(camera: _Camera, index: int, source_time: float | None, now: float) -> None:
     recovered = camera.lost.pop(index, None) is not None
-    # A failed attempt and the next picture may have one index.
+    # A failed capture and the next picture may share an index.
     repeated = index == camera.highest or (index in camera.heard and camera.heard[index] == source_time)
     if not recovered and not repeated:
         if 0 <= camera.highest < index <= camera.highest + LARGEST_GAP + 1:
             for missing in range(camera.highest + 1, min(index, _LARGEST_INDEX)):
                 camera.lost[missing] = _Lost(now + LONGEST_WAIT_S)
-        else:  # the first picture, or a counter that has begun anew
+        else:  # the first picture, or a counter reset
             camera.heard.clear()
             camera.lost.clear()
         camera.highest = index

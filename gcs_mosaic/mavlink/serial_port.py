@@ -1,23 +1,39 @@
-"""A serial device, opened for reading only unless we are to send (POSIX)."""
+"""A serial device (POSIX), opened read-only unless we are to send."""
 
 from __future__ import annotations
 
 import errno
-import fcntl
 import io
 import os
-import termios
-import tty
+
+from gcs_mosaic.errors import UsageError
 
 _SPEED_AT = (4, 5)  # where tcgetattr keeps the input and the output speed
+
+
+def require_termios(device: str) -> None:
+    """Raises UsageError where the system has no termios (Windows), naming what to do instead."""
+    try:
+        import fcntl  # noqa: F401
+        import termios  # noqa: F401
+    except ImportError:
+        raise UsageError(
+            f"--mavlink {device!r} is a serial device, which this system cannot open (it needs termios, as on Linux and macOS): "
+            f"let a program that can forward it to UDP, such as mavproxy --master={device} --out=udpout:127.0.0.1:14445, "
+            "and give --mavlink udp:14445."
+        ) from None
 
 
 def open_serial(device: str, baud: int, *, writing: bool = False) -> io.RawIOBase:
     """The raw bytes of `device` at `baud` bits per second.
 
-    Raises OSError if it is not there, not ours to read, not a terminal, or held by another program: two readers of
-    one serial line would each get half of the bytes.
+    Raises OSError if the device is missing, not readable by us, not a terminal, or held by another program (two readers
+    of one serial line would each get half of the bytes); UsageError on a system without termios.
     """
+    require_termios(device)
+    import fcntl
+    import termios
+
     descriptor = os.open(device, (os.O_RDWR if writing else os.O_RDONLY) | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -36,6 +52,9 @@ def open_serial(device: str, baud: int, *, writing: bool = False) -> io.RawIOBas
 
 
 def _make_raw(descriptor: int, baud: int) -> None:
+    import termios
+    import tty
+
     speed = getattr(termios, f"B{baud}", None)
     if speed is None:
         raise OSError(errno.EINVAL, f"{baud} bits per second is no speed of this system; 57600 and 115200 are")

@@ -7,39 +7,39 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkSettings:
-    """How a link is listened to. Times are in seconds."""
+    """Settings of one link. Times are in seconds."""
 
     vehicle: int | None = None
-    """MAVLink system id of the aircraft to follow; none = the first that triggers a camera."""
+    """MAVLink system id of the aircraft to follow; none = the first to trigger a camera."""
     most_triggers_per_s: float = 20.0
-    """A source that announces more pictures a second for longer is no camera, and is left out until it is quieter."""
+    """Highest sustained trigger rate of a source; one that exceeds it is no camera and is ignored until it is quieter."""
     most_triggers_at_once: int = 200
-    """... and so many at once are believed: what a link held back, or a burst."""
+    """... with this many accepted at once: a burst, or a backlog of the link."""
     silent_after_s: float = 10.0
-    """A link that brings nothing for so long is said to be silent: ten heartbeats, more than a turn of the aircraft."""
+    """A link without messages for this long is reported silent: ten heartbeats, longer than an aircraft's turn."""
     ground_station_after_s: float = 20.0
-    """How long to wait for a ground station's heartbeat before saying that none is heard on this link."""
+    """Wait for a ground station's heartbeat before reporting that none is heard on this link."""
     poll_s: float = 0.25
-    """Longest wait for bytes before looking whether to stop."""
+    """Longest blocking read before the stop flag is checked."""
     connect_timeout_s: float = 3.0
-    """Longest wait for a TCP connection."""
+    """Timeout of a TCP connection attempt."""
     reconnect_first_s: float = 0.25
-    """Wait before a lost TCP or serial link is opened again; it doubles with each failure."""
+    """First back-off before a lost TCP or serial link is reopened; doubles with each failure."""
     reconnect_longest_s: float = 5.0
-    """Longest such wait: after a repair nobody wants to wait longer."""
+    """Longest back-off: nobody wants to wait longer after a repair."""
     announce: int | None = None
-    """Own MAVLink system id, such as 191, under which a heartbeat and warnings are sent; none = nothing is ever sent."""
+    """Own MAVLink system id, such as 191, for sending a heartbeat and warnings; none = nothing is ever sent."""
     recover: bool = False
-    """Ask a camera again, at most once a second, for messages of which its counter shows that they were lost."""
+    """Request messages again, at most one a second, that a gap in the camera's counter shows to be lost."""
     signing_key: str | None = None
-    """File (mode 600) with the key of MAVLink's signing; packets that are not signed with it are refused."""
+    """File (mode 600) with the MAVLink signing key; packets not signed with it are refused."""
     receive_buffer_bytes: int = 1 << 21
-    """What the kernel keeps for us while we are busy, as far as its own limit allows: a second of 5,000 messages."""
+    """Socket receive buffer, capped by the kernel's own limit: one second at 5,000 messages a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listening:
-    """What is listened to, and how."""
+    """The links, and their common settings."""
 
     # links to listen on, such as udp:14445, tcp:HOST:PORT, serial:/dev/ttyACM0:57600
     mavlink: tuple[str, ...] = ("udp:14550",)

@@ -1,9 +1,9 @@
-"""MAVLink 2 packet signing: the key, and which packets are believed. No I/O but reading the key's file.
+"""MAVLink 2 packet signing: the key, and packet verification. No I/O except reading the key file.
 
 Source: the MAVLink guide on message signing. A signature is the first 48 bits of SHA-256 over key, packet, link id and
-timestamp; the timestamp counts 10 µs since 2015 and must grow within a stream (link id, system, component). pymavlink
-checks this too, but notes the timestamp before it knows that the signature is right, so that one forged packet from the
-future would silence a stream.
+timestamp; the timestamp counts units of 10 µs since 2015 and must increase within a stream (link id, system id, component
+id). pymavlink checks this too, but stores the timestamp before verifying the signature, so that one forged packet with a
+future timestamp would block a stream.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Refusals
 
 KEY_BYTES = 32
-_LARGEST_FILE = 1024  # bytes; a passphrase is a line, not a letter
+_LARGEST_FILE = 1024  # bytes; a passphrase is a single line
 _EPOCH_UTC = 1_420_070_400.0  # 2015-01-01
 _TICKS_PER_S = 100_000
-_NEW_STREAM_TICKS = 60 * _TICKS_PER_S  # a stream that was not heard before may lie so far behind the newest one
+_NEW_STREAM_TICKS = 60 * _TICKS_PER_S  # how far a new stream may lag behind the newest timestamp (MAVLink: 1 minute)
 _MARKER_V1, _SIGNED = 0xFE, 0x01
-_LINK_ID, _SIGNATURE = -13, -6  # where they begin in a signed packet
+_LINK_ID, _SIGNATURE = -13, -6  # offsets in a signed packet
 
 
 @dataclass(frozen=True, slots=True)
 class SigningKey:
-    """32 secret bytes that show themselves nowhere."""
+    """32 secret bytes, never shown or serialised."""
 
     secret: bytes = field(repr=False)
 
     def signature(self, signed: bytes) -> bytes:
-        """The six bytes that go behind `signed`."""
+        """The six-byte signature appended to `signed`."""
         return hashlib.sha256(self.secret + signed).digest()[:6]
 
     def __reduce__(self) -> str:
@@ -43,7 +43,7 @@ class SigningKey:
 
 
 def load_key(path: Path) -> SigningKey:
-    """The key in a file that only its owner may read. Raises UsageError, which never shows what is in the file."""
+    """The key in a file that only its owner may read. Raises UsageError, which never shows the file's content."""
     try:
         with open(path, "rb", opener=_open_at_once) as file:
             state = os.fstat(file.fileno())
@@ -63,7 +63,7 @@ def load_key(path: Path) -> SigningKey:
 
 
 def secret_of(content: bytes) -> bytes | None:
-    """The 32 bytes that the content of a key file stands for; None if it stands for none.
+    """The 32-byte key in the content of a key file; None if there is none.
 
     A passphrase is hashed with SHA-256, as MAVProxy, Mission Planner and QGroundControl do.
     """
@@ -82,17 +82,17 @@ def secret_of(content: bytes) -> bytes | None:
 
 
 class Signing:
-    """One link's: which packets that come are believed, and the timestamps of those that go."""
+    """One link's signing state: verifies incoming packets and timestamps outgoing ones."""
 
     def __init__(self, key: SigningKey) -> None:
         self.key = key
         self.refused = Refusals()
-        # Ticks. Where to begin is for the others to say: an aircraft without a GPS fix, and a laptop, may be years off.
+        # Ticks. The first packet heard sets the start: an aircraft without a GPS fix, or a laptop, may be years off.
         self._newest, self._sent = 0, 0
-        self._streams: dict[tuple[int, int, int], int] = {}  # the newest timestamp of each (link id, system, component)
+        self._streams: dict[tuple[int, int, int], int] = {}  # newest timestamp by (link id, system id, component id)
 
     def admits(self, packet: bytes) -> bool:
-        """Whether `packet`, whole and undamaged, is signed with our key and newer than all before; counts if not."""
+        """Whether `packet`, whole and intact, is signed with our key and not replayed; counts refusals."""
         if packet[0] == _MARKER_V1 or not packet[2] & _SIGNED:
             self.refused = replace(self.refused, unsigned=self.refused.unsigned + 1)
             return False
@@ -109,10 +109,10 @@ class Signing:
         return True
 
     def next_timestamp(self, utc: float) -> int:
-        """Ticks for a packet that goes out at `utc`: newer than all that came and went, or it would not be believed."""
+        """Timestamp of a packet sent at `utc`: newer than all received and sent ones, or it would be rejected."""
         self._sent = max(self._sent + 1, self._newest + 1, round((utc - _EPOCH_UTC) * _TICKS_PER_S))
         return self._sent
 
 
 def _open_at_once(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe that nobody writes to would never open
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # else opening a pipe without a writer would block

@@ -1,7 +1,7 @@
-"""A UDP port of our own, or the reason why there is none.
+"""Exclusive sockets, or the reason why a port cannot be bound.
 
-pymavlink binds with SO_REUSEADDR, by which a second listener binds without an error and takes the packets away from
-the first. This socket is exclusive, so the kernel itself tells, without a race, that somebody else listens.
+pymavlink binds with SO_REUSEADDR, which lets a second listener bind without an error and take the first one's packets.
+These sockets are exclusive, so the kernel itself reports, without a race, that the port is in use.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ _SHARING = (
 
 
 def bind_udp(host: str, port: int, receive_buffer: int) -> socket.socket:
-    """A datagram socket that alone owns (host, port); raises UsageError if it cannot be had."""
+    """A datagram socket bound exclusively to (host, port). Raises UsageError if that fails."""
     return _bind(socket.SOCK_DGRAM, host, port, receive_buffer)
 
 
 def listen_tcp(host: str, port: int, receive_buffer: int) -> socket.socket:
-    """A stream socket that listens on (host, port); raises UsageError if it cannot be had."""
+    """A stream socket listening on (host, port). Raises UsageError if that fails."""
     listener = _bind(socket.SOCK_STREAM, host, port, receive_buffer)
     listener.listen(1)
     return listener
 
 
 def family_of(host: str) -> socket.AddressFamily:
-    """Names are looked up as IPv4: that is what radios and ground stations speak unless they say otherwise."""
+    """Host names resolve to IPv4, the default of radios and ground stations."""
     return socket.AF_INET6 if ":" in host else socket.AF_INET
 
 
 def holder_of_udp_port(port: int) -> str | None:
-    """Name and process id of the program that has the UDP port open, where the system lets us see it (Linux)."""
+    """Name and process id of the program that holds the UDP port, where visible (Linux)."""
     inodes = set(_inodes_on(port))
     for descriptor in Path("/proc").glob("[0-9]*/fd/*") if inodes else ():
         try:
             if str(descriptor.readlink()) in inodes:
                 process = descriptor.parent.parent
                 return f"{(process / 'comm').read_text().strip()} (process {process.name})"
-        except OSError:  # the process has gone, or belongs to somebody else
+        except OSError:  # the process has ended, or belongs to another user
             continue
     return None
 
@@ -56,7 +56,7 @@ def _bind(kind: socket.SocketKind, host: str, port: int, receive_buffer: int) ->
         if hasattr(socket, "SO_EXCLUSIVEADDRUSE"):  # Windows shares a port by default
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
         elif kind == socket.SOCK_STREAM:
-            # For TCP this only passes over connections that are winding down; it never shares a listener.
+            # For TCP this only ignores connections in TIME_WAIT; it never shares a listener.
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
         bound.bind((host, port))

@@ -1,4 +1,4 @@
-"""What one link says, when it was asked to say anything. A link without a speaker sends nothing."""
+"""Outgoing traffic of one link, only if asked for. A link without a speaker sends nothing."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from gcs_mosaic.mavlink.resend import Recovery
 from gcs_mosaic.mavlink.transmitter import OWN_COMPONENT, Transmitter
 from gcs_mosaic.messages import Notice, TriggerEvent
 
-_ROOM = 16  # announcements; there are three topics, and the newest of each is what counts
+_ROOM = 16  # queued announcements; there are three topics, and only the newest of each counts
 
 
 class Speaker:
-    """Used by the link's thread; only `tell` may be called from another."""
+    """Belongs to the link's thread; only `tell` may be called from others."""
 
     def __init__(
         self,
@@ -26,22 +26,22 @@ class Speaker:
         recovery: Recovery | None = None,
         taken: threading.Event | None = None,
     ) -> None:
-        """`name` is the link's; `taken` is set when another is heard under our number, on whichever link."""
+        """`name` is the link's; `taken` is set when someone else is heard under our system id, on any link."""
         self.identity = f"system {transmitter.system}, component {OWN_COMPONENT}"
         self._name, self._transmitter, self._recovery = name, transmitter, recovery
         self._announcer = Announcer()
         self._told: Queue[Announcement] = Queue(_ROOM)
-        self.reachable = False  # whether the last packet went out: nobody may be heard yet, or a line be lost
+        self.reachable = False  # whether the last packet was sent: there may be no peer yet, or the line be down
         self._taken = taken or threading.Event()
 
     def tell(self, announcement: Announcement) -> None:
-        """Have it said soon; left out if there is no room."""
+        """Queue an announcement; dropped if the queue is full."""
         with suppress(Full):
             self._told.put_nowait(announcement)
 
     def hear(self, message: MavMessage, now: float) -> Iterator[Notice]:
-        """What a message that came means for what may be said."""
-        # Component 191 of our system is ourselves, sent back to us by a router.
+        """Watch a received message for a system id conflict and for a camera's refusal."""
+        # Component 191 of our system is our own traffic, echoed by a router.
         other = message.get_srcSystem() == self._transmitter.system and message.get_srcComponent() != OWN_COMPONENT
         if other and not self._taken.is_set():
             self._taken.set()
@@ -52,16 +52,16 @@ class Speaker:
             yield Notice(source=self._name, level="info", text=text)
 
     def note(self, event: TriggerEvent, now: float) -> None:
-        """A picture was told."""
+        """Register a camera event."""
         if self._recovery:
             self._recovery.note(event, self._name, now)
 
     def due(self, now: float) -> Iterator[bytes]:
-        """The packets that are to be sent at `now` (monotonic seconds)."""
+        """Packets to send at `now` (monotonic seconds)."""
         with suppress(Empty):
             while True:
                 self._announcer.tell(self._told.get_nowait())
-        if self._taken.is_set():  # two who answer to one name are a danger
+        if self._taken.is_set():  # two systems with one id are a hazard
             return
         for message in self._announcer.due(now, reachable=self.reachable):
             yield self._transmitter.packet(message, now)

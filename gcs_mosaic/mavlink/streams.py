@@ -1,4 +1,4 @@
-"""Links that are streams of bytes (TCP, serial): opened again, with growing waits, whenever they are lost."""
+"""Byte-stream links (TCP, serial), reopened with exponential back-off when lost."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from typing import Literal
 from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.received import Arrival
+from gcs_mosaic.mavlink.serial_port import open_serial, require_termios
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.sockets import listen_tcp
 from gcs_mosaic.messages import Notice
@@ -20,18 +21,18 @@ from gcs_mosaic.messages import Notice
 logger = logging.getLogger(__name__)
 
 _CHUNK = 4096
-_KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # seconds, seconds, questions: gone after 25 s
+_KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # s, s, probes: a dead peer is found after 25 s
 
 Mode = Literal["rb", "rwb"]
 Opener = Callable[[], io.RawIOBase | None]
-"""Opens the stream; None if there is nobody yet, OSError if it cannot be opened now."""
+"""Opens the stream; None without a peer yet, OSError if it cannot be opened now."""
 
 
 class StreamChannel:
-    """Reads a stream and opens it again when it is lost; both are said once, not at every try.
+    """Reads a stream and reopens it when lost; each is reported once, not at every try.
 
-    Only a stream that has brought something counts as one that works: where somebody takes the call and hangs up, or a
-    device opens and fails, the waits grow too.
+    Only a stream that has delivered data counts as working: the back-off also grows where a peer accepts and hangs up, or a
+    device opens and fails.
     """
 
     def __init__(
@@ -42,10 +43,10 @@ class StreamChannel:
         self._stream: io.RawIOBase | None = None
         self._admits = admits
         self._reader = PacketReader(datagrams=False, admits=admits)
-        self._unsent = b""  # the rest of a packet that was begun
-        self._trouble: str | None = None  # the last one that was said
-        self._brought, self._hangs_up = False, False  # this connection something; the one before nothing
-        self._skipped_before = 0  # bytes, by the connections before
+        self._unsent = b""  # the rest of a partly written packet
+        self._trouble: str | None = None  # the last one reported
+        self._brought, self._hangs_up = False, False  # this connection delivered data; the previous one did not
+        self._skipped_before = 0  # bytes, on earlier connections
         self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
 
     @property
@@ -68,7 +69,7 @@ class StreamChannel:
         return [*self._works(), *arrivals]
 
     def send(self, packet: bytes) -> bool:
-        if self._unsent:  # what was begun comes first, or a packet would be cut off
+        if self._unsent:  # finish the partly written packet first
             self._unsent = self._unsent[self._written(self._unsent) :]
         if self._unsent:
             return False
@@ -77,13 +78,13 @@ class StreamChannel:
         return written > 0
 
     def _written(self, data: bytes) -> int:
-        """How many bytes of `data` the stream takes now."""
+        """Write without blocking; returns the number of bytes accepted."""
         if self._stream is None:
             return 0
         try:
             ready = select.select([], [self._stream], [], 0.0)[1]
             return (self._stream.write(data) or 0) if ready else 0
-        except OSError:  # reading will find out what is wrong
+        except OSError:  # the next read reports the cause
             logger.debug("nothing can be sent", exc_info=True)
             return 0
 
@@ -111,7 +112,7 @@ class StreamChannel:
         return [] if self._hangs_up else [self._connected()]
 
     def _works(self) -> list[Arrival | Notice]:
-        """Something has come: troubles are over."""
+        """Data has arrived: reset the back-off and report the connection if that is still due."""
         news = [self._connected()] if self._hangs_up else []
         self._brought, self._hangs_up = True, False
         self._trouble, self._wait_s = None, self._settings.reconnect_first_s
@@ -131,7 +132,7 @@ class StreamChannel:
         return self._later(f"{self._name} is lost ({reason}); opening it again")
 
     def _later(self, trouble: str) -> list[Arrival | Notice]:
-        """Try again in a while; what is wrong is said if that is news."""
+        """Schedule the next attempt; `trouble` is reported if it differs from the last one."""
         self.working = False
         self._next_try = time.monotonic() + self._wait_s
         self._wait_s = min(2 * self._wait_s, self._settings.reconnect_longest_s)
@@ -142,7 +143,7 @@ class StreamChannel:
 
 
 def opener(address: LinkAddress, settings: LinkSettings) -> Opener:
-    """What opens a TCP or serial address: for reading alone, unless we are to announce ourselves."""
+    """The opener of a TCP or serial address: read-only, unless we are to announce ourselves."""
     mode: Mode = "rb" if settings.announce is None else "rwb"
     match address.kind:
         case "tcp":
@@ -160,21 +161,21 @@ def tcp_client(address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") 
         where = (address.host, address.port)
         with socket.create_connection(where, timeout=settings.connect_timeout_s) as connection:
             notice_when_gone(connection)
-            return connection.makefile(mode, buffering=0)  # keeps the connection open after the socket object is gone
+            return connection.makefile(mode, buffering=0)  # keeps the connection open after the socket object is closed
 
     return connect
 
 
 def notice_when_gone(connection: socket.socket) -> None:
-    """Let the kernel ask now and then: whoever only listens never learns that the other side was switched off."""
+    """Enable TCP keep-alive: a receiver that never sends would not notice that the peer was switched off."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in _KEEPALIVE.items():
-        if option := getattr(socket, name, None):  # not every system lets us choose
+        if option := getattr(socket, name, None):  # not every system has all of them
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 class TcpServer:
-    """Takes one caller at a time; the port is taken at once, so that a wrong one is known at the start."""
+    """Accepts one client at a time; binds the port at once, so that an unusable one is reported at the start."""
 
     def __init__(self, address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") -> None:
         self._mode: Mode = mode
@@ -195,11 +196,10 @@ class TcpServer:
 
 
 def serial(address: LinkAddress, mode: Mode = "rb") -> Opener:
-    """Opens the serial device."""
+    """Opens the serial device. Raises UsageError at once on a system without termios."""
+    require_termios(address.device)
 
     def open_device() -> io.RawIOBase:
-        from gcs_mosaic.mavlink.serial_port import open_serial
-
         return open_serial(address.device, address.baud, writing=mode == "rwb")
 
     return open_device

@@ -1,4 +1,4 @@
-"""A recorded link (.tlog): before each packet, the time it came in microseconds since 1970 (big-endian, 64 bits)."""
+"""Telemetry logs (.tlog): each packet is preceded by its arrival time in microseconds since 1970 (big-endian, 64 bits)."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from gcs_mosaic.messages import Notice
 
 TIME = struct.Struct(">Q")
 _CHUNK = 1 << 16
-_LONGEST_GAP_S = 86400.0  # a recording does not pause for longer: a damaged time
+_LONGEST_GAP_S = 86400.0  # a longer gap between packets is a corrupt timestamp
 _AT_ONCE = 256
 
 
 class TlogChannel:
-    """Plays a recording as fast as it is read; arrival times keep the recording's distances, from the opening on."""
+    """Plays a recording as fast as it can be read; arrival times keep the recorded intervals, starting when it is opened."""
 
     def __init__(self, address: LinkAddress) -> None:
         self.ended, self.working = False, True
-        self.skipped_bytes = 0  # a recording is not listened to: damage in it is passed over
+        self.skipped_bytes = 0  # corruption in a recording is skipped without being counted
         assert address.path is not None
         try:
             self._file = address.path.open("rb")
@@ -50,7 +50,7 @@ class TlogChannel:
 
 
 def read_tlog(file: BufferedReader) -> Iterator[tuple[float, MavMessage]]:
-    """(seconds since 1970, message) for every whole packet; damaged stretches are passed over."""
+    """(seconds since 1970, message) of every intact packet; corrupt stretches are skipped."""
     buffer = b""
     at_end = False
     while not at_end:
@@ -72,7 +72,7 @@ def read_tlog(file: BufferedReader) -> Iterator[tuple[float, MavMessage]]:
 
 
 def on_one_clock(recorded: Iterator[tuple[float, MavMessage]], start: float) -> Iterator[Arrival]:
-    """Messages at the recording's distances in time from `start` on; steps back and absurd ones take no time."""
+    """Messages at the recorded intervals from `start` on; backward and implausible steps count as zero."""
     now, before = start, None
     for seconds, message in recorded:
         step = seconds - before if before is not None else 0.0

@@ -1,4 +1,4 @@
-"""What was heard on a recorded link (.tlog): through the same listener as a live one, on the recording's own time."""
+"""Reads a recorded link (.tlog) through the same listener as a live one, on the recording's own time."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog import on_one_clock, read_tlog
 from gcs_mosaic.messages import Notice, TriggerEvent
 
-_LEAP_S = 2.0  # by so much a recording's clock may be out of step with itself: links that were written a little late
+_LEAP_S = 2.0  # tolerated disorder of a recording's timestamps: several links are written with a slight delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedLink:
-    """A recording's events and notices. All times are in seconds from its first packet, which is the time zero."""
+    """Events and notices of a recording. All times are in seconds since its first packet."""
 
-    heard: list[tuple[float, TriggerEvent | Notice]]  # in order; `received` of the events is on this clock too
+    heard: list[tuple[float, TriggerEvent | Notice]]  # in order; the events' `received` is on this clock too
     seconds: float  # to the last packet
     packets: int
-    began_utc: float | None  # seconds since 1970; None if the recording's clock was not set or has leapt
+    began_utc: float | None  # seconds since 1970; None if the recording's clock was not set or jumped
 
     @property
     def events(self) -> list[TriggerEvent]:
@@ -33,9 +33,9 @@ class RecordedLink:
 
 
 def read_recording(path: Path, settings: LinkSettings, read: Callable[[int], None] = lambda size: None) -> RecordedLink:
-    """All of the recording at `path`; `read` is told now and then how many bytes of it have been read.
+    """Read the whole recording at `path`; `read` is called with the number of bytes read so far.
 
-    Raises UsageError for a file that is not there and for one that holds no MAVLink.
+    Raises UsageError if the file is missing or contains no MAVLink.
     """
     try:
         with path.open("rb") as file:

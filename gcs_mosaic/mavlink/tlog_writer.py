@@ -1,6 +1,6 @@
-"""What is heard, written down as a recording (.tlog) that MAVProxy, Mission Planner, QGroundControl and `replay` read.
+"""Records received packets as a telemetry log (.tlog) for MAVProxy, Mission Planner, QGroundControl and `replay`.
 
-The form has no header: before each packet the time it came, in microseconds since 1970 (big-endian, 64 bits).
+The format has no header: each packet is preceded by its arrival time in microseconds since 1970 (big-endian, 64 bits).
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.tlog import TIME
 from gcs_mosaic.messages import Notice
 
-FLUSH_S = 0.5  # a kill loses no more than this; each packet by itself would cost a system call
-_RETRY_S = 2.0  # between attempts to write on a full disk
-_MOST_UNWRITTEN = 1 << 20  # bytes; what is written is at most a second of the fastest link
+FLUSH_S = 0.5  # the most that a kill loses; flushing every packet would cost a system call each
+_RETRY_S = 2.0  # between write attempts on a full disk
+_MOST_UNWRITTEN = 1 << 20  # bytes; more than a second of the fastest link
 
 
 class Recording:
-    """One file for all links. What cannot be written is lost, counted and said; it never ends a flight or stops a link.
+    """One file for all links. Packets that cannot be written are dropped, counted and reported; a flight never ends by it.
 
-    `record` may be called from several threads. Nothing is written before `open`.
+    `record` is thread-safe. Nothing is written before `open`.
     """
 
     def __init__(self) -> None:
         self._file: FileIO | None = None
         self._path = Path()
         self._lock = threading.Lock()
-        self._utc_of_zero = time.time() - time.monotonic()  # once, so that the laptop's clock may be set meanwhile
+        self._utc_of_zero = time.time() - time.monotonic()  # fixed, so that setting the system clock does no harm
         self._unwritten = bytearray()
-        self._packets = 0  # in what is unwritten
+        self._packets = 0  # in `_unwritten`
         self._last_us = 0
         self._next_write = 0.0
-        self._lost: int | None = None  # packets since the disk takes nothing
+        self._lost: int | None = None  # packets dropped since writing began to fail
 
     def open(self, path: Path, *, ours: bool) -> Notice:
-        """Write to `path` from now on; a file that is there is gone on with if it is `ours`, else UsageError."""
+        """Write to `path` from now on; append to an existing file if it is `ours`, else raise UsageError."""
         try:
             self._file = path.open("ab" if ours else "xb", buffering=0)
         except OSError as error:
@@ -50,23 +50,23 @@ class Recording:
         return _notice("info", f"what is heard is recorded to {path}")
 
     def record(self, arrival: Arrival) -> None:
-        """Keep the packet that a message came in; it is written by `flush`."""
+        """Buffer the message's packet until `flush`."""
         if self._file is None:
             return
         with self._lock:
-            # Links on several threads are a little out of step; a time that goes back would read as damage.
+            # Links on several threads are slightly out of order; a decreasing timestamp would read as corruption.
             self._last_us = max(self._last_us, int((arrival.received + self._utc_of_zero) * 1e6))
             self._unwritten += TIME.pack(self._last_us) + arrival.message.get_msgbuf()
             self._packets += 1
 
     def flush(self, now: float, *, at_once: bool = False) -> Iterator[Notice]:
-        """Hand to the operating system what was kept, at `now` (monotonic seconds) if it is time; what must be said."""
+        """Write the buffered packets if due at `now` (monotonic seconds); yields notices."""
         with self._lock:
             if self._file is not None and (at_once or now >= self._next_write or self._is_long()):
                 yield from self._write(self._file, now)
 
     def close(self) -> None:
-        """Write the rest. A file that nothing was written to is taken away."""
+        """Write the rest. An empty file is removed."""
         if self._file is None:
             return
         list(self.flush(time.monotonic(), at_once=True))
@@ -84,7 +84,7 @@ class Recording:
         try:
             _write_whole(file, self._unwritten)
         except OSError as error:
-            file.truncate(end)  # half a packet would hide the next one
+            file.truncate(end)  # a partial packet would corrupt the next one
             self._next_write = now + _RETRY_S
             if self._lost is None:
                 self._lost = 0

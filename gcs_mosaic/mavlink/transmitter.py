@@ -1,4 +1,4 @@
-"""What we say on a link, in packets: under a MAVLink identity of our own, signed if there is a key."""
+"""Packs outgoing messages under a system id and component id of our own, signed if there is a key."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing
 
 OWN_COMPONENT = dialect.MAV_COMP_ID_ONBOARD_COMPUTER  # 191
-GROUND_STATION = 255  # system id; an autopilot that hears its heartbeat believes that its ground station is there
+GROUND_STATION = 255  # system id; its heartbeat keeps an autopilot's ground station failsafe from triggering
 _HIGHEST = 254
 
 
 def check_identity(settings: LinkSettings) -> None:
-    """Raises UsageError for an identity that is another's, and for questions that nobody would ask."""
+    """Raises UsageError for a system id that belongs to someone else, or `recover` without `announce`."""
     own = settings.announce
     if own is None:
         if settings.recover:
@@ -38,7 +38,7 @@ class Transmitter:
     """Turns messages into packets of system `system`, component 191."""
 
     def __init__(self, system: int, utc_of_zero: float, signing: Signing | None = None, link_id: int = 0) -> None:
-        """`utc_of_zero` is what UTC was when the monotonic clock stood at zero; every link has a `link_id` of its own."""
+        """`utc_of_zero` is UTC at the monotonic clock's zero; `link_id` is unique to each link."""
         self.system = system
         self._utc_of_zero, self._signing = utc_of_zero, signing
         self._protocol = dialect.MAVLink(None, srcSystem=system, srcComponent=OWN_COMPONENT)
@@ -48,7 +48,7 @@ class Transmitter:
             self._protocol.signing.link_id = link_id
 
     def packet(self, message: MavMessage, now: float) -> bytes:
-        """The bytes of `message` as it goes out at `now` (monotonic seconds)."""
+        """The packet of `message`, sent at `now` (monotonic seconds)."""
         if self._signing:
             self._protocol.signing.timestamp = self._signing.next_timestamp(now + self._utc_of_zero)
         packed = bytes(message.pack(self._protocol))

@@ -1,4 +1,4 @@
-"""UTC of what happened on a clock that counts from boot, by the sender's own SYSTEM_TIME; for showing only. Pure."""
+"""Converts times since boot to UTC by the sender's own SYSTEM_TIME; for display only. Pure."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from gcs_mosaic.mavlink.clock import plausible_utc
 from gcs_mosaic.mavlink.messages import MavMessage
 from gcs_mosaic.messages import FEEDBACK_WRAP_S, Source, TriggerEvent, unwrapped
 
-_MOST_SENDERS = 32  # whose time is kept; no link has as many, but a forger might
+_MOST_SENDERS = 32  # no link has as many, but a forger might
 
 
 @dataclass(frozen=True, slots=True)
 class _BootTime:
-    """What one component's clocks said last. Times are in seconds."""
+    """One component's last SYSTEM_TIME. Times are in seconds."""
 
     boot: float
     received: float
-    utc_of_boot: float | None  # UTC at which its boot clock stood at zero, None while it does not know the date
+    utc_of_boot: float | None  # UTC at the zero of its boot clock, None while it does not know the date
 
 
 class VehicleTimes:
-    """Boot -> UTC for every component that sends SYSTEM_TIME (message 2). Each boots for itself."""
+    """Boot time -> UTC for every component that sends SYSTEM_TIME (message 2). Each has its own boot clock."""
 
     def __init__(self) -> None:
         self._senders: OrderedDict[tuple[int, int], _BootTime] = OrderedDict()
 
     def hear(self, message: MavMessage, received: float) -> None:
-        """Learn from a message, if it is SYSTEM_TIME; years in which nobody has flown with MAVLink are not believed."""
+        """Update from a message, if it is SYSTEM_TIME; implausible years are ignored."""
         if message.get_type() != "SYSTEM_TIME":
             return
         sender, boot = (message.get_srcSystem(), message.get_srcComponent()), message.time_boot_ms / 1e3
@@ -36,7 +36,7 @@ class VehicleTimes:
         if utc is not None:
             utc_of_boot: float | None = utc - boot
         else:
-            # A receiver that loses its fix for a while still counts on; one that was restarted knows nothing yet.
+            # A GPS receiver that loses its fix keeps counting; after a reboot the date is unknown.
             utc_of_boot = before.utc_of_boot if before and boot >= before.boot else None
         self._senders[sender] = _BootTime(boot, received, utc_of_boot)
         self._senders.move_to_end(sender)
@@ -44,7 +44,7 @@ class VehicleTimes:
             self._senders.popitem(last=False)
 
     def dated(self, event: TriggerEvent) -> TriggerEvent:
-        """The event with its UTC, where it had none of its own and its sender has told the date."""
+        """The event with UTC filled in, where it has none of its own and its sender's date is known."""
         sender = self._senders.get((event.vehicle, event.component))
         if event.utc is not None or event.clock != "boot" or event.source_time is None or sender is None:
             return event

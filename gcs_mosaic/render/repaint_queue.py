@@ -24,7 +24,7 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBor
 from gcs_mosaic.stitch.camera.geometry import reduced_view
 from gcs_mosaic.stitch.features.extraction import Features, without_border
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.transaction import Kept, Snapshot
+from gcs_mosaic.stitch.transaction import Kept
 
 LoadImage = Callable[[str], Bands | None]
 
@@ -104,11 +104,17 @@ class Painter(Kept):
         # Frames displaced too far, with their displacement in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
 
-    def load(self, saved: Snapshot) -> None:
-        """The tiles that were written then are shown until they are painted anew."""
-        super().load(saved)
-        self.canvas.resume(self._painted.values())
+    def resume(self, shown: Iterable[Painted]) -> None:
+        """Go on after `load`. The tiles on the disk show these frames so; they are stale until they are repainted."""
+        before = list(shown)
+        self.canvas.resume(before)
+        self.canvas.remove([painted.name for painted in before if painted.name not in self._painted])
+        self.canvas.move(self._painted.values())
         self._changed.clear()
+
+    def painted(self) -> list[Painted]:
+        """How each frame is to be painted now."""
+        return list(self._painted.values())
 
     @property
     def has_repaints(self) -> bool:

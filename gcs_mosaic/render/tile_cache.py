@@ -6,6 +6,7 @@ import logging
 import os
 import pickle
 import tempfile
+import threading
 from collections import OrderedDict
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -112,11 +113,12 @@ class Store(Kept):
     """
 
     # The location of values cannot and need not be restored: only which values there are.
-    FIXED = frozenset({"_memory_bytes", "_file", "_cached", "_holes", "_end", "_used", "problem"})
+    FIXED = frozenset({"_memory_bytes", "_file", "_position", "_cached", "_holes", "_end", "_used", "problem"})
 
     def __init__(self, memory_bytes: int, folder: Path | None = None) -> None:
         self._memory_bytes = memory_bytes
         self._file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 -- lives as long as the store
+        self._position = threading.Lock()  # the file's, where there is no pread (Windows)
         self._held: dict[Key, _Held] = {}
         self._cached: OrderedDict[Key, _Held] = OrderedDict()  # those of them that are in memory
         self._holes: dict[int, list[int]] = {}  # offsets of free slots, by size
@@ -201,11 +203,26 @@ class Store(Kept):
         holes = self._holes.get(size)
         place = _Place(holes.pop() if holes else self._end, size, self._holes)
         self._end = max(self._end, place.offset + place.size)
-        written = os.pwritev(self._file.fileno(), [data, bytes(size - len(data))], place.offset)
+        written = self._write_at(place.offset, [data, bytes(size - len(data))])
         if written != size:
             raise OSError(f"only {written} of {size} bytes of a tile could be written")
         return place
 
     def _read(self, held: _Held) -> Any:
         assert held.place is not None, "a value is in memory or in the file"
-        return pickle.loads(os.pread(self._file.fileno(), held.place.size, held.place.offset))
+        return pickle.loads(self._read_at(held.place.offset, held.place.size))
+
+    def _write_at(self, offset: int, parts: list[bytes]) -> int:
+        """How many bytes were written."""
+        if hasattr(os, "pwritev"):
+            return os.pwritev(self._file.fileno(), parts, offset)
+        with self._position:
+            self._file.seek(offset)
+            return self._file.write(b"".join(parts)) or 0
+
+    def _read_at(self, offset: int, size: int) -> bytes:
+        if hasattr(os, "pread"):
+            return os.pread(self._file.fileno(), size, offset)
+        with self._position:
+            self._file.seek(offset)
+            return self._file.read(size)

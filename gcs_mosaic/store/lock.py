@@ -8,15 +8,16 @@ from pathlib import Path
 
 LOCK_NAME = ".gcs-mosaic.lock"
 
-if sys.platform == "win32":
-    import msvcrt
 
-    def lock_file(descriptor: int) -> None:
+def lock_file(descriptor: int) -> None:
+    """Lock the open file at once. Raises BlockingIOError, or PermissionError on Windows, if another program has."""
+    if sys.platform == "win32":
+        import msvcrt
+
         msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-else:
-    import fcntl
+    else:
+        import fcntl
 
-    def lock_file(descriptor: int) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 

@@ -1,4 +1,4 @@
-"""Camera events become shots, and shots find their frames. No clock, no I/O: time comes as an argument.
+"""Merges camera events into shots and matches shots with frames. No clock, no I/O: time is passed in.
 
 May import `messages`; called by `app`.
 """

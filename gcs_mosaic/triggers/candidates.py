@@ -1,4 +1,4 @@
-"""Which event may belong to a frame, and which frame to an event: by name, by counters, by times."""
+"""Candidate search for matching events with frames: by name, by counters, by times."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from gcs_mosaic.triggers.outcomes import How
 from gcs_mosaic.triggers.sequence_offsets import Learnt
 from gcs_mosaic.triggers.settings import PairingSettings
 
-_CLEARLY = 0.6  # of half the time between two shots
+_CLEARLY = 0.6  # as a share of half the time between two shots
 
 
 def lag(event: PendingEvent, frame: PendingFrame) -> float:
-    """Seconds from the shot to the finding of the file."""
+    """Seconds from the shot to the arrival of the file."""
     return frame.frame.received - event.moment
 
 
 class Search:
-    """Looks through the shelves with what was learnt; changes nothing."""
+    """Searches both indexes with the learnt offsets and delay; read-only."""
 
     def __init__(self, events: Index[PendingEvent], frames: Index[PendingFrame], settings: PairingSettings) -> None:
         self._events, self._frames, self._settings = events, frames, settings
@@ -27,7 +27,7 @@ class Search:
         self.delay = UsualDelay(settings.early_s, settings.window_s, settings.spread_s)
 
     def named(self, event: PendingEvent) -> PendingFrame | None:
-        """The frame that the event names, unless it belongs to another by name already."""
+        """The frame that the event names, unless already matched by name."""
         if event.how is How.NAME:
             return None
         keys = [*event.hints, *(("folded", hint.casefold()) for hint in event.hints)]
@@ -40,7 +40,7 @@ class Search:
         return next((event for event in events if event.state is not State.FAILED and event.how is not How.NAME), None)
 
     def numbered(self, event: PendingEvent) -> PendingFrame | None:
-        """The orphan whose number goes with one of the event's counters."""
+        """The orphan whose file number agrees with one of the event's counters."""
         for stream, count in event.counts:
             offset = self.learnt.offset(stream)
             for frame in self._frames.under(("number", count + offset)) if offset is not None else ():
@@ -58,14 +58,14 @@ class Search:
         return None
 
     def frame_by_time(self, event: PendingEvent) -> PendingFrame | None:
-        """The orphan whose delay is the most usual one, or the nearest while no delay is known."""
+        """The orphan with the delay closest to the usual one, or the nearest in time while that is unknown."""
         recent = takewhile(lambda frame: lag(event, frame) >= -self._settings.early_s, self._frames.newest_first())
         frames = [frame for frame in recent if self._is_near(event, frame)]
         usual = self.delay.value or 0.0
         return min(frames, key=lambda frame: abs(lag(event, frame) - usual), default=None)
 
     def event_by_time(self, frame: PendingFrame) -> PendingEvent | None:
-        """The waiting event whose delay is the most usual one, or the oldest while no delay is known."""
+        """The open event with the delay closest to the usual one, or the oldest while that is unknown."""
         events = [event for event in self._events.oldest_first() if self._is_near(event, frame)]
         usual = self.delay.value
         if usual is None:
@@ -73,7 +73,7 @@ class Search:
         return min(events, key=lambda event: abs(lag(event, frame) - usual), default=None)
 
     def clearly_nearest(self, frame: PendingFrame) -> PendingEvent | None:
-        """The event whose delay is the usual one, matched or not, if it is much nearer than any other can be."""
+        """The event, matched or not, with the usual delay, if it is much nearer than any other can be."""
         if self.delay.value is None or not frame.fresh:
             return None
         usual = self.delay.value
@@ -89,6 +89,6 @@ class Search:
         return free and not self.learnt.contradicts(event, frame)
 
     def _may_belong(self, event: PendingEvent, frame: PendingFrame) -> bool:
-        """Both are free, and the event does not name another file in a flight where names are right."""
+        """Both are free, and the event does not name another file in a flight where names are reliable."""
         named_otherwise = self.learnt.names_work and event.hints
         return event.open and frame.fresh and not frame.event and not named_otherwise

@@ -1,4 +1,4 @@
-"""Where the clocks of those who tell of shots stand on the host's monotonic clock. Pure."""
+"""Maps the clocks of event sources to the host's monotonic clock. Pure."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from dataclasses import dataclass
 
 from gcs_mosaic.messages import FEEDBACK_WRAP_S, Source, TriggerEvent, unwrapped
 
-JUMP_S = 5.0  # later than the envelope by more than this: a delayed message, or another clock
-SAME_CLOCK_S = 0.5  # two late messages agree this well only if the clock itself has moved
-SAME_CLOCK_AFTER_S = 1.0  # ... and only if they did not come in one burst
+JUMP_S = 5.0  # further above the envelope than this: a delayed message, or a clock jump
+SAME_CLOCK_S = 0.5  # two late messages agree this well only if the clock itself has jumped
+SAME_CLOCK_AFTER_S = 1.0  # ... and only if they did not arrive in one burst
 DRIFT = 1e-4  # seconds per second; quartz is good to 20-50 ppm
 
 
 @dataclass(slots=True)
 class OffsetClock:
-    """One foreign clock; its offset is the lower envelope of received − source time, because delays only add.
+    """One remote clock; its offset is the lower envelope of received − source time, because delays are positive.
 
-    A clock that leaps (reboot, a GPS fix) is followed: forwards at once, backwards when two messages that did not come
-    together agree, so that one message that was held up changes nothing. One that wraps is known to.
+    A clock that jumps (reboot, GPS fix) is followed: forwards at once, backwards when two messages that arrived apart
+    agree, so that a single delayed message changes nothing. Wrap-around is unwrapped.
     """
 
     offset: float | None = None
-    wrap_s: float | None = None  # the clock begins anew every so many seconds
+    wrap_s: float | None = None  # period after which the clock wraps
     _updated: float = 0.0
     _suspect: tuple[float, float] | None = None
 
     def moment(self, source_time: float, received: float) -> float:
-        """When it happened, in seconds of the host's monotonic clock; never later than `received`."""
+        """Time of the event in seconds of the host's monotonic clock; never later than `received`."""
         if self.wrap_s is not None and self.offset is not None:
             source_time = unwrapped(source_time, received - self.offset, self.wrap_s)
         sample = received - source_time
@@ -49,13 +49,13 @@ class OffsetClock:
 
 
 class SourceClocks:
-    """An offset for every source of events that has a clock."""
+    """One clock offset per source of timestamped events."""
 
     def __init__(self) -> None:
         self._clocks: dict[Hashable, OffsetClock] = {}
 
     def moment(self, event: TriggerEvent) -> float:
-        """When the event happened on the host's monotonic clock; its arrival if it carries no time."""
+        """Time of the event on the host's monotonic clock; its arrival if it carries no timestamp."""
         if event.source_time is None or event.clock == "none":
             return event.received
         key = (event.vehicle, event.component, event.source, event.clock)

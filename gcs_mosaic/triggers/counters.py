@@ -1,4 +1,4 @@
-"""What two counters of the same shots differ by, learnt from pairs that something else has put together. Pure."""
+"""Learns the offset between two counters of the same shots from pairs matched by other means. Pure."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from gcs_mosaic.messages import Source
 
-_VOTES = 5  # pairs that decide; a late message or two among them must not move what has proven itself
+_VOTES = 5  # pairs that decide; a late message or two must not change an established offset
 _MAJORITY = 4
-_RECENT = 8  # messages of one stream that may lie near another's
+_RECENT = 8  # messages kept per stream, to find the nearest to another's
 
 
 @dataclass(slots=True)
 class OffsetVotes:
-    """`offset` is what nearly all of the last pairs differ by; None before, and when none of them does any more."""
+    """`offset` is the difference in nearly all of the last pairs; None until known, and once none of them supports it."""
 
     offset: int | None = None
     _votes: deque[int] = field(default_factory=lambda: deque(maxlen=_VOTES))
@@ -29,13 +29,13 @@ class OffsetVotes:
             self.offset = None
 
     def settle(self, offset: int) -> None:
-        """The offset is known for certain."""
+        """Set an offset known for certain."""
         self._votes.extend([offset] * _MAJORITY)
         self.offset = offset
 
 
 class StreamKey(NamedTuple):
-    """One counter: every source of every component counts for each of its cameras."""
+    """Identifies one counter: each source of each component counts separately for each of its cameras."""
 
     vehicle: int
     component: int
@@ -44,7 +44,7 @@ class StreamKey(NamedTuple):
 
 
 class Counters:
-    """How the counters of several sources relate, learnt from messages that come close together."""
+    """Offsets between the counters of several sources, learnt from messages close in time."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
@@ -52,23 +52,23 @@ class Counters:
         self._votes: dict[tuple[StreamKey, StreamKey], OffsetVotes] = {}
 
     def heard(self, key: StreamKey, sequence: int, moment: float) -> None:
-        """Stream `key` has counted `sequence` at `moment`. A counter that goes backwards begins anew."""
+        """Stream `key` counted `sequence` at `moment`. A counter that goes backwards has been reset."""
         recent = self._recent.setdefault(key, deque(maxlen=_RECENT))
         if recent and sequence <= recent[-1][1]:
             self._votes = {pair: votes for pair, votes in self._votes.items() if key not in pair}
         recent.append((moment, sequence))
         for other in self._recent:
-            # The better witness is the later one, as a rule; asking the earlier one too would vote for the shot before.
+            # The more authoritative source usually reports later; voting from the other one too would match the previous shot.
             if other.vehicle == key.vehicle and other.source < key.source:
                 self._vote(key, other)
 
     def expected(self, key: StreamKey, sequence: int) -> dict[StreamKey, int]:
-        """What the other streams have counted, or will, when `key` counts `sequence`; those that are known."""
+        """The other streams' sequence numbers of the shot that `key` counts as `sequence`, where the offset is known."""
         known = {other: votes.offset for (own, other), votes in self._votes.items() if own == key}
         return {other: sequence + offset for other, offset in known.items() if offset is not None}
 
     def forget(self, key: StreamKey) -> None:
-        """The stream is no longer of interest."""
+        """Drop a stream."""
         self._recent.pop(key, None)
         self._votes = {pair: votes for pair, votes in self._votes.items() if key not in pair}
 

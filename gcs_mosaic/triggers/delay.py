@@ -1,7 +1,7 @@
-"""How long files usually take, read from the two rows of times alone, so that no wrong match can mislead it.
+"""Estimates the usual delay from shot to file from the two series of times alone, so that no wrong match can bias it.
 
-Every difference between a late file and an earlier shot is tried; the one under which the most files fall on shots,
-and the fewest shots are left without a file, is the delay. Shots are seldom quite regular, so it stands out.
+Every difference between a recent file and an earlier shot is a candidate; the delay is the one under which most files
+coincide with shots and fewest shots lack a file. Shots are rarely quite regular, so it stands out.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from itertools import pairwise
 from statistics import median
 
 _FILES, _SHOTS = 32, 80
-_TRIED = 4  # newest files whose distances to the shots are tried
-_SHARP_S = 1.0  # a file that is further off a shot than this counts for nothing
-_BETTER = 4.0  # by so many files another delay must explain more: chance alone reaches 3
-_FOLLOW = 0.2  # share of the newest files' median distance by which a delay that grows is followed
+_TRIED = 4  # newest files that supply candidates
+_SHARP_S = 1.0  # a file further than this from a shot scores nothing
+_BETTER = 4.0  # files by which another delay must score higher: chance alone reaches 3
+_FOLLOW = 0.2  # share of the files' median distance by which the delay is tracked
 
 
 class UsualDelay:
-    """Seconds from a shot to its file; `value` is None until a few files have come."""
+    """Seconds from a shot to its file; `value` is None until a file arrives in reach of a shot."""
 
     def __init__(self, early_s: float, window_s: float, widest_s: float) -> None:
         self.value: float | None = None
         self.tolerance_s = widest_s
-        """Further than this from the usual delay, a file is nearer to another shot."""
+        """Deviation from the usual delay beyond which a file is nearer to another shot."""
         self._early_s, self._window_s, self._widest_s = early_s, window_s, widest_s
         self._shots: list[float] = []
         self._files: deque[float] = deque(maxlen=_FILES)
@@ -36,11 +36,11 @@ class UsualDelay:
             self._shots.pop(0)
 
     def file(self, received: float) -> None:
-        """A file has come: think again."""
+        """A file has arrived: update the estimate."""
         self._files.append(received)
         candidates = self._candidates()
         if self.value is None:
-            # The oldest shot in reach: rather a slow link than a lost first picture.
+            # The oldest shot in reach: a slow link is likelier than a lost first picture.
             self.value = max(candidates, default=None)
             return
         best = max(candidates, key=self._score, default=self.value)
@@ -67,6 +67,6 @@ class UsualDelay:
 
 
 def _distance(time: float, row: list[float]) -> float:
-    """From the nearest in a sorted row to `time`; positive if `time` is later."""
+    """Signed distance from the nearest of a sorted list to `time`; positive if `time` is later."""
     place = bisect(row, time)
     return min((time - near for near in row[max(place - 1, 0) : place + 1]), key=abs)

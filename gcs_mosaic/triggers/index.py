@@ -1,4 +1,4 @@
-"""Events and frames that may still find each other, ready to be looked up by what may connect them."""
+"""Events and frames that may still be matched, indexed by name, number and counter."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class State(Enum):
 
 @dataclass(slots=True, eq=False)
 class PendingEvent:
-    """An event; `counts` are those of all its witnesses, `moment` is when it happened (host's monotonic clock)."""
+    """An event; `counts` has the counters of all its sources, `moment` is its time on the host's monotonic clock."""
 
     id: int
     event: TriggerEvent
@@ -44,7 +44,7 @@ class PendingEvent:
 
 @dataclass(slots=True, eq=False)
 class PendingFrame:
-    """A frame and the number in its name, if there is one."""
+    """A frame and the number in its name, if any."""
 
     frame: Frame
     number: int | None
@@ -53,7 +53,7 @@ class PendingFrame:
 
 
 def number_in(name: str) -> int | None:
-    """The last number in a file's name: what cameras count with."""
+    """The last number in a file name: the camera's file counter."""
     numbers = re.findall(r"[0-9]+", name.rpartition(".")[0] or name)
     return int(numbers[-1]) if numbers and len(numbers[-1]) <= 12 else None
 
@@ -62,7 +62,7 @@ Held = TypeVar("Held", PendingEvent, PendingFrame)
 
 
 class Index(Generic[Held]):
-    """Things in the order in which they came, each under any number of keys. The oldest leave when it is full."""
+    """Items in order of arrival, each under any number of keys. The oldest are evicted when it is full."""
 
     def __init__(self, room: int) -> None:
         self._room = room
@@ -70,7 +70,7 @@ class Index(Generic[Held]):
         self._under: dict[Hashable, list[Held]] = {}
 
     def put(self, held: Held, keys: Iterable[Hashable]) -> None:
-        """Put `held` on the shelf, or under more keys."""
+        """Add `held`, or add keys to it."""
         known = self._keys.setdefault(held, [])
         for key in keys:
             if key not in known:
@@ -78,7 +78,7 @@ class Index(Generic[Held]):
                 self._under.setdefault(key, []).append(held)
 
     def overflow(self) -> list[Held]:
-        """Take the oldest off until the shelf is no longer too full; returns them."""
+        """Evict the oldest items beyond the capacity; returns them."""
         taken_off = []
         while len(self._keys) > self._room:
             held, keys = self._keys.popitem(last=False)
@@ -90,7 +90,7 @@ class Index(Generic[Held]):
         return taken_off
 
     def under(self, key: Hashable) -> Iterator[Held]:
-        """What lies under `key`, the newest first."""
+        """Items under `key`, newest first."""
         return reversed(self._under.get(key, []))
 
     def newest_first(self) -> Iterator[Held]:

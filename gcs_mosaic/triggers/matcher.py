@@ -1,4 +1,4 @@
-"""Which event announced which frame. An event is a hint, not a gate: no frame ever waits for one."""
+"""Matches events with frames. An event is a hint, not a gate: no frame ever waits for one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing
 from gcs_mosaic.triggers.post_flight import match_by_sequence
 from gcs_mosaic.triggers.settings import PairingSettings
 
-_MISLED = 5  # frames at most that come before a counter is known to have moved
+_MISLED = 5  # most frames that can arrive before a counter is known to have shifted
 
 
 class Pairing:
-    """Matches by file name, by counters, by times, in that order of trust; see `accounts` for what became of all.
+    """Matches by file name, by counters, by times, in that order of trust; `accounts` has the totals.
 
-    Each event has an id of the caller's own, each frame its name; both must be new. Every call returns what it
-    brought about, in order.
+    Event ids are the caller's, frames are identified by name; both must be new. Every call returns its outcomes, in
+    order.
     """
 
     def __init__(self, settings: PairingSettings | None = None) -> None:
@@ -33,7 +33,7 @@ class Pairing:
         self._duplicates = self._frames_seen = 0
 
     def event(self, event_id: int, event: TriggerEvent, moment: float, now: float) -> list[Outcome]:
-        """A new shot (`shots.Shots` says which events are, and the moment, on the clock of `now`)."""
+        """A new shot; `moment` is on the clock of `now` (`shots.Shots` provides both)."""
         if next(self._events.under(("id", event_id)), None):
             raise ValueError(f"event {event_id} was told before")
         held = PendingEvent(event_id, event, moment, now)
@@ -44,18 +44,18 @@ class Pairing:
         return [*self._look_at(held, event), *self._give_up_oldest()]
 
     def improve(self, event_id: int, event: TriggerEvent, now: float) -> list[Outcome]:
-        """A more authoritative message about a shot that was told before; it counts as a duplicate itself."""
+        """A more authoritative message about a known shot; the message itself counts as a duplicate."""
         self._duplicates += 1
         held = next(self._events.under(("id", event_id)), None)
         return list(self._look_at(held, event)) if held else []
 
     def duplicate(self) -> None:
-        """A message that tells nothing new."""
+        """A message without new information."""
         self._duplicates += 1
 
     def frame(self, frame: Frame, now: float, *, fresh: bool = True, asked_by: int | None = None) -> list[Outcome]:
-        """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: no time tells
-        when it was taken, so only a name can match it. `asked_by`: the event for which a stream's picture was taken."""
+        """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: its arrival says
+        nothing about its capture, so only a name can match it. `asked_by`: the event that requested a stream's picture."""
         if next(self._frames.under(("frame", frame.name)), None):
             raise ValueError(f"frame {frame.name} came before")
         self._frames_seen += 1
@@ -70,7 +70,7 @@ class Pairing:
         return outcomes if held.event else [*outcomes, Orphan(frame)]
 
     def tick(self, now: float) -> list[Missing]:
-        """Time has passed."""
+        """Pending events that are overdue at `now` become missing."""
         due = [
             held
             for held in self._events.oldest_first()
@@ -79,21 +79,21 @@ class Pairing:
         return [self._missing(held) for held in due]
 
     def close(self) -> list[Outcome]:
-        """Nothing more will come: what is left is counted off, and what is pending then is missing."""
+        """End of input: match the rest by sequence; events still pending become missing."""
         outcomes = list(self._count_off())
         pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
         return [*outcomes, *(self._missing(held) for held in pending)]
 
     def accounts(self) -> Accounts:
-        """The sums; they always close."""
+        """The totals; every event and frame is counted exactly once."""
         states = {state.value: self._states[state] for state in State}
         orphans = self._frames_seen - self._states[State.MATCHED]
         return Accounts(**states, duplicate=self._duplicates, orphans=orphans)
 
     def _look_at(self, held: PendingEvent, event: TriggerEvent) -> Iterator[Outcome]:
-        """What one witness says of a shot."""
+        """Process one source's message about a shot."""
         self._note(held, event)
-        if held.state is State.FAILED:  # no picture is no picture, whatever another witness saw
+        if held.state is State.FAILED:  # one source's failure is final, whatever another source reports
             return
         if event.result is CaptureResult.FAILED:
             yield from self._release(held)
@@ -135,7 +135,7 @@ class Pairing:
             yield from self._match(event, held, How.ASKED)
 
     def _check_counters(self, held: PendingFrame) -> Iterator[Outcome]:
-        """Let the times say whether the counters still go together; if they have moved, put right what they misled."""
+        """Verify the counters' offsets by the times; if they have shifted, correct the matches made with the old ones."""
         nearest, before = self._search.clearly_nearest(held), dict(self._search.learnt.offsets())
         if nearest is None:
             return
@@ -155,7 +155,7 @@ class Pairing:
             yield from self._find_frame(event)
 
     def _are_misled(self, event: PendingEvent, frame: PendingFrame) -> bool:
-        """Whether times and counters now agree that the two belong together, and they do not yet."""
+        """Whether times and counters now agree on this pair, but it is not matched."""
         apart = frame.event is not event and How.NAME not in (event.how, frame.event and frame.event.how)
         return apart and event.state is not State.FAILED and not self._search.learnt.contradicts(event, frame)
 
@@ -203,5 +203,5 @@ class Pairing:
     def _give_up_oldest(self) -> list[Outcome]:
         given_up = self._events.overflow()
         for held in given_up:
-            held.how = How.NAME  # what is no longer remembered cannot be undone
+            held.how = How.NAME  # a match that is no longer indexed cannot be undone
         return [self._missing(held) for held in given_up if held.state is State.PENDING]

@@ -1,4 +1,4 @@
-"""What becomes of events and frames, and the sums over all of them."""
+"""Outcomes of events and frames, and their totals."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gcs_mosaic.messages import Frame, TriggerEvent
 
 
 class How(IntEnum):
-    """What an event and a frame were matched by; a higher value is the better reason, and may undo a lesser one."""
+    """What a match is based on; a higher value is more reliable and may override a lower one."""
 
     TIME = 1
     SEQUENCE = 2
@@ -20,7 +20,7 @@ class How(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Matched:
-    """The event announced the frame. May come long after either, also for one that was missing or an orphan."""
+    """The event announced the frame. May follow long after either, also after `Missing` or `Orphan`."""
 
     event_id: int
     event: TriggerEvent
@@ -30,7 +30,7 @@ class Matched:
 
 @dataclass(frozen=True, slots=True)
 class Unmatched:
-    """An earlier match was a mistake: the event waits again, the frame is an orphan again."""
+    """An earlier match was wrong: the event is pending again, the frame an orphan again."""
 
     event_id: int
     frame: Frame
@@ -38,7 +38,7 @@ class Unmatched:
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """The event's frame has not come in time; if it does come, `Matched` follows."""
+    """The event's frame has not arrived in time; if it arrives later, `Matched` follows."""
 
     event_id: int
     event: TriggerEvent
@@ -46,7 +46,7 @@ class Missing:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The camera said that it took no picture."""
+    """The camera reported that it took no picture."""
 
     event_id: int
     event: TriggerEvent
@@ -54,7 +54,7 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Orphan:
-    """No event for this frame is known so far. It is stitched all the same."""
+    """No event is known for this frame so far. It is stitched all the same."""
 
     frame: Frame
 
@@ -64,7 +64,7 @@ Outcome: TypeAlias = Matched | Unmatched | Missing | Failed | Orphan
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accounts:
-    """How many events are in each state, and how many frames have an event."""
+    """Number of events in each state, and of frames without an event."""
 
     pending: int
     matched: int
@@ -75,10 +75,10 @@ class Accounts:
 
     @property
     def events(self) -> int:
-        """All events that were ever told; each is in exactly one state."""
+        """All events received; each is in exactly one state."""
         return self.pending + self.matched + self.missing + self.duplicate + self.failed
 
     @property
     def frames(self) -> int:
-        """All frames that ever came; each is matched or an orphan."""
+        """All frames received; each is matched or an orphan."""
         return self.matched + self.orphans

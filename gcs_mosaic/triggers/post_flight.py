@@ -1,8 +1,8 @@
-"""At the end: files that all came late or lost their times, put in order by their numbers and the shots' counters alone.
+"""End-of-flight matching of files that arrived late or lost their times, by file numbers and the shots' counters alone.
 
-A camera that writes everything after landing, or a card that is copied, leaves no time to go by, and so nothing has told
-how its numbers and the counters differ. They are put beside each other only if they fit without a rest: as many files as
-shots, and the same gaps. One file too many or too few, and any of several ways of putting them would do as well.
+A camera that writes everything after landing, or a copied memory card, leaves no usable times, so the offset between file
+numbers and counters was never learnt. They are matched only if they fit exactly: as many files as shots, with the same
+gaps. With one file too many or too few, several alignments would be equally good.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from gcs_mosaic.triggers.index import PendingEvent, PendingFrame, State
 from gcs_mosaic.triggers.outcomes import How
 from gcs_mosaic.triggers.sequence_offsets import Learnt
 
-LEAST = 4  # three might be chance, as with the counters' votes
+LEAST = 4  # three might be chance, as in the counters' votes
 
 
 def match_by_sequence(
     events: Iterable[PendingEvent], frames: Iterable[PendingFrame], learnt: Learnt
 ) -> list[tuple[PendingEvent, PendingFrame]]:
-    """Which event belongs to which frame, of all that neither a name nor a known counter has connected."""
+    """Pairs among the events and frames that neither a name nor a known counter offset has matched."""
     shots = [held for held in events if held.state is not State.FAILED and held.how in (None, How.TIME)]
     files = [held for held in frames if held.fresh and (held.event is None or held.event.how is How.TIME)]
     named = learnt.names_work and any(held.hints for held in shots)

@@ -1,4 +1,4 @@
-"""What earlier matches teach about later ones: whether names can be relied on, and how numbers and counters differ."""
+"""Learns from earlier matches whether names are reliable, and the offset of file numbers from counters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gcs_mosaic.triggers.index import PendingEvent, PendingFrame
 
 
 class Learnt:
-    """Grows with every match."""
+    """Updated with every match."""
 
     def __init__(self) -> None:
         self.names_work = False  # whether a file name in an event has ever named a frame
@@ -21,24 +21,24 @@ class Learnt:
         return votes.offset if votes else None
 
     def offsets(self) -> Iterator[tuple[StreamKey, int]]:
-        """All that are known."""
+        """All known offsets."""
         return ((stream, votes.offset) for stream, votes in self._offsets.items() if votes.offset is not None)
 
     def named(self, event: PendingEvent, frame: PendingFrame) -> None:
-        """The event names the frame: that is certain."""
+        """Learn from a match by name, which is certain."""
         self.names_work = True
         if frame.number is not None:
             for stream, count in event.counts:
                 self._offsets.setdefault(stream, OffsetVotes()).settle(frame.number - count)
 
     def vote(self, event: PendingEvent, frame: PendingFrame) -> None:
-        """The two seem to belong together, whatever they were matched with."""
+        """Count a likely pair, whatever the two are matched with."""
         if frame.number is not None:
             for stream, count in event.counts:
                 self._offsets.setdefault(stream, OffsetVotes()).vote(frame.number - count)
 
     def contradicts(self, event: PendingEvent, frame: PendingFrame) -> bool:
-        """Whether the file's number goes with another count than the event's."""
+        """Whether the file number agrees with none of the event's counters whose offset is known."""
         known = [(self.offset(stream), count) for stream, count in event.counts]
         expected = [offset + count for offset, count in known if offset is not None]
         return frame.number is not None and bool(expected) and frame.number not in expected

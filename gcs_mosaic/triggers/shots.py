@@ -1,8 +1,8 @@
-"""Several messages about one shot -> one shot. Pure; event ids are the caller's own.
+"""Merges several messages about one shot. Pure; event ids are the caller's.
 
-One picture may be told by the autopilot (112, 180, 263) and by the camera (263), over two links, and again on request.
-Messages of one source carry a counter, so a repetition is told exactly. Two sources count apart: what their counters
-differ by is learnt, and decides; only where it is not known yet does the time decide.
+One picture may be announced by the autopilot (112, 180, 263) and by the camera (263), over two links, and again on request.
+Messages of one source carry a sequence number, so repetitions are recognised exactly. Two sources count independently:
+the learnt offset between their counters decides; time decides only while that is unknown.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from gcs_mosaic.messages import Source, TriggerEvent
 from gcs_mosaic.triggers.clocks import SourceClocks
 from gcs_mosaic.triggers.counters import Counters, StreamKey
 
-_RECENT = 16  # shots that may still lie within the window; nobody takes more in a second
-MOST_SHOTS = 1 << 16  # that a message may still be about: each source remembers some, and there are some sources
-_MOST_STREAMS = 32  # sources with a counter of their own; no aircraft has as many, but a forger might
+_RECENT = 16  # shots that may still lie within the window; no camera takes more a second
+MOST_SHOTS = 1 << 16  # shots that a message may still refer to: above `remembered` times `_MOST_STREAMS`
+_MOST_STREAMS = 32  # sources with a counter; no aircraft has as many, but a forger might
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotSettings:
-    """How messages about one shot are recognised. Times are in seconds."""
+    """How messages about one shot are merged. Times are in seconds."""
 
     window_s: float = 1.0
-    """Two sources that nothing else connects mean one shot if they lie this close; shots are seldom closer."""
+    """Messages of two sources this close mean one shot where no counter decides; shots are rarely closer."""
     index_window_s: float = 30.0
-    """How late the second message about a shot may come if the counters say that it belongs to it."""
+    """How late a second message about a shot may arrive if the counters match."""
     resend_s: float = 60.0
-    """A repetition without a time of its own is a repetition only so long; after that the counter has begun anew."""
+    """A repeated sequence number without a timestamp is a repetition for this long; later the counter was reset."""
     remembered: int = 1024
-    """Messages kept per source to recognise repetitions: at two shots a second, eight minutes."""
+    """Messages kept per source to recognise repetitions: eight minutes at two shots a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class New:
-    """A shot that nobody told before. `moment`: when it was taken, in seconds of the host's monotonic clock."""
+    """A new shot. `moment`: when it was taken, in seconds of the host's monotonic clock."""
 
     moment: float = field(default=0.0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Duplicate:
-    """Nothing new about the shot whose first event has the id `of`."""
+    """A repetition about the shot whose first event has the id `of`."""
 
     of: int
 
@@ -62,7 +62,7 @@ Verdict: TypeAlias = New | Duplicate | Better
 
 @dataclass(frozen=True, slots=True)
 class CameraMessage:
-    """An event, and what it is among all that were heard; the verdict's `of` is another one's number."""
+    """An event and its verdict; `number` counts all messages, and the verdict's `of` refers to such a number."""
 
     number: int
     event: TriggerEvent
@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 
 class Shots:
-    """The one place where messages about shots are merged and dated, whatever link they come by. Threads may share it."""
+    """The one place where messages about shots are merged and dated, for all links. Thread-safe."""
 
     def __init__(self, settings: ShotSettings) -> None:
         self._merger = ShotMerger(settings)
@@ -81,13 +81,13 @@ class Shots:
         self._heard = 0
 
     def hear(self, event: TriggerEvent) -> CameraMessage:
-        """What an event is."""
+        """Number and classify an event."""
         with self._lock:
             self._heard += 1
             return CameraMessage(self._heard, event, self._merger.add(self._heard, event))
 
     def follow(self, items: Iterator[T | TriggerEvent]) -> Iterator[T | CameraMessage]:
-        """What a link brings, with events told for what they are."""
+        """A link's items, with each event replaced by its CameraMessage."""
         for item in items:
             yield self.hear(item) if isinstance(item, TriggerEvent) else item
 
@@ -97,14 +97,14 @@ class _Shot:
     id: int
     moment: float
     best: Source
-    told: dict[StreamKey, int | None] = field(default_factory=dict)  # each stream's own count of it
+    told: dict[StreamKey, int | None] = field(default_factory=dict)  # sequence number in each stream
 
     def told_by(self, source: Source) -> bool:
         return any(key.source == source for key in self.told)
 
 
 class ShotMerger:
-    """Says of each event whether it is a new shot, a repetition, or a more authoritative message about a known one."""
+    """Classifies each event: a new shot, a repetition, or a more authoritative message about a known one."""
 
     def __init__(self, settings: ShotSettings | None = None) -> None:
         self._settings = settings or ShotSettings()
@@ -114,7 +114,7 @@ class ShotMerger:
         self._recent: deque[_Shot] = deque(maxlen=_RECENT)
 
     def add(self, event_id: int, event: TriggerEvent) -> Verdict:
-        """What `event` is. Its id becomes the shot's if the shot is new."""
+        """Classify `event`. Its id becomes the shot's if the shot is new."""
         key = StreamKey(event.vehicle, event.component, event.camera, event.source)
         before = self._seen.setdefault(key, OrderedDict()).get(event.sequence)
         if before and self._is_resent(before[0], event):
@@ -129,7 +129,7 @@ class ShotMerger:
         return verdict
 
     def _is_resent(self, before: TriggerEvent, event: TriggerEvent) -> bool:
-        if before.result != event.result:  # a failed attempt does not move every camera's counter
+        if before.result != event.result:  # not every camera's counter advances on a failed capture
             return False
         if before.source_time is not None and before.source_time == event.source_time:
             return True

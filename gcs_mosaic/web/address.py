@@ -1,4 +1,4 @@
-"""Where the page is served: `--http HOST:PORT`."""
+"""The page's address: `--http HOST:PORT`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEFAULT = "127.0.0.1:8470"
 
 @dataclass(frozen=True, slots=True)
 class HttpAddress:
-    """A host (name or number) and a port; port 0 lets the system choose one."""
+    """A host name or IP address, and a port; port 0 lets the system choose one."""
 
     host: str
     port: int
@@ -30,20 +30,19 @@ class HttpAddress:
 
     @property
     def is_wildcard(self) -> bool:
-        """Whether every address of this machine is meant."""
+        """Whether it is the wildcard address (0.0.0.0 or ::)."""
         return is_number(self.host) and ipaddress.ip_address(self.host).is_unspecified
 
     def url(self, port: int) -> str:
-        """What to open in a browser on this machine; `port` is the one that was really bound."""
+        """URL for a browser on this machine; `port` is the one actually bound."""
         host = "127.0.0.1" if self.is_wildcard else self.host
         return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
     def is_ours(self, host_header: str) -> bool:
-        """Whether a browser that sends this Host header was really sent to us.
+        """Whether a request with this Host header is meant for this server.
 
-        A foreign web page can let its own name point to this machine (DNS rebinding) and then read what we serve; its
-        name is what gives it away. Where we listen on every address, any number is ours, because a number cannot be
-        made to point elsewhere.
+        A malicious web page can resolve its own host name to this machine (DNS rebinding) and then read what we serve; its
+        host name gives it away. On the wildcard address any IP address is accepted, because it cannot be rebound.
         """
         split = split_host(host_header)
         if split is None:

@@ -1,6 +1,6 @@
-"""The page's server: a flight's output folder, read-only, over HTTP.
+"""The page's HTTP application: a flight's output folder, read-only.
 
-Works beside a daemon (which hands it a Feed) and after the flight (it then looks at mosaic.json itself).
+Runs beside a live flight, which passes it a Feed, or on its own, polling mosaic.json.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ DOCUMENTS = ("mosaic.json", "placements.json", "status.json")
 TILE_PATH = r"/tiles/{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}{suffix:(\.[a-z]{3,4})?}"
 REVISION = re.compile("[0-9]{1,18}")
 
-HEARTBEAT_S = 15.0  # so that routers between the page and us keep the connection, and a vanished page is noticed
-SEND_S = 20.0  # a page that has not taken one message by then is gone
-POLL_S = 1.0  # how often mosaic.json is looked at when no daemon tells us
+HEARTBEAT_S = 15.0  # keeps NAT entries alive, and detects pages that are gone
+SEND_S = 20.0  # send timeout, after which a page is gone
+POLL_S = 1.0  # polling interval of mosaic.json without a feed
 MOST_PAGES = 64  # open at a time; more is a mistake or an attack
-TILE_THREADS = 2  # for filling tiles; the stitching needs the cores more than a page does
+TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 
 ROOT = web.AppKey("root", Path)
 FEED = web.AppKey("feed", Feed)
@@ -40,7 +40,7 @@ TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
 
 
 def make_app(root: Path, address: HttpAddress, feed: Feed | None = None) -> web.Application:
-    """The application that serves the output folder `root`; without a feed it polls mosaic.json."""
+    """The application serving the output folder `root`; polls mosaic.json without a feed."""
     app = web.Application(middlewares=[host_check(address)])
     app[ROOT], app[FEED] = root, feed or Feed()
     app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")
@@ -64,7 +64,7 @@ async def page(_request: web.Request) -> web.StreamResponse:
 
 
 async def document(request: web.Request) -> web.StreamResponse:
-    """One of the JSON documents as it is on disk."""
+    """One of the JSON documents, as on disk."""
     path = request.app[ROOT] / request.path.lstrip("/")
     if not path.is_file():
         raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n")
@@ -72,7 +72,7 @@ async def document(request: web.Request) -> web.StreamResponse:
 
 
 async def journal(request: web.Request) -> web.StreamResponse:
-    """What is told of frames besides placements.json; lines only of revisions after `?after=`."""
+    """The placements journal: the lines of revisions after `?after=`."""
     path, after = request.app[ROOT] / JOURNAL_NAME, request.query.get("after", "0")
     if not REVISION.fullmatch(after):
         raise web.HTTPBadRequest(text="after= is to be a revision.\n")
@@ -84,7 +84,7 @@ async def journal(request: web.Request) -> web.StreamResponse:
 
 
 async def tile(request: web.Request) -> web.StreamResponse:
-    """One tile with its holes filled; a transparent one where nothing was seen (maps take a 404 for a fault)."""
+    """One tile with its holes filled; a transparent one where nothing was seen (map libraries report a 404 as an error)."""
     island, wanted = requested_tile(request)
     pool = request.app[TILE_POOL]
     encoded = await asyncio.get_running_loop().run_in_executor(pool, filled, request.app[ROOT], island, wanted)
@@ -97,7 +97,7 @@ async def tile(request: web.Request) -> web.StreamResponse:
 
 
 def requested_tile(request: web.Request) -> tuple[int, Tile]:
-    """Island and tile of a request's path. Raises HTTPNotFound for a tile that no grid has."""
+    """Island and tile of a request's path. Raises HTTPNotFound for a tile outside the grid."""
     island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
     if z > FINEST_LEVEL or max(x, y) >= 1 << z:
         raise web.HTTPNotFound(text="There is no such tile.\n")
@@ -105,7 +105,7 @@ def requested_tile(request: web.Request) -> tuple[int, Tile]:
 
 
 async def live(request: web.Request) -> web.StreamResponse:
-    """Server-sent events: first the revision as it is, then each change."""
+    """Server-sent events: the current revision first, then each change."""
     feed = request.app[FEED]
     if feed.subscribers >= MOST_PAGES:
         raise web.HTTPServiceUnavailable(text="Too many pages are open.\n")

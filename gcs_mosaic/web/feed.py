@@ -1,4 +1,4 @@
-"""News of painted tiles, from the daemon's thread to every open page."""
+"""Publishes tile updates from the flight's thread to every open page."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from dataclasses import dataclass
 
 from gcs_mosaic.render.tile_grid import Tile
 
-MOST_TILES = 5000  # kept for one slow page; beyond that it is told to look at everything again
+MOST_TILES = 5000  # pending for one slow page; beyond that it must reload everything
 Painted = frozenset[tuple[int, Tile]]  # (island, tile)
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What became different up to `revision`; `painted` is None where anything may have changed.
+    """Tiles changed up to `revision`; `painted` is None where any may have changed.
 
-    `painted` names tiles at the level at which a frame was painted: their ancestors were refreshed with them, and finer
-    tiles below them may be filled from them.
+    `painted` lists tiles at the level at which a frame was painted: their ancestors were refreshed with them, and finer
+    tiles below may be filled from them.
     """
 
     revision: int
     painted: Painted | None
 
     def after(self, earlier: Change | None) -> Change:
-        """This change and an earlier one, as one."""
+        """This change merged with an earlier one."""
         if earlier is None:
             return self
         if self.painted is None or earlier.painted is None:
@@ -36,13 +36,13 @@ class Change:
         return Change(self.revision, both if len(both) <= MOST_TILES else None)
 
     def json(self) -> str:
-        """What a page is sent: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
+        """The message to a page: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
         tiles = None if self.painted is None else [[island, *tile] for island, tile in sorted(self.painted)]
         return json.dumps({"revision": self.revision, "tiles": tiles}, separators=(",", ":"))
 
 
 class Feed:
-    """Hands every change to every subscriber; a slow one gets several as one, so nothing grows without bound."""
+    """Publishes every change to every subscriber; changes for a slow one are merged, so memory is bounded."""
 
     def __init__(self) -> None:
         self.revision = 0
@@ -50,10 +50,10 @@ class Feed:
         self._subscriptions: set[Subscription] = set()
 
     def publish(self, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> None:
-        """Tell that a revision is on disk, and which tiles one frame's painting changed (None: anything).
+        """Publish a revision that is on disk, with the tiles that painting one frame changed (None: any).
 
-        Call it from any thread, once per painted frame: refreshed ancestors may be among the tiles and are recognised
-        as such, which is only right while the tiles of one call were painted at one level.
+        Thread-safe. Call once per painted frame: refreshed ancestors among the tiles are recognised as such, which is only
+        correct while the tiles of one call were painted at one level.
         """
         change = Change(revision, None if tiles is None else finest(tiles))
         with self._lock:
@@ -85,7 +85,7 @@ class Feed:
 
 
 class Subscription:
-    """One page's share: at most one change waits in it."""
+    """One page's subscription: holds at most one pending change."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.closed = False
@@ -104,14 +104,14 @@ class Subscription:
         self._wake()
 
     async def changes(self, timeout_s: float) -> AsyncIterator[Change | None]:
-        """Each change, and None after every `timeout_s` seconds without one, until the subscription is closed."""
+        """Yields each change, and None after every `timeout_s` without one, until closed."""
         while not self.closed:
             change = await self.next(timeout_s)
             if not self.closed:
                 yield change
 
     async def next(self, timeout_s: float) -> Change | None:
-        """The next change, or None after `timeout_s` seconds without one, or when closed."""
+        """The next change; None after `timeout_s` without one, or when closed."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 await self._news.wait()
@@ -126,7 +126,7 @@ class Subscription:
 
 
 def finest(tiles: Iterable[tuple[int, Tile]]) -> Painted:
-    """The tiles none of whose children is among them."""
+    """The tiles without a child among them."""
     every = frozenset(tiles)
     parents = {(island, tile.parent) for island, tile in every}
     return every - parents

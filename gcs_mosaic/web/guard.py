@@ -1,4 +1,4 @@
-"""What every answer of the page's server has in common: who may ask, and what a browser may do with it."""
+"""Security of every response: the Host check, and response headers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
-    # Everything may change while the aircraft flies; a browser asks each time and is told "not modified".
+    # Everything may change during the flight; browsers revalidate each time and get 304 Not Modified.
     "Cache-Control": "no-cache",
 }
 
 
 def host_check(address: HttpAddress) -> Middleware:
-    """A middleware that refuses requests whose Host header names another machine (see HttpAddress.is_ours)."""
+    """Middleware that rejects requests with a foreign Host header (see HttpAddress.is_ours)."""
 
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -1,4 +1,4 @@
-"""The page's server on a thread of its own."""
+"""The page's HTTP server, on its own thread."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from gcs_mosaic.web.address import DEFAULT, HttpAddress
 from gcs_mosaic.web.app import make_app
 from gcs_mosaic.web.feed import Feed
 
-START_S = 10.0  # until the socket listens
-STOP_S = 5.0  # for open requests to end
+START_S = 10.0  # timeout until the socket listens
+STOP_S = 5.0  # grace period for open requests
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WebSettings:
-    """Where the page is."""
+    """Settings of the page."""
 
-    # HOST:PORT; "" for no page. Loopback, because whoever reaches the page sees the map; 0.0.0.0:8470 shows it to a
-    # tablet on the same network.
+    # HOST:PORT; "" for no page. Loopback, because the page needs no password; 0.0.0.0:8470 serves it to a tablet on the
+    # same network.
     address: str = DEFAULT
 
 
 class WebServer:
-    """Serves an output folder until `stop`. With a feed the page learns of new tiles at once."""
+    """Serves an output folder until `stop`. With a feed, pages are updated at once."""
 
     def __init__(self, root: Path, address: HttpAddress, feed: Feed | None = None) -> None:
         self._root, self._address, self._feed = root, address, feed
@@ -40,12 +40,12 @@ class WebServer:
         self._end: asyncio.Event | None = None
 
     def start(self) -> str:
-        """Returns the page's URL once it can be opened. Raises UsageError if the address cannot be had."""
+        """Start serving and return the page's URL. Raises UsageError if the address cannot be bound."""
         self._thread.start()
         return self._started.result(START_S)
 
     def stop(self) -> None:
-        """End the server and every open connection; may be called more than once."""
+        """Stop the server and close all connections; idempotent."""
         if self._loop is None or self._end is None or not self._thread.is_alive():
             return
         self._loop.call_soon_threadsafe(self._end.set)
@@ -71,7 +71,7 @@ class WebServer:
             await runner.cleanup()
 
     async def _listen(self, runner: web.AppRunner) -> int:
-        """Bind the address; returns the port."""
+        """Bind the address and return the port."""
         try:
             await web.TCPSite(runner, self._address.host, self._address.port).start()
         except (OSError, OverflowError) as error:
@@ -80,7 +80,7 @@ class WebServer:
 
 
 def cannot_listen(address: HttpAddress, error: Exception) -> str:
-    """The sentence for the operator."""
+    """The error message for the operator."""
     text = f"{address.host}:{address.port}"
     match getattr(error, "errno", None):
         case errno.EADDRINUSE:

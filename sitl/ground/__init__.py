@@ -1,1 +1,1 @@
-"""Made-up countryside: what lies on it (shapes), and its picture and heights (paint)."""
+"""Synthetic countryside: its layout (shapes), and its picture and heights (paint)."""

@@ -1,4 +1,4 @@
-"""Halls of one make all over the land: in every picture something that looks exactly as in pictures of elsewhere."""
+"""Identical halls all over the land: every picture contains something that looks the same elsewhere."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .paint import paint
 from .raster import Image
 
 HALL = (24.0, 16.0)  # metres along and across
-APART = 62.0  # metres between the middles of halls: about one in every picture taken from 60 m, never two alike
-MAKE = 4  # the seed of what all halls look like, whatever the land is
+APART = 62.0  # metres between centres: about one in every picture taken from 60 m, never two
+MAKE = 4  # seed of the halls' appearance, independent of the land
 ROOF = (118, 122, 130)  # BGR
 
 
 def paint_copies(seed: int, size: int, gsd: float) -> Image:
-    """-> (size, size, 3) BGR: the countryside of this seed with the same hall on a loose lattice."""
+    """-> (size, size, 3) BGR: the countryside of this seed with the same hall on a jittered lattice."""
     picture = paint(lay_out(seed, size * gsd), seed, size, gsd)
     hall = one_hall(gsd)
     height, width = hall.shape[:2]
@@ -31,7 +31,7 @@ def paint_copies(seed: int, size: int, gsd: float) -> Image:
 
 
 def one_hall(gsd: float) -> Image:
-    """The roof: patched, stained, with skylights and vents, so that it has marks at every scale."""
+    """A roof with patches, stains, skylights and vents, so that it has features at every scale."""
     rng = np.random.default_rng([MAKE, 9])
     width, height = (round(side / gsd) for side in HALL)
     stains = fractal(rng, 512, coarsest=64)[:height, :width]

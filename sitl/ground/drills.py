@@ -1,7 +1,6 @@
-"""Crops in long rows: every plant a little out of line, larger or smaller, darker or brighter than the next.
+"""Row crops: every plant varies slightly in position, size and brightness.
 
-Plants are all that tells one place from another, besides a faint grain of the soil. The rows are turned, so that they are
-not parallel to the raster.
+Only the plants distinguish one place from another, besides a faint soil texture. The rows are rotated against the raster.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ from ..geometry import Array
 from .noise import fractal
 from .raster import Field, Image, strips
 
-TABLE = 1024  # plants along a row, and rows, after which they would repeat: more than a small world holds
+TABLE = 1024  # period in plants and in rows: larger than a small world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drill:
-    """spacing: metres from row to row; step: metres from plant to plant; width: metres of a plant across its row.
+    """spacing: metres between rows; step: metres between plants; width: metres of a plant across its row.
 
-    soil, leaf: BGR; missing: share of plants; stray: deviation of a plant's place, share of step and width; vary: deviation
-    of its size and of its light, as shares; grain: share of light that one deviation of the soil takes.
+    soil, leaf: BGR; missing: share of plants; stray: standard deviation of a plant's position, as a share of step and width;
+    vary: relative standard deviation of its size and brightness; grain: relative soil brightness per standard deviation.
     """
 
     spacing: float
@@ -65,7 +64,7 @@ def paint_drills(drill: Drill, seed: int, size: int, gsd: float) -> Image:
 def seen_plants(
     drill: Drill, plants: Field, grows: NDArray[np.bool_], along: Array, across: Array
 ) -> tuple[Array, Array]:
-    """Light on the leaves at places counted in plants and rows, and how much of the soil they cover, 0 to 1."""
+    """Leaf brightness at positions in units of plants and rows, and leaf coverage of the soil, 0 to 1."""
     cell = np.floor(along).astype(int) % TABLE, np.floor(across).astype(int) % TABLE
     ahead, aside, large, light = plants[:, cell[0], cell[1]]
     u = (along % 1 - 0.5 - drill.stray * ahead) * drill.step

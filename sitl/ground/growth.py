@@ -1,4 +1,4 @@
-"""What people and nature put on the land: farmsteads, hedges, woods, lone trees, growth along the stream."""
+"""Populates the land: farmsteads, hedges, woods, lone trees, trees along the stream."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .shapes import Building, Colour, Land, Points, Tree, area
 
 FARM_EVERY = 60_000.0  # square metres of land per farmstead
 HEDGE_SPACING = 7.0  # metres between the trees of a hedge
-TREES_PER_HECTARE = 9.0  # lone ones, besides hedges and woods
+TREES_PER_HECTARE = 9.0  # lone trees only
 ROOFS: tuple[Colour, ...] = (
     (62, 78, 150),
     (74, 84, 122),
@@ -34,7 +34,7 @@ def settle(rng: np.random.Generator, land: Land) -> None:
 
 
 def farmstead(rng: np.random.Generator, centre: Points, heading: float) -> Iterator[Building]:
-    """Two to five buildings around a yard, all turned as the road is."""
+    """Two to five buildings around a yard, aligned with the road."""
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     places = np.array([[-14, 6], [14, 4], [0, -9], [-19, -12], [22, -13]], np.float64)
     for place in rng.permutation(places)[: int(rng.integers(2, 6))]:
@@ -64,7 +64,7 @@ def hedges(rng: np.random.Generator, land: Land) -> Iterator[Tree]:
 
 
 def woods(rng: np.random.Generator, land: Land) -> Iterator[Tree]:
-    """Every parcel of wood filled with crowns."""
+    """Fill every wood parcel with trees."""
     for parcel in (parcel for parcel in land.parcels if parcel.crop.name == "wood"):
         a, b, c, d = parcel.corners
         for u, v in rng.random((int(area(parcel.corners) / 14), 2)):
@@ -77,7 +77,7 @@ def lone_trees(rng: np.random.Generator, land: Land) -> Iterator[Tree]:
 
 
 def bank_trees(rng: np.random.Generator, land: Land) -> Iterator[Tree]:
-    """Thick growth along the stream."""
+    """Dense trees along the stream."""
     for way in (way for way in land.ways if way.kind == "stream"):
         for point in np.repeat(way.points, 3, axis=0):
             yield tree(rng, point + rng.normal(0, 3.5, 2), rng.gamma(4, 0.4) + 0.5)

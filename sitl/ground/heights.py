@@ -1,4 +1,4 @@
-"""The height of the ground and of what stands on it."""
+"""Height maps of the ground and of the objects on it."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from .raster import SHIFT, Field, fixed, fixed_length
 from .shapes import Land
 
 CELL = 4  # raster pixels per cell of the height map
-HIGHEST_HILL = 5.0  # metres: a twentieth of the usual flying height
+HIGHEST_HILL = 5.0  # metres: a twentieth of the default flying height
 
 
 def height_map(seed: int, land: Land, size: int, gsd: float) -> Field:
-    """(size / CELL, size / CELL) metres: hills with buildings and trees; walls are as steep as one cell allows."""
+    """(size / CELL, size / CELL) metres: hills with buildings and trees; walls are one cell wide."""
     cells, cell = size // CELL, gsd * CELL
     return np.asarray(hills(np.random.default_rng([seed, 3]), cells, cell) + standing(land, size, gsd), np.float32)
 
 
 def standing(land: Land, size: int, gsd: float) -> Field:
-    """(size / CELL, size / CELL) metres that buildings and trees stand above the ground."""
+    """(size / CELL, size / CELL) metres: heights of buildings and trees above the ground."""
     cells, cell = size // CELL, gsd * CELL
     objects = np.zeros((cells, cells), np.float32)
     for building in land.buildings:
@@ -34,7 +34,7 @@ def standing(land: Land, size: int, gsd: float) -> Field:
 
 
 def hills(rng: np.random.Generator, cells: int, cell: float) -> Field:
-    """Waves of 80 to 400 m, from 0 to HIGHEST_HILL."""
+    """Sine waves of 80 to 400 m wavelength, from 0 to HIGHEST_HILL."""
     y, x = np.mgrid[0:cells, 0:cells].astype(np.float32) * np.float32(cell)
     waves = np.zeros((cells, cells), np.float32)
     for length in (400.0, 240.0, 140.0, 80.0):

@@ -1,6 +1,6 @@
-"""A lake: land on its western side, water on the other, and a few islets.
+"""A lake: land in the west, water in the east, and a few islets.
 
-The water's picture is only its colour; waves and glints are put on it as a frame is taken (glint.py).
+The water is painted in its plain colour; waves and glint are added when a frame is rendered (glint.py).
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from .paint import paint
 from .raster import Field, Image
 from .water import CALM
 
-SHORE = 0.12  # share of the side that the shore wanders
+SHORE = 0.12  # amplitude of the shoreline, as a share of the side
 ISLETS = 3
 
 
 def paint_lake(seed: int, size: int, gsd: float) -> tuple[Image, Field]:
-    """Picture (size, size, 3) BGR, and how much of each place is water, 0 to 1, (size, size)."""
+    """Picture (size, size, 3) BGR, and the share of water (size, size), 0 to 1."""
     picture = paint(lay_out(seed, size * gsd), seed, size, gsd)
     water = water_of(seed, size)
     for channel, calm in enumerate(CALM):

@@ -1,4 +1,4 @@
-"""Lays out a countryside; everything follows from the seed alone."""
+"""Lays out a countryside, determined by the seed alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .shapes import Land, Way
 
 
 def lay_out(seed: int, side: float) -> Land:
-    """A square of `side` metres: divided into fields, a stream and a path through them, settled, planted."""
+    """A square of `side` metres with fields, a stream, a track, farmsteads and trees."""
     rng = np.random.default_rng([seed, 1])
     land = Land(side)
     divide(rng, land, whole_square(side, turn=rng.uniform(0.15, 0.5)))

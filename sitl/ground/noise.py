@@ -1,4 +1,4 @@
-"""Noise with structure at every scale, as natural ground has it."""
+"""Fractal noise, as on natural ground."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 
 def fractal(rng: np.random.Generator, size: int, coarsest: int, finest: int = 1) -> NDArray[np.float32]:
-    """A (size, size) field of mean 0 and deviation 1 with equal strength in every octave.
+    """A (size, size) field of mean 0 and standard deviation 1 with equal power in every octave.
 
-    coarsest, finest: widths of its largest and smallest features in pixels, powers of two. Equal strength per octave is
-    the amplitude law of natural pictures (1/f). Built from coarse to fine, doubling, so it costs little more than its last step.
+    coarsest, finest: sizes of the largest and smallest features in pixels, powers of two. Equal power per octave is the
+    1/f amplitude spectrum of natural images. Built coarse to fine by doubling, so it costs little more than the last step.
     """
     octaves = int(np.log2(coarsest // finest))
     field = np.zeros((1, 1), np.float32)

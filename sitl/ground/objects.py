@@ -1,4 +1,4 @@
-"""Draws what stands on the soil: hard roads, shadows, roofs, crowns."""
+"""Draws roads, shadows, roofs and tree crowns."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from .raster import SHIFT, Image, fixed, fixed_length, strips
 from .shapes import Building, Land, Tree, Way
 
 SUN = np.array([-0.62, -0.45])  # metres of shadow per metre of height, east and south: the sun is in the south-east
-SHADE = np.array([0.65, 0.58, 0.55], np.float32)  # light left in a shadow, BGR: the blue sky still lights it
+SHADE = np.array([0.65, 0.58, 0.55], np.float32)  # relative light in a shadow, BGR: lit by the blue sky
 
 
 def draw_asphalt(picture: Image, ways: list[Way], gsd: float) -> None:
-    """Hard roads with a worn middle and a broken white line."""
+    """Asphalt roads with a worn centre and a dashed white line."""
     for way in (way for way in ways if way.kind == "asphalt"):
         line = fixed(way.points, gsd)
         for share, colour in ((1.0, (112, 116, 118)), (0.86, (134, 136, 136)), (0.45, (128, 129, 130))):
@@ -33,7 +33,7 @@ def draw_dashes(picture: Image, way: Way, gsd: float) -> None:
 
 
 def draw_shadows(land: Land, size: int, gsd: float) -> Image:
-    """(size, size): 255 where something keeps the sun away, soft at the edges."""
+    """(size, size): shadow mask, 255 in full shadow, with soft edges."""
     shadow = np.zeros((size, size), np.uint8)
     for building in land.buildings:
         corners, _ = building.outline()
@@ -47,14 +47,14 @@ def draw_shadows(land: Land, size: int, gsd: float) -> Image:
 
 
 def dim(picture: Image, shadow: Image) -> None:
-    """Darken the shadows, in place."""
+    """Apply the shadows, in place."""
     for rows in strips(len(picture)):
         depth = shadow[rows].astype(np.float32)[..., None] / 255
         picture[rows] = (picture[rows] * (1 + (SHADE - 1) * depth)).astype(np.uint8)
 
 
 def draw_roof(picture: Image, building: Building, gsd: float) -> None:
-    """A gable: one half in the light, one turned away, and the ridge between them."""
+    """A gable roof: one sunlit half, one shaded half, and the ridge."""
     corners, ridge = building.outline()
     lit = float((corners[3] - corners[0]) @ SUN) < 0
     for a, b, bright in ((0, 1, 0.78 if lit else 1.15), (3, 2, 1.15 if lit else 0.78)):
@@ -67,7 +67,7 @@ def draw_roof(picture: Image, building: Building, gsd: float) -> None:
 def draw_face(
     picture: Image, face: np.ndarray[tuple[int, ...], np.dtype[np.float64]], colour: tuple[int, ...], gsd: float
 ) -> None:
-    """Half a roof with courses of tiles and a window."""
+    """Half a roof with rows of tiles and a window."""
     cv2.fillConvexPoly(picture, fixed(face, gsd), colour, cv2.LINE_AA, SHIFT)
     darker = tuple(int(c * 0.88) for c in colour)
     for share in np.arange(0.1, 1.0, 0.12):
@@ -78,7 +78,7 @@ def draw_face(
 
 
 def draw_crowns(rng: np.random.Generator, picture: Image, trees: list[Tree], gsd: float) -> None:
-    """Crowns as clumps of leaves: dark below, brighter towards the sun."""
+    """Crowns as clumps of leaves: dark at the bottom, brighter towards the sun."""
     for tree in trees:
         for x, y, radius, light in clumps(rng, tree):
             colour = tuple(min(255, int(c * light)) for c in tree.tone)
@@ -87,7 +87,7 @@ def draw_crowns(rng: np.random.Generator, picture: Image, trees: list[Tree], gsd
 
 
 def clumps(rng: np.random.Generator, tree: Tree) -> Iterator[tuple[float, float, float, float]]:
-    """(x, y, radius, brightness) of the leaf clumps of one crown, lowest first."""
+    """(x, y, radius, brightness) of the leaf clumps of a crown, lowest first."""
     yield tree.x, tree.y, tree.radius * 0.9, 0.6
     count = int(6 + 7 * tree.radius)
     turn, reach = rng.uniform(0, 2 * np.pi, count), np.sqrt(rng.random(count)) * 0.85

@@ -1,4 +1,4 @@
-"""Trees that stand tall over a plane: an orchard of one make on a grid, and a wood's canopy in which no two are alike."""
+"""Tall trees on a plane: an orchard of near-identical trees on a grid, and a forest canopy of individual ones."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from .paint import strewn_grain, weather
 from .raster import Field, Image
 from .shapes import Colour, Land, Tree
 
-GRID = 8.0, 6.5  # metres from row to row, and from tree to tree
-TURN = 0.3  # radians of the grid: the same in every orchard
-MAKE, MAKES = 11, 3  # the seed of what trees of one make look like, and how many makes there are
+GRID = 8.0, 6.5  # metres between rows, and between trees
+TURN = 0.3  # radians; rotation of the grid, the same in every orchard
+MAKE, MAKES = 11, 3  # seed of the trees' appearance, and number of variants
 LEAVES: Colour = (44, 84, 62)
 MEADOW: Colour = (78, 122, 108)
 TALLEST = 9.0, 12.0  # metres of orchard trees
-APART = 4.6  # metres between the trees of a wood, about
+APART = 4.6  # approximate metres between the trees of a wood
 LITTER: Colour = (52, 76, 72)
 
 
 def raise_orchard(seed: int, size: int, gsd: float) -> tuple[Image, Field]:
-    """Picture (size, size, 3) BGR and heights in metres of an orchard; only small things tell it from any other."""
+    """Picture (size, size, 3) BGR and heights in metres of an orchard; places differ only in small details."""
     rng = np.random.default_rng([seed, 11])
     land = Land(size * gsd)
     land.trees += orchard_trees(rng, land.side)
@@ -38,7 +38,7 @@ def raise_orchard(seed: int, size: int, gsd: float) -> tuple[Image, Field]:
 
 
 def orchard_trees(rng: np.random.Generator, side: float) -> Iterator[Tree]:
-    """One tree in forty is missing; the others stray by a hand's breadth or two."""
+    """One tree in forty is missing; the others deviate from the grid by 0.15 m (standard deviation)."""
     reach = round(side / min(GRID))
     cos, sin = np.cos(TURN), np.sin(TURN)
     for row in range(-reach, reach):
@@ -64,7 +64,7 @@ def raise_canopy(seed: int, size: int, gsd: float) -> tuple[Image, Field]:
 
 
 def wood_trees(rng: np.random.Generator, side: float) -> Iterator[Tree]:
-    """Trees of 6 to 16 m wherever there is no clearing."""
+    """Trees of 6 to 16 m, except in clearings."""
     count = int(side / APART)
     clearing = fractal(rng, 64, coarsest=16) > 1.1
     for row in range(count):
@@ -77,6 +77,6 @@ def wood_trees(rng: np.random.Generator, side: float) -> Iterator[Tree]:
 
 
 def lawn(rng: np.random.Generator, size: int, colour: Colour, grain: float) -> Image:
-    """(size, size, 3) of one colour; `grain` is the share of light that one deviation takes."""
+    """(size, size, 3) of one colour; `grain` is the relative brightness per standard deviation of the noise."""
     light = 1 + grain * fractal(rng, size, coarsest=64)
     return np.clip(np.asarray(colour, np.float32) * light[..., None], 0, 255).astype(np.uint8)

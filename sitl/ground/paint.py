@@ -1,6 +1,6 @@
-"""Paints a countryside as seen from straight above, one pixel per `gsd` metres.
+"""Paints an orthographic view of a countryside, one pixel per `gsd` metres.
 
-The order is nature's: soil and crops, roads, shadows on them, then roofs and crowns that stand above, grain over all.
+Painted from the ground up: soil and crops, roads, their shadows, roofs and crowns, then grain over all.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from .raster import Grain, Image, strips
 from .shapes import Land
 from .soil import paint_soil
 
-GRAIN_UNIT = 20  # one deviation of the grain as stored
-GRAIN_STRENGTH = 0.13  # share of the light that one deviation takes or gives
+GRAIN_UNIT = 20  # one standard deviation of the grain as stored (int8)
+GRAIN_STRENGTH = 0.13  # relative brightness per standard deviation
 
 
 def paint(land: Land, seed: int, size: int, gsd: float) -> Image:
@@ -34,7 +34,7 @@ def paint(land: Land, seed: int, size: int, gsd: float) -> Image:
 
 
 def strewn_grain(rng: np.random.Generator, size: int, gsd: float) -> Grain:
-    """Noise of every scale, with stones and tufts strewn in: marks that can be told apart at every flying height."""
+    """Noise at every scale, with scattered stones and tufts: distinctive features at every flying height."""
     noise = fractal(rng, size, coarsest=128)
     marks = strew(rng, size, gsd)
     grain = np.empty((size, size), np.int8)
@@ -44,7 +44,7 @@ def strewn_grain(rng: np.random.Generator, size: int, gsd: float) -> Grain:
 
 
 def strew(rng: np.random.Generator, size: int, gsd: float) -> Image:
-    """(size, size) around 128: one mark of 0.1 to 0.9 m on every five square metres, dark or bright."""
+    """(size, size) around 128: one mark of 0.1 to 0.9 m per five square metres, dark or bright."""
     marks = np.full((size, size), 128, np.uint8)
     count = int((size * gsd) ** 2 / 5)
     places, light = rng.integers(0, size, (count, 2)), 128 + rng.normal(0, 34, count)
@@ -55,7 +55,7 @@ def strew(rng: np.random.Generator, size: int, gsd: float) -> Image:
 
 
 def weather(picture: Image, grain: Grain) -> None:
-    """Multiply the grain into everything, in place."""
+    """Multiply the picture by the grain, in place."""
     for rows in strips(len(picture)):
         light = 1 + grain[rows].astype(np.float32)[..., None] * (GRAIN_STRENGTH / GRAIN_UNIT)
         picture[rows] = np.clip(picture[rows] * light, 0, 255).astype(np.uint8)

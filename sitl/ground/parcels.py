@@ -1,4 +1,4 @@
-"""Divides the land into fields as people did: halving it again and again, leaving a way at every cut."""
+"""Divides the land into fields by recursive halving, with a way along every cut."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ SMALLEST_PARCEL = 2500.0
 
 
 def whole_square(side: float, turn: float) -> Points:
-    """A turned square that covers the world, so that no field edge is parallel to the raster."""
+    """A rotated square that covers the world, so that no field edge is parallel to the raster."""
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.72 * side
     cos, sin = np.cos(turn), np.sin(turn)
     return np.asarray(corners @ np.array([[cos, sin], [-sin, cos]]) + side / 2, np.float64)
 
 
 def divide(rng: np.random.Generator, land: Land, corners: Points, depth: int = 0) -> None:
-    """Halve a quadrilateral across its longer sides until it is a field; every cut leaves a way."""
+    """Halve a quadrilateral across its longer sides down to field size; every cut becomes a way."""
     if not touches(corners, land.side):
         return
     if area(corners) < rng.uniform(SMALLEST_PARCEL, LARGEST_PARCEL):
@@ -43,7 +43,7 @@ def touches(corners: Points, side: float) -> bool:
 
 
 def cut(rng: np.random.Generator, start: Points, end: Points, depth: int) -> Way:
-    """The first cuts are roads, the next ones mostly tracks, the last ones strips of grass."""
+    """The way along a cut: roads first, then mostly tracks, then grass strips."""
     if depth < 2 or (depth == 3 and rng.random() < 0.4):
         return Way(bent_line(rng, start, end, 0.8), rng.uniform(5.0, 6.5), "asphalt")
     if depth < 7 and rng.random() < 0.6:
@@ -52,7 +52,7 @@ def cut(rng: np.random.Generator, start: Points, end: Points, depth: int) -> Way
 
 
 def bent_line(rng: np.random.Generator, start: Points, end: Points, amplitude: float) -> Points:
-    """A line with a gentle bend and wobble of about `amplitude` metres, ends kept."""
+    """A slightly curved line, deviating by about `amplitude` metres, with fixed ends."""
     along = np.linspace(0, 1, 40)
     waves = np.sin(np.pi * np.outer(along, [1, 2, 3]))
     aside = waves @ rng.normal(0, amplitude, 3)
@@ -69,7 +69,7 @@ def sow(rng: np.random.Generator, corners: Points) -> Parcel:
 
 
 def wander(rng: np.random.Generator, side: float) -> Points:
-    """A meandering line (160, 2) from one side of the world to the other."""
+    """A meandering line (160, 2) across the world."""
     along = np.linspace(-0.05, 1.05, 160)
     waves = np.sin(2 * np.pi * np.outer(along, np.arange(1, 9)) + rng.uniform(0, 6, 8))
     aside = rng.uniform(0.25, 0.75) + waves @ (rng.normal(0, 0.09, 8) / np.arange(1, 9))

@@ -1,7 +1,7 @@
-"""Ground that repeats itself: one cell, again and again, as in a planted field or a car park.
+"""Repetitive ground: one cell on a lattice, as in a planted field or a car park.
 
-A cell is empty or full, and full ones come in a few tones; which they are is all that tells one place from another,
-besides a faint grain. The lattice is turned, so that it is not parallel to the raster.
+A cell is empty or full, and full ones have one of a few tones; only this distinguishes one place from another, besides a
+faint grain. The lattice is rotated against the raster.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from ..geometry import Array
 from .noise import fractal
 from .raster import Field, Image, strips
 
-CELL_PX = 96  # pixels of a cell's picture along its longer side
-TABLE = 512  # cells in either direction after which emptiness and tones would repeat: more than a world holds
+CELL_PX = 96  # pixels along the longer side of a cell's picture
+TABLE = 512  # period of occupancy and tones in cells, both ways: larger than a world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pattern:
     """pitch: metres of a cell (along, across); empty, full: pictures (h, w, 3) of a cell in BGR, 0 to 255; occupied:
-    share of full cells; tones: BGR factors of what a full cell has more than an empty one; grain: share of light that
-    one deviation takes."""
+    share of full cells; tones: BGR factors of the object in a full cell; grain: relative brightness per standard
+    deviation."""
 
     pitch: tuple[float, float]
     empty: Field
@@ -55,14 +55,14 @@ def paint_pattern(pattern: Pattern, seed: int, size: int, gsd: float) -> Image:
 
 
 def seen_in_cell(cell: Field, along: Array, across: Array) -> Field:
-    """Colours (h, w, 3) of a cell's picture at places counted in cells."""
+    """Colours (h, w, 3) of a cell's picture at positions in units of cells."""
     height, width = cell.shape[:2]
     column, row = ((place % 1 * side - 0.5).astype(np.float32) for place, side in ((along, width), (across, height)))
     return np.asarray(cv2.remap(cell, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32)
 
 
 def crop_rows() -> Pattern:
-    """Bushes 1.2 m apart in rows 2.5 m apart, as like as two peas; one in thirty is missing."""
+    """Identical bushes 1.2 m apart in rows 2.5 m apart; one in thirty is missing."""
     pitch = 1.2, 2.5
     empty = blank(pitch, (84, 112, 132))
     full = empty.copy()
@@ -76,7 +76,7 @@ def crop_rows() -> Pattern:
 
 
 def car_park() -> Pattern:
-    """Bays of 2.5 m on either side of an aisle, painted lines, and one make of car in four colours in 6 bays of 10."""
+    """Bays of 2.5 m beside an aisle, painted lines, and identical cars in four colours in 6 of 10 bays."""
     pitch = 2.5, 8.0
     empty = blank(pitch, (104, 102, 100))
     height, width = empty.shape[:2]
@@ -96,6 +96,6 @@ def car_park() -> Pattern:
 
 
 def blank(pitch: tuple[float, float], colour: tuple[int, int, int]) -> Field:
-    """A cell's picture in one colour."""
+    """A cell's picture in a single colour."""
     scale = CELL_PX / max(pitch)
     return np.full((round(pitch[1] * scale), round(pitch[0] * scale), 3), colour, np.float32)

@@ -1,6 +1,6 @@
-"""Dormitories of one make in rows: the same four wings around the same court, again and again.
+"""Rows of identical dormitory blocks: the same four wings around the same courtyard.
 
-What differs from block to block is little: cars, bushes, stains on the roofs.
+Blocks differ only in cars, bushes and stains on the roofs.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from .objects import dim, draw_crowns, draw_roof, draw_shadows
 from .raster import Field, Image, fixed
 from .shapes import Building, Colour, Land, Points, Tree
 
-PITCH = 48.0, 40.0  # metres from block to block along a street and across it
-BLOCK = 36.0, 26.0  # metres of a block along and across, walls included
-WING = 8.0  # metres
-STOREYS = 12.0  # metres
+PITCH = 48.0, 40.0  # metres between blocks along a street and across it
+BLOCK = 36.0, 26.0  # outer metres of a block along and across
+WING = 8.0  # metres of depth
+STOREYS = 12.0  # metres of height
 ROOF: Colour = (84, 92, 132)
-MAKE = 13  # the seed of what every block looks like
-BAYS = 14  # at a block
+MAKE = 13  # seed of the blocks' common appearance
+BAYS = 14  # parking bays per block
 PAINTS: tuple[Colour, ...] = ((210, 210, 210), (60, 56, 54), (60, 52, 150), (150, 104, 60))
 ASPHALT: Colour = (116, 118, 120)
 GRASS: Colour = (74, 112, 96)
@@ -32,8 +32,8 @@ GRASS: Colour = (74, 112, 96)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lives:
-    """How blocks differ: cars, bushes in the court and trees along the street of each; alike, own: shares of light that one
-    deviation takes of the stains that all blocks have, and of those that only one has."""
+    """Differences between blocks: number of cars, bushes in the courtyard and trees along the street; alike, own: relative
+    brightness per standard deviation of the stains common to all blocks, and of individual ones."""
 
     cars: int
     bushes: int
@@ -67,7 +67,7 @@ def raise_blocks(lives: Lives, seed: int, size: int, gsd: float) -> tuple[Image,
 
 
 def block_corners(side: float) -> list[tuple[float, float]]:
-    """North-west corners of all lots that lie wholly in the world."""
+    """North-west corners of all lots fully inside the world."""
     wide, deep = (np.arange(0, side - pitch, pitch) for pitch in PITCH)
     return [(float(x), float(y)) for y in deep for x in wide]
 
@@ -83,7 +83,7 @@ def wings(corner: tuple[float, float]) -> Iterator[Building]:
 
 
 def lay_lawns(picture: Image, corner: tuple[float, float], gsd: float) -> None:
-    """Grass around the block and in its court, a path across, and two sheds on the flat strip: the same at every block."""
+    """Grass around the block, a path through its courtyard, and small details, the same at every block."""
     rng = np.random.default_rng([MAKE, 1])
     middle = np.array(corner) + np.array(PITCH) / 2
     rectangle(picture, middle, (BLOCK[0] + 4, BLOCK[1] + 4), GRASS, gsd)
@@ -94,14 +94,14 @@ def lay_lawns(picture: Image, corner: tuple[float, float], gsd: float) -> None:
 
 
 def park_cars(rng: np.random.Generator, count: int, picture: Image, corner: tuple[float, float], gsd: float) -> None:
-    """Some of the bays along the street are taken, by any of a few cars."""
+    """Park cars in some of the bays along the street."""
     for bay in rng.choice(BAYS, count, replace=False):
         place = np.array(corner) + np.array([6.0 + 2.7 * bay, 1.9])
         rectangle(picture, place, (1.8, 4.4), PAINTS[int(rng.integers(len(PAINTS)))], gsd)
 
 
 def growth(rng: np.random.Generator, lives: Lives, corner: tuple[float, float]) -> Iterator[Tree]:
-    """Bushes anywhere in the court, trees anywhere along the street."""
+    """Bushes in the courtyard, trees along the street, at random positions."""
     middle = np.array(corner) + np.array(PITCH) / 2
     court = np.array([BLOCK[0] / 2 - WING - 1, BLOCK[1] / 2 - WING - 1])
     for place in rng.uniform(-1, 1, (lives.bushes, 2)) * court:
@@ -117,7 +117,7 @@ def rectangle(picture: Image, middle: Points, sides: tuple[float, ...], colour: 
 
 
 def wear(rng: np.random.Generator, lives: Lives, picture: Image, gsd: float) -> None:
-    """Stains that are the same on every lot, and others that are not, in place."""
+    """Add stains common to all lots, and individual ones, in place."""
     size = len(picture)
     wide, deep = (round(pitch / gsd) for pitch in PITCH)
     stains = fractal(np.random.default_rng([MAKE, 2]), 512, coarsest=64)[:deep, :wide]

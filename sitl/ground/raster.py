@@ -1,4 +1,4 @@
-"""What all painting shares: types, the strip, metres to cv2's drawing coordinates."""
+"""Common to all painting: types, strips, metres to cv2's drawing coordinates."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ Image = NDArray[np.uint8]
 Field = NDArray[np.float32]
 Grain = NDArray[np.int8]
 
-SHIFT = 4  # cv2 draws with 1/16 pixel
-STRIP = 256  # rows worked on at once: floats of the whole raster would not fit a small machine
+SHIFT = 4  # fractional bits of cv2's drawing coordinates: 1/16 pixel
+STRIP = 256  # rows processed at once: floats of the whole raster would not fit a small machine
 
 
 def strips(size: int) -> Iterator[slice]:
@@ -23,7 +23,7 @@ def strips(size: int) -> Iterator[slice]:
 
 
 def fixed(points: Points, gsd: float) -> NDArray[np.int32]:
-    """Metres -> cv2's fixed-point pixels; pixel k covers [k, k + 1) * gsd, so its centre lies half a pixel in."""
+    """Metres -> cv2's fixed-point pixels; pixel k covers [k, k + 1) * gsd, so its centre is half a pixel in."""
     return np.asarray(np.round((np.asarray(points) / gsd - 0.5) * (1 << SHIFT)), np.int32)
 
 

@@ -1,6 +1,6 @@
-"""What lies on the ground, as shapes: parcels of land with crops, roads and tracks, buildings, trees.
+"""Vector layout of the ground: parcels with crops, roads and tracks, buildings, trees.
 
-Everything is in metres from the north-west corner of the world, x east, y south.
+All in metres from the north-west corner of the world, x east, y south.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Colour = tuple[int, int, int]  # BGR
 
 @dataclass(frozen=True, slots=True)
 class Crop:
-    """How a field looks: its colour, the colour its patches drift to, rows (metres apart, strength), how common it is."""
+    """Appearance of a field: its colour, the colour of its patches, rows (spacing in metres, strength), relative frequency."""
 
     name: str
     colour: Colour
@@ -48,7 +48,7 @@ YARD = Crop("yard", (138, 148, 152), (118, 128, 136))
 class Parcel:
     corners: Points  # (4, 2)
     crop: Crop
-    row_heading: float  # radians; the rows run this way
+    row_heading: float  # radians; direction of the rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class Building:
     roof: Colour
 
     def outline(self) -> tuple[Points, Points]:
-        """The four corners (4, 2), and the two ends of the ridge (2, 2)."""
+        """Corners (4, 2), and ends of the ridge (2, 2)."""
         cos, sin = np.cos(self.heading), np.sin(self.heading)
         along, aside = np.array([cos, sin]) * self.length / 2, np.array([-sin, cos]) * self.width / 2
         corners = self.centre + np.array([-along - aside, along - aside, along + aside, -along + aside])
@@ -86,7 +86,7 @@ class Tree:
 
 @dataclass(slots=True)
 class Land:
-    """All shapes of a square of `side` metres."""
+    """All shapes in a square of `side` metres."""
 
     side: float
     parcels: list[Parcel] = field(default_factory=list)
@@ -96,6 +96,6 @@ class Land:
 
 
 def area(corners: Points) -> float:
-    """Square metres of a polygon (n, 2)."""
+    """Area of a polygon (n, 2) in square metres."""
     following = np.roll(corners, -1, axis=0)
     return float(abs(np.sum(corners[:, 0] * following[:, 1] - following[:, 0] * corners[:, 1])) / 2)

@@ -1,4 +1,4 @@
-"""Paints the soil: which parcel covers a pixel, its colour, patches, rows and wheel tracks."""
+"""Paints the soil: parcel labels, colours, patches, rows and wheel tracks."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from .raster import SHIFT, Field, Grain, Image, fixed, fixed_length, strips
 from .shapes import DIRT, GRASS, STREAM, YARD, Crop, Land
 
-MOST_PARCELS = 250  # labels are bytes; a larger world lets far parcels share their looks
+MOST_PARCELS = 250  # labels are bytes; in a larger world parcels share labels
 SPECIAL: dict[str, tuple[int, Crop]] = {
     "dirt": (251, DIRT),
     "grass": (252, GRASS),
     "stream": (253, STREAM),
     "yard": (254, YARD),
 }
-ROWS_PER_TRACK = 14  # a tractor's wheels pass every so many rows
+ROWS_PER_TRACK = 14  # rows between wheel tracks
 YARD_RADIUS = 13.0  # metres of gravel around a building
-VERGE = 3.0  # metres of grass along a hard road, both sides together
+VERGE = 3.0  # metres of grass along an asphalt road, both sides together
 
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """For every label (256): colour and drift to the patch colour (256, 3), row frequency in cycles per pixel, row strength."""
+    """Per label (256): colour, difference to the patch colour (256, 3), row frequency in cycles per pixel, row strength."""
 
     colour: Field
     drift: Field
@@ -34,7 +34,7 @@ class Looks:
 
 
 def paint_soil(land: Land, grain: Grain, patches: Field, gsd: float) -> Image:
-    """(size, size, 3). Edges are frayed by moving each look-up by the noise: no field ends in a ruled line."""
+    """(size, size, 3). Field edges are frayed by displacing each look-up with the noise."""
     size = len(grain)
     labels, looks = draw_labels(land, size, gsd), looks_of(land, gsd)
     picture = np.empty((size, size, 3), np.uint8)
@@ -49,7 +49,7 @@ def paint_soil(land: Land, grain: Grain, patches: Field, gsd: float) -> Image:
 
 
 def draw_labels(land: Land, size: int, gsd: float) -> Image:
-    """(size, size): which parcel or kind of soft way covers each pixel."""
+    """(size, size): label of the parcel or unpaved way at each pixel."""
     grass, yard = SPECIAL["grass"][0], SPECIAL["yard"][0]
     labels = np.full((size, size), grass, np.uint8)
     for k, parcel in enumerate(land.parcels):
@@ -65,7 +65,7 @@ def draw_labels(land: Land, size: int, gsd: float) -> Image:
 
 
 def enlarged(coarse: Field, size: int, rows: slice) -> Field:
-    """Some rows of a field that is kept small, at full size."""
+    """Rows of a coarse field, upsampled to full size."""
     scale = len(coarse) / size
     matrix = np.array([[scale, 0, 0], [0, scale, rows.start * scale]], np.float32)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -79,7 +79,7 @@ def looks_of(land: Land, gsd: float) -> Looks:
         crops[k], turns[k] = parcel.crop, parcel.row_heading
     for label, crop in SPECIAL.values():
         crops[label] = crop
-    tone = 1 + 0.12 * np.sin(np.arange(256) * 2.4)[:, None]  # two fields of one crop are never quite alike
+    tone = 1 + 0.12 * np.sin(np.arange(256) * 2.4)[:, None]  # fields of one crop differ slightly
     colour, patch = (np.array([getattr(crop, name) for crop in crops]) * tone for name in ("colour", "patch"))
     frequency = np.array([gsd / crop.row_spacing for crop in crops])
     strength = np.array([crop.row_strength for crop in crops])
@@ -88,7 +88,7 @@ def looks_of(land: Land, gsd: float) -> Looks:
 
 
 def colour_soil(looks: Looks, index: Image, place: tuple[Field, Field], patch: Field) -> Image:
-    """One strip: the label's colour drifting to its patch colour, darkened along rows and wheel tracks."""
+    """One strip: label colour blended with its patch colour, darkened along rows and wheel tracks."""
     across, down = place
     phase = looks.east[index] * across + looks.south[index] * down + 0.35 * patch
     rows = looks.rows[index]

@@ -1,4 +1,4 @@
-"""A built-up countryside: houses of many kinds side by side, with gardens and tall trees between them."""
+"""A suburb: varied houses side by side, with gardens and tall trees between them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def raise_suburb(seed: int, size: int, gsd: float) -> tuple[Image, Field]:
 
 
 def houses(rng: np.random.Generator, land: Land) -> Iterator[Building]:
-    """One on most lots, turned as its parcel is or square to that, clear of the roads."""
+    """A house on most lots, at one of two perpendicular headings, clear of the roads."""
     roads = np.concatenate([np.full((1, 2), np.inf), *(way.points for way in land.ways if way.kind == "asphalt")])
     for place in lots(rng, land.side):
         if rng.random() < 0.85 and np.linalg.norm(roads - place, axis=1).min() > 13:
@@ -44,7 +44,7 @@ def gardens(rng: np.random.Generator, side: float) -> Iterator[Tree]:
 
 
 def lots(rng: np.random.Generator, side: float) -> Iterator[Points]:
-    """Middles of lots, on a loose lattice."""
+    """Centres of lots, on a jittered lattice."""
     for y in np.arange(LOT / 2, side, LOT):
         for x in np.arange(LOT / 2, side, LOT):
             yield np.array([x, y]) + rng.normal(0, 1.5, 2)

@@ -1,6 +1,6 @@
-"""Open water: waves of a few lengths that run nearly one way, with the sun on their crests.
+"""Open water: waves of a few lengths in nearly one direction, with sunlit crests.
 
-Waves do not stay: two pictures of one place show other waves, as two seeds do.
+Waves move: two pictures of one place show different waves, as two seeds do.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import numpy as np
 from .noise import fractal
 from .raster import Image, strips
 
-LENGTHS = (0.9, 1.3, 1.9, 3.1, 5.3, 9.1)  # metres of the waves
-SPREAD = 0.5  # radians: how far directions lie around that of the wind
+LENGTHS = (0.9, 1.3, 1.9, 3.1, 5.3, 9.1)  # wavelengths in metres
+SPREAD = 0.5  # radians; standard deviation of the wave directions around the wind's
 CALM = (96, 84, 58)  # BGR
-GLINT = 1.9  # deviations of height above which a crest shines
+GLINT = 1.9  # wave height above which a crest glints
 
 
 def paint_water(seed: int, size: int, gsd: float) -> Image:

@@ -1,1 +1,1 @@
-"""A camera that streams: pictures go into a real RTSP server on this host."""
+"""A streaming camera: feeds pictures to a real RTSP server on this host."""

@@ -1,4 +1,4 @@
-"""A camera whose pictures are streamed: starts the server, shows it pictures, kills and revives it."""
+"""A streaming camera: starts the RTSP server, feeds it pictures, kills and restarts it."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ _PROBE = (
 
 @cache
 def python_with_gstreamer() -> str | None:
-    """A Python that can run the server: Debian's own, as PyGObject comes with the system; None if there is none."""
-    for python in ("/usr/bin/python3", shutil.which("python3")):
-        if python and not subprocess.run([python, "-c", _PROBE], capture_output=True, check=False).returncode:
+    """A Python interpreter with GStreamer's bindings: preferably the system's, which has PyGObject; None if there is none."""
+    for python in filter(None, map(shutil.which, ("/usr/bin/python3", "python3"))):
+        if not subprocess.run([python, "-c", _PROBE], capture_output=True, check=False).returncode:
             return python
     return None
 
 
 @dataclass(slots=True, kw_only=True)
 class StreamingCamera:
-    """A camera at rtsp://127.0.0.1:PORT/camera. `start` it before it is shown anything; it may be started again."""
+    """A camera at rtsp://127.0.0.1:PORT/camera. Call `start` before `show`; restartable after `kill`."""
 
     size: tuple[int, int] = (640, 480)  # width, height
-    rate: int = 10  # pictures a second, which is up to whoever shows them
+    rate: int = 10  # pictures a second, as promised by the caller of `show`
     codec: str = "h264"  # or h265
-    key_every: int = 10  # pictures
+    key_every: int = 10  # pictures per key frame
     bitrate: int = 8000  # kbit/s
-    loss: float = 0.0  # share of packets
-    user: str = ""  # NAME:PASSWORD that is asked for
+    loss: float = 0.0  # share of lost packets
+    user: str = ""  # NAME:PASSWORD required of clients
     port: int = field(default_factory=lambda: free_tcp_port())
     process: subprocess.Popen[bytes] | None = None
 
@@ -54,7 +54,7 @@ class StreamingCamera:
         return f"rtsp://{self.user + '@' if self.user else ''}127.0.0.1:{self.port}/camera"
 
     def start(self) -> None:
-        """Serve. ValueError where that cannot be done."""
+        """Start serving. Raises ValueError if that fails."""
         python = python_with_gstreamer()
         if python is None:
             raise ValueError(f"a streaming camera needs GStreamer: apt-get install {NEEDED}")
@@ -70,7 +70,7 @@ class StreamingCamera:
             raise ValueError("GStreamer's RTSP server did not start, what it said is above")
 
     def show(self, picture: NDArray[np.uint8]) -> float | None:
-        """The next picture, (height, width, 3) BGR; returns when it was taken (monotonic), None while the server is down."""
+        """Stream the next picture, (height, width, 3) BGR; returns its capture time (monotonic), None if the server is down."""
         process = self.process
         if process is None or process.stdin is None or process.stdout is None:
             return None
@@ -81,14 +81,14 @@ class StreamingCamera:
         return None
 
     def freeze(self) -> None:
-        """The network falls silent."""
-        self._send(signal.SIGSTOP)
+        """Suspend the server, as if the network went silent."""
+        self._send("SIGSTOP")
 
     def thaw(self) -> None:
-        self._send(signal.SIGCONT)
+        self._send("SIGCONT")
 
     def kill(self) -> None:
-        """As if the plug were pulled."""
+        """Kill the server, as in a power failure."""
         if self.process is not None:
             process, self.process = self.process, None
             process.kill()
@@ -98,7 +98,10 @@ class StreamingCamera:
                     assert pipe is not None
                     pipe.close()
 
-    def _send(self, number: signal.Signals) -> None:
+    def _send(self, name: str) -> None:
+        number = getattr(signal, name, None)
+        if number is None:
+            raise ValueError(f"a camera that freezes needs {name}, which this system does not have: use Linux or macOS")
         if self.process is not None:
             self.process.send_signal(number)
 

@@ -1,4 +1,4 @@
-"""Shows the pictures of a flight to a streaming camera: each around the moment of its trigger, until the next one's."""
+"""Feeds the pictures of a flight to a streaming camera: each from shortly before its trigger until the next one."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from .camera import StreamingCamera
 
-BEFORE_S = 0.4  # a picture is shown so long before its trigger: the view does not leap at the very moment
-AFTER_S = 1.0  # the last one stays so long: the program takes it a little later
+BEFORE_S = 0.4  # lead of a picture over its trigger, so that the view does not change at the trigger itself
+AFTER_S = 1.0  # how long the last picture stays: the program takes it a little later
 
 Image = NDArray[np.uint8]
 
 
 @dataclass(slots=True)
 class Projector:
-    """Takes the place of `sitl.delivery.Delivery`: pictures are streamed instead of written."""
+    """Drop-in replacement of `sitl.delivery.Delivery`: pictures are streamed instead of written."""
 
-    lead: ClassVar[float] = 4.0  # seconds before the first trigger: whoever listens must have found the stream
+    lead: ClassVar[float] = 4.0  # seconds before the first trigger, for clients to connect to the stream
 
     camera: StreamingCamera
-    slides: list[tuple[float, Image]] = field(default_factory=list)  # with when each begins (monotonic)
+    slides: list[tuple[float, Image]] = field(default_factory=list)  # (start in monotonic seconds, picture)
     over: threading.Event = field(default_factory=threading.Event)
     thread: threading.Thread = field(init=False)
 
@@ -35,7 +35,7 @@ class Projector:
         self.thread.start()
 
     def expect(self, data: bytes, due: float) -> None:
-        """The picture (a file's bytes) of the trigger that is due at this moment."""
+        """Queue the picture (encoded) of the trigger due at `due` (monotonic seconds)."""
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         assert image is not None, "a flight's pictures are pictures"
         if image.shape[1::-1] != self.camera.size:
@@ -43,10 +43,10 @@ class Projector:
         self.slides.append((due - BEFORE_S, np.asarray(image, np.uint8)))
 
     def send(self, name: str, data: bytes) -> None:
-        """Nothing: the picture is on the screen already."""
+        """No-op: the picture is already being streamed."""
 
     def run(self) -> None:
-        """Show what is due, at the camera's rate."""
+        """Stream the current picture at the camera's rate."""
         while not self.over.wait(1 / self.camera.rate):
             while len(self.slides) > 1 and self.slides[1][0] <= time.monotonic():
                 self.slides.pop(0)
@@ -54,7 +54,7 @@ class Projector:
                 self.camera.show(self.slides[0][1])
 
     def finish(self) -> None:
-        """Let the last picture be seen."""
+        """Keep streaming the last picture for AFTER_S, then stop."""
         time.sleep(AFTER_S)
         self.abandon()
 

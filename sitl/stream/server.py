@@ -1,7 +1,7 @@
-"""An RTSP server: pictures come in on standard input, raw, and leave it as H.264 or H.265 on rtsp://127.0.0.1:PORT/camera.
+"""An RTSP server: raw pictures on standard input, H.264 or H.265 on rtsp://127.0.0.1:PORT/camera.
 
-A program of its own, for Debian's Python with GStreamer (see `sitl.stream.camera`, which starts it): it imports nothing of ours.
-Prints `serving PORT` when it serves, then the monotonic time of each picture; ends when its input does.
+A separate program for a Python with GStreamer's bindings, started by `sitl.stream.camera`; imports nothing of the project.
+Prints `serving PORT` once it serves, then the monotonic time of each picture; ends at end of input.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ gi.require_version("Gst", "1.0")
 gi.require_version("GstRtspServer", "1.0")
 from gi.repository import GLib, Gst, GstRtspServer  # noqa: E402
 
-# One slice a picture: x264's slices on several threads come out broken with raw pictures from a program.
+# One slice per picture: x264's sliced threads produce broken output from raw appsrc pictures.
 ENCODERS = {
     "h264": "x264enc tune=zerolatency speed-preset=ultrafast threads=1 sliced-threads=false",
     "h265": "x265enc tune=zerolatency speed-preset=ultrafast",
 }
 PAYLOADERS = {"h264": "rtph264pay", "h265": "rtph265pay"}
-BYTES = 3  # of a pixel
+BYTES = 3  # per pixel
 
 
 def main() -> None:
@@ -54,7 +54,7 @@ def arguments() -> argparse.Namespace:
 
 
 def serving(asked: argparse.Namespace, sources: list[Any]) -> Any:
-    """The server; the element that takes pictures is put into `sources` whenever somebody connects."""
+    """The server; the appsrc element is put into `sources` whenever a client connects."""
     factory = GstRtspServer.RTSPMediaFactory()
     factory.set_launch(pipeline(asked))
     factory.set_shared(True)
@@ -84,7 +84,7 @@ def source_of(media: Any) -> Any:
 
 
 def protect(server: Any, factory: Any, name: str, password: str) -> None:
-    """Ask for a name and a password."""
+    """Require a user name and password."""
     auth, token = GstRtspServer.RTSPAuth(), GstRtspServer.RTSPToken()
     token.set_string("media.factory.role", "viewer")
     auth.add_basic(GstRtspServer.RTSPAuth.make_basic(name, password), token)
@@ -96,8 +96,8 @@ def protect(server: Any, factory: Any, name: str, password: str) -> None:
 
 
 def feed(size: int, sources: list[Any], loop: Any) -> None:
-    """Every picture from standard input, stamped with the time at which it came, which is told; while nobody looks it is
-    thrown away."""
+    """Push every picture from standard input, stamped and reported with its arrival time; without clients it is
+    dropped."""
     while len(data := sys.stdin.buffer.read(size)) == size:
         print(time.monotonic(), flush=True)
         for source in list(sources):

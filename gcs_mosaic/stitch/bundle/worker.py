@@ -139,7 +139,8 @@ def _send(pipe: Connection, task: IslandTask) -> None:
 def _work(pipe: Connection) -> None:
     """Tasks in, results out, until the other end is closed: at the latest when the program ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which ends this process itself
-    os.nice(NICENESS)
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(NICENESS)
     try:
         while True:
             pipe.send(_tried(pipe))
