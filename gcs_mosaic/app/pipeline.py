@@ -116,7 +116,7 @@ class Pipeline(Kept):
         self.load(saved)
         shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
         again = self.store.resume(self._processed.keys(), len(self.mosaic.islands))
-        self._painter.resume(shown)
+        self.store.remove_tiles_but(self._painter.resume(shown))
         changes = self.store.changes
         changes.placements = {placement.name: placement for placement in self.mosaic.placements()}
         changes.painted = {painted.name: painted for painted in self._painter.painted()}

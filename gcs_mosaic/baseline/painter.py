@@ -74,7 +74,7 @@ class PaperPainter(Kept):
         """Nothing is ever repainted."""
         return []
 
-    def resume(self, shown: Iterable[Painted]) -> None:
+    def resume(self, shown: Iterable[Painted]) -> set[TileKey]:
         """Cannot be done: the recipe's one picture is in memory only."""
         raise NotImplementedError("a map of the paper's recipe cannot be resumed")
 

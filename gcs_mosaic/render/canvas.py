@@ -152,12 +152,14 @@ class Canvas(Kept):
         """Analyse a frame that will follow by `move`, so that it need not be loaded for that. ValueError as in `paint`."""
         self._gallery.look_ahead(painted, image)
 
-    def resume(self, frames: Iterable[Painted]) -> None:
-        """Register frames painted by an earlier run. Their tiles are stale, displayed from `load_tile` until repainted."""
+    def resume(self, frames: Iterable[Painted]) -> set[TileKey]:
+        """Register frames that an earlier run painted. Their tiles are stale, and shown from `load_tile` until repainted; returns
+        those and all above them."""
         for painted, frame in self._gallery.all_placed(list(frames)):
             keys = self._register(painted, frame)
             self._fall_behind(keys)
             self._stack.expect(keys)
+        return set(self._stack.earlier)
 
     def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
         """Frames have new poses, gains, levels or islands, or are new; their old and new tiles become stale. Returns the number

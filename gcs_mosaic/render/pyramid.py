@@ -53,7 +53,7 @@ class TileStack(Kept):
         self._pool = pool
         self._load_tile = load_tile
         self._earlier_own: set[TileKey] = set()
-        self._earlier: set[TileKey] = set()
+        self.earlier: set[TileKey] = set()  # of which only an earlier run knows more
         self._tops: dict[int, tuple[Box, int]] = {}
 
     def own(self, key: TileKey) -> Layer | None:
@@ -80,8 +80,8 @@ class TileStack(Kept):
         for key in keys:
             self._earlier_own.add(key)
             island, tile = key
-            while tile.z >= 0 and (island, tile) not in self._earlier:
-                self._earlier.add((island, tile))
+            while tile.z >= 0 and (island, tile) not in self.earlier:
+                self.earlier.add((island, tile))
                 tile = tile.parent
 
     def shown(self, key: TileKey) -> Callable[[], TilePicture | None]:
@@ -104,7 +104,7 @@ class TileStack(Kept):
             self._shrink_all(below_top)
             waiting[level - 1] |= {(island, tile.parent) for island, tile in below_top}
         touched = set().union(*waiting.values())
-        self._earlier -= touched
+        self.earlier -= touched
         return touched | gone
 
     def _retop(self, island: int, extent: Extent | None, waiting: dict[int, set[TileKey]]) -> set[TileKey]:
@@ -138,7 +138,7 @@ class TileStack(Kept):
 
     def _quarter(self, key: TileKey) -> Layer | None:
         quarter: Layer | None = self._store.get((key, "quarter"))
-        if quarter is None and key in self._earlier:
+        if quarter is None and key in self.earlier:
             layer = self._load(key)
             quarter = None if layer is None else shrink(layer)
             self._store.put((key, "quarter"), quarter)

@@ -104,13 +104,15 @@ class Painter(Kept):
         # Frames displaced too far, with their displacement in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
 
-    def resume(self, shown: Iterable[Painted]) -> None:
-        """Go on after `load`. The tiles on the disk show these frames so; they are stale until they are repainted."""
+    def resume(self, shown: Iterable[Painted]) -> set[TileKey]:
+        """Go on after `load`. The tiles on the disk show these frames so; they are stale until they are repainted. Returns all
+        tiles that may be on the disk, others show what is nowhere painted any more."""
         before = list(shown)
-        self.canvas.resume(before)
+        tiles = self.canvas.resume(before)
         self.canvas.remove([painted.name for painted in before if painted.name not in self._painted])
         self.canvas.move(self._painted.values())
         self._changed.clear()
+        return tiles
 
     def painted(self) -> list[Painted]:
         """How each frame is to be painted now."""

@@ -62,10 +62,9 @@ def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[W
     size = window.shape[0] // 2, window.shape[1] // 2
     total, weight = np.zeros((4, *size), np.float32), np.zeros(size, np.float32)
     tones: dict[int, tuple[Window, Lattice]] = {}
-    for number, box in shown_boxes(first, window).items():
-        if (known := seer(number)) is None:
-            continue
-        frame, sight = known
+    # In capture order, not by number: what a sum of floats comes to depends on its order.
+    seen = [(number, box, known) for number, box in shown_boxes(first, window).items() if (known := seer(number))]
+    for number, box, (frame, sight) in sorted(seen, key=lambda one: one[2][0].painted.turn):
         there = box.wider().common(frame.window)
         there = None if there is None else there.common(window)
         if there is None:

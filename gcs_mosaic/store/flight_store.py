@@ -37,7 +37,7 @@ from gcs_mosaic.store.records import (
 )
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
-from gcs_mosaic.store.tiles import TileSettings, TileWriter
+from gcs_mosaic.store.tiles import TileSettings, TileWriter, remove_strays
 
 logger = logging.getLogger(__name__)
 
@@ -163,6 +163,10 @@ class FlightStore(Kept):
             f.name: (f.width, f.height) for f in known if f.width is not None and f.height is not None
         }
         return again
+
+    def remove_tiles_but(self, known: Collection[TileKey]) -> None:
+        """Remove tiles that are none of these: written just before a kill, or waiting to be repainted then."""
+        self._retry(lambda: remove_strays(self.out, known))
 
     @property
     def revision(self) -> int:

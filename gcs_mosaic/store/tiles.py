@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,6 +105,21 @@ def remove_tile(root: Path, island: int, tile: Tile) -> None:
     # The mask last, because a tile without a mask counts as full.
     tile_path(root, island, tile).unlink(missing_ok=True)
     mask_path(root, island, tile).unlink(missing_ok=True)
+
+
+def tiles_in(root: Path) -> Iterator[TileKey]:
+    """All tiles that are on the disk; files of other names are passed over."""
+    for path in (root / "tiles").glob("*/*/*/*.jpg"):
+        island, z, x, y = (*path.parts[-4:-1], path.stem)
+        if all(part.isascii() and part.isdecimal() for part in (island, z, x, y)):
+            yield int(island), Tile(int(z), int(x), int(y))
+
+
+def remove_strays(root: Path, known: Collection[TileKey]) -> None:
+    """Remove the tiles that are none of these."""
+    for island, tile in list(tiles_in(root)):
+        if (island, tile) not in known:
+            remove_tile(root, island, tile)
 
 
 def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
