@@ -4,29 +4,15 @@ import cv2
 import faint_frames
 import numpy as np
 import pytest
+from faint_frames import motion
 from numpy.typing import NDArray
 from stitch_ground import Image
 
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
-from gcs_mosaic.stitch.camera.geometry import Array
 from gcs_mosaic.stitch.features.detectors import detect
-from gcs_mosaic.stitch.features.extraction import (
-    Features,
-    FeatureSettings,
-    extract,
-    faint_features,
-    root_sift,
-    without_border,
-)
-from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract, faint_features, root_sift, without_border
 
 SIZES = (2, 4, 8, 16, 32)  # px of what there is to see
-
-
-def motion(a: Features, b: Features) -> Array | None:
-    """How far the middle of one frame lies from itself in another; None if they do not match."""
-    found = register(a, b, RegistrationSettings())
-    return (found.pixels_b - found.pixels_a).mean(axis=0) if isinstance(found, Registration) else None
 
 
 def ordinary(image: Image) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:

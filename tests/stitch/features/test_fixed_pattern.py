@@ -5,10 +5,9 @@ from collections.abc import Iterable, Iterator
 import faint_frames
 import numpy as np
 import pytest
-from faint_frames import Levels
+from faint_frames import Levels, motion
 from numpy.typing import NDArray
 from stitch_ground import Image
-from test_faint import motion
 
 from gcs_mosaic.stitch.features import fixed_pattern as still
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract

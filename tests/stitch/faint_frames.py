@@ -5,6 +5,10 @@ import numpy as np
 from numpy.typing import NDArray
 from stitch_ground import Image
 
+from gcs_mosaic.stitch.camera.geometry import Array
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
+
 WIDTH, HEIGHT = 400, 300
 
 Levels = NDArray[np.float32]
@@ -37,3 +41,9 @@ def frame(
     seen = contrast * ground[y : y + HEIGHT, x : x + WIDTH]
     noisy = 128 + seen + pattern + np.random.default_rng(seed).normal(0, noise, seen.shape)
     return np.asarray(np.clip(np.rint(noisy), 0, 255), np.uint8)
+
+
+def motion(a: Features, b: Features) -> Array | None:
+    """How far the middle of one frame lies from itself in another; None if they do not match."""
+    found = register(a, b, RegistrationSettings())
+    return (found.pixels_b - found.pixels_a).mean(axis=0) if isinstance(found, Registration) else None
