@@ -21,6 +21,19 @@ def line(x: float, y: float, count: int, step: float = 130, **more: float) -> li
     return [Pose(x + step * i, y, **more) for i in range(count)]
 
 
+def noted_pairs(monkeypatch: pytest.MonkeyPatch) -> list[set[int]]:
+    """The frames that are compared from now on, two by two."""
+    register = Search.register
+    asked: list[set[int]] = []
+
+    def noting(search: Search, frame: int, other: int) -> Registration | None:
+        asked.append({frame, other})
+        return register(search, frame, other)
+
+    monkeypatch.setattr(Search, "register", noting)
+    return asked
+
+
 def test_two_flight_lines_become_one_map(ground: Image) -> None:
     rng = np.random.default_rng(5)
     level = line(400, 500, 7) + line(400, 720, 7)[::-1]
@@ -134,16 +147,9 @@ def test_a_founder_that_nothing_joined_comes_home(ground: Image) -> None:
 def test_a_founder_is_compared_once_with_each_new_frame(
     ground: Image, other_ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    register = Search.register
-    asked: list[set[int]] = []
-
-    def noting(search: Search, frame: int, other: int) -> Registration | None:
-        asked.append({frame, other})
-        return register(search, frame, other)
-
     mosaic = Mosaic()
     fly(mosaic, other_ground, [Pose(500, 500)])
-    monkeypatch.setattr(Search, "register", noting)
+    asked = noted_pairs(monkeypatch)
     fly(mosaic, ground, line(400, 500, 4), first=1)
     assert mosaic.frame_counts() == {0: 1, 1: 4}
     assert asked.count({0, 4}) == 1
@@ -183,16 +189,10 @@ def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(
 ) -> None:
     """Frames that lie awry agree with nothing; when their island has been adjusted they may."""
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.incremental_mapper.BRIDGE_TRIES", 0)
-    mosaic, register = Mosaic(), Search.register
-    asked: list[set[int]] = []
+    mosaic = Mosaic()
     truth = [*line(300, 600, 4), *line(1300, 600, 4), *line(820, 600, 4)]
     fly(mosaic, ground, truth)
-
-    def noting(search: Search, frame: int, other: int) -> Registration | None:
-        asked.append({frame, other})
-        return register(search, frame, other)
-
-    monkeypatch.setattr(Search, "register", noting)
+    asked = noted_pairs(monkeypatch)
     with monkeypatch.context() as patch:
         patch.setattr(Bridges, "_agree", lambda *_: False)
         while mosaic.connect_some():
