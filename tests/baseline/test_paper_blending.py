@@ -4,19 +4,20 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.baseline.blending import BOOST, blend, border_distance, edge_boost
+from gcs_mosaic.baseline.raster import Image
 
 
-def flat(value, shape=(60, 80)):
+def flat(value: int, shape: tuple[int, int] = (60, 80)) -> Image:
     return np.full((*shape, 3), value, np.uint8)
 
 
-def test_weights_grow_from_the_border():
+def test_weights_grow_from_the_border() -> None:
     distance = border_distance(np.full((60, 80), 255, np.uint8))
     assert distance[0, 40] == pytest.approx(1, abs=0.05)
     assert distance[30, 40] == pytest.approx(30, abs=1)
 
 
-def test_where_only_one_covers_it_stands_alone():
+def test_where_only_one_covers_it_stands_alone() -> None:
     coverage = np.zeros((60, 80), np.uint8)
     coverage[:, 40:] = 255
     mixed = blend(flat(50), border_distance(255 - coverage), flat(200), coverage)
@@ -24,7 +25,7 @@ def test_where_only_one_covers_it_stands_alone():
     assert (mixed[:, 40:] == 200).all()
 
 
-def test_the_nearer_to_its_own_middle_the_more_of_it_shows():
+def test_the_nearer_to_its_own_middle_the_more_of_it_shows() -> None:
     everywhere = np.full((60, 80), 255, np.uint8)
     left = everywhere.copy()
     left[:, 60:] = 0
@@ -34,7 +35,7 @@ def test_the_nearer_to_its_own_middle_the_more_of_it_shows():
     assert mixed[59] > 180
 
 
-def test_dense_edges_make_the_new_frame_heavier():
+def test_dense_edges_make_the_new_frame_heavier() -> None:
     rough = flat(200)
     rough[20:40, 20:60] = np.where(np.arange(40) % 8 < 4, 0, 200)[None, :, None]
     assert (edge_boost(rough)[22:38, 24:56] == BOOST).all()

@@ -5,25 +5,26 @@ import shutil
 import sqlite3
 import sys
 from contextlib import closing
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from running import flying, six_pictures
 
 import sitl.flight
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
-from gcs_mosaic.stitch.features.detectors import is_available
+from gcs_mosaic.stitch.features.detectors import FeatureKind, is_available
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.schema import MIGRATIONS, VERSION
 from gcs_mosaic.store.tiles import read_tile
 from sitl.path import Plan
+from tests.running import flying, six_pictures
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory, world_cache):
+def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """Six frames that overlap, and one of nothing."""
     folder = tmp_path_factory.mktemp("frames")
     route = Plan(frames=6, height=60)
@@ -33,13 +34,13 @@ def frames(tmp_path_factory, world_cache):
 
 
 @pytest.fixture(scope="module")
-def out(frames, tmp_path_factory):
+def out(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("flown") / "mosaic"
     assert cli.main(["stitch", str(frames), "--out", str(out), "--method", "paper", "--scale", "0.5"]) == 0
     return out
 
 
-def test_every_frame_is_accounted_for(out):
+def test_every_frame_is_accounted_for(out: Path) -> None:
     manifest, placements = (json.loads((out / name).read_text()) for name in ("mosaic.json", "placements.json"))
     assert (manifest["frames"]["placed"], manifest["frames"]["rejected"]) == (6, 1)
     assert [island["frames"] for island in manifest["islands"]] == [6]
@@ -49,7 +50,7 @@ def test_every_frame_is_accounted_for(out):
     assert [frame["hops"] for frame in placements["frames"]] == [0, 1, 2, 3, 4, 5]
 
 
-def test_all_levels_have_their_tiles(out):
+def test_all_levels_have_their_tiles(out: Path) -> None:
     (island,) = json.loads((out / "mosaic.json").read_text())["islands"]
     assert island["maxzoom"] == 15
     for level in range(island["minzoom"], 16):
@@ -57,7 +58,7 @@ def test_all_levels_have_their_tiles(out):
     assert read_tile(out, 0, Tile(15, 2**14, 2**14)) is not None
 
 
-def test_the_export_says_where_pixels_go_as_the_homography_does(out, tmp_path):
+def test_the_export_says_where_pixels_go_as_the_homography_does(out: Path, tmp_path: Path) -> None:
     assert cli.main(["export", str(out), "--format", "placements", "--to", str(tmp_path / "p.json")]) == 0
     entries = json.loads((tmp_path / "p.json").read_text())["frames"]
     turned = [abs(np.array(entry["canvas_from_frame"])[2, :2]).max() for entry in entries]
@@ -69,22 +70,23 @@ def test_the_export_says_where_pixels_go_as_the_homography_does(out, tmp_path):
         assert np.allclose(there, np.array(entry["warp"]["canvas"]).reshape(-1, 2), atol=1e-3)
 
 
-def test_the_ledger_gives_homographies_back_bit_by_bit(out):
+def test_the_ledger_gives_homographies_back_bit_by_bit(out: Path) -> None:
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
-        kept = {estimate.name: estimate.homography for estimate in ledger.estimates()}
+        kept = {estimate.name: estimate.homography or () for estimate in ledger.estimates()}
     told = json.loads((out / "placements.json").read_text())["frames"]
     assert {name: [list(row) for row in rows] for name, rows in kept.items()} == {
         frame["name"]: frame["canvas_from_frame"] for frame in told
     }
 
 
-def test_the_map_is_exported_as_a_picture(out, tmp_path):
+def test_the_map_is_exported_as_a_picture(out: Path, tmp_path: Path) -> None:
     assert cli.main(["export", str(out), "--format", "png", "--to", str(tmp_path / "p.png")]) == 0
     picture = cv2.imread(str(tmp_path / "p.png"), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
     assert (picture[..., 3] > 0).sum() > 320 * 240
 
 
-def test_it_is_not_painted_again_with_all_bands(out, tmp_path, capsys):
+def test_it_is_not_painted_again_with_all_bands(out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["export", str(out), "--format", "tiff", "--to", str(tmp_path / "map.tif")]) == 2
     assert "is a map of --method paper" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
@@ -93,7 +95,7 @@ def test_it_is_not_painted_again_with_all_bands(out, tmp_path, capsys):
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["paper", "adjusted"])
 @pytest.mark.parametrize("kind", ["orb", "surf"])
-def test_other_features_stitch_too(frames, tmp_path, method, kind):
+def test_other_features_stitch_too(frames: Path, tmp_path: Path, method: str, kind: FeatureKind) -> None:
     if not is_available(kind):
         pytest.skip("mahotas is not installed")
     words = ["--out", str(tmp_path / "out"), "--method", method, "--features", kind]
@@ -102,7 +104,9 @@ def test_other_features_stitch_too(frames, tmp_path, method, kind):
 
 
 @pytest.mark.parametrize("method", [[], ["--method", "paper"]])
-def test_surf_without_mahotas_is_told_in_one_sentence(frames, tmp_path, capsys, monkeypatch, method):
+def test_surf_without_mahotas_is_told_in_one_sentence(
+    frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, method: list[str]
+) -> None:
     monkeypatch.setattr(sys, "path", [])
     monkeypatch.delitem(sys.modules, "mahotas", raising=False)
     out = tmp_path / "out"
@@ -114,14 +118,16 @@ def test_surf_without_mahotas_is_told_in_one_sentence(frames, tmp_path, capsys, 
     assert not out.exists()
 
 
-def test_debug_pictures_are_of_the_default_method(frames, tmp_path, capsys):
+def test_debug_pictures_are_of_the_default_method(
+    frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ["--out", str(tmp_path / "out"), "--method", "paper", "--debug", str(tmp_path / "debug")]
     assert cli.main(["stitch", str(frames), *words]) == 2
     assert "leave it out with --method paper" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_flight_of_an_earlier_version_is_still_exported(out, tmp_path):
+def test_a_flight_of_an_earlier_version_is_still_exported(out: Path, tmp_path: Path) -> None:
     """Ledgers of version 1 know no homographies; the first step of their migration makes room for them."""
     earlier = tmp_path / "earlier"
     shutil.copytree(out, earlier)
@@ -138,14 +144,14 @@ def test_a_flight_of_an_earlier_version_is_still_exported(out, tmp_path):
         ledger.record_estimates(ledger.estimates())
 
 
-def test_the_blend_is_the_papers_own(frames, tmp_path, capsys):
+def test_the_blend_is_the_papers_own(frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--out", str(tmp_path / "out"), "--method", "paper", "--blend", "newest"]
     assert cli.main(["stitch", str(frames), *words]) == 2
     assert "leave out --blend" in capsys.readouterr().err
 
 
 @pytest.mark.long
-def test_a_live_flight_is_stitched_so_too(tmp_path, world_cache):
+def test_a_live_flight_is_stitched_so_too(tmp_path: Path, world_cache: Path) -> None:
     with flying(tmp_path, "--method", "paper") as flight:
         for k, picture in enumerate(six_pictures(world_cache)[:3]):
             flight.take(f"IMG_{k}.JPG", picture)

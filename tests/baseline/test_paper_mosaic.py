@@ -1,28 +1,33 @@
 """The paper's recipe on small frames of a known ground, and the bounds that stop it."""
 
+from collections.abc import Iterable, Sequence
+
 import cv2
 import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
 from gcs_mosaic.baseline.mosaic import PaperMosaic, PaperSettings, footprint_window
-from gcs_mosaic.baseline.raster import Window
+from gcs_mosaic.baseline.raster import Image, Window
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 
 LINE = [Pose(600.0 + 90 * k, 700.0 + 20 * k, 0.0, 0.1 * k) for k in range(5)]
 
 
-def frame(ground, pose):
-    return cv2.cvtColor(photograph(ground, pose, SMALL_CAMERA), cv2.COLOR_GRAY2BGR)
+def frame(ground: Image, pose: Pose) -> Image:
+    return np.asarray(cv2.cvtColor(photograph(ground, pose, SMALL_CAMERA), cv2.COLOR_GRAY2BGR), np.uint8)
 
 
-def flown(ground, poses, **settings):
-    mosaic = PaperMosaic(PaperSettings(**settings))
+def flown(
+    ground: Image, poses: Iterable[Pose], settings: PaperSettings | None = None
+) -> tuple[PaperMosaic, list[Placement | Rejection]]:
+    mosaic = PaperMosaic(settings)
     return mosaic, [mosaic.add(frame(ground, pose), str(k)) for k, pose in enumerate(poses)]
 
 
-def laid_error(placements, poses):
+def laid_error(placements: Sequence[Placement], poses: Sequence[Pose]) -> float:
     """RMS distance of the places of a grid of pixels from the truth after one similarity, ground pixels."""
     grid = pixel_grid(SMALL_CAMERA, 5, 4)
     found = np.concatenate([cv2.perspectiveTransform(grid[None], p.canvas_from_frame)[0] for p in placements])
@@ -33,17 +38,18 @@ def laid_error(placements, poses):
 
 
 @pytest.mark.parametrize("kind", ["sift", "orb", "surf"])
-def test_a_short_flight_lies_where_it_was_taken(ground, kind):
+def test_a_short_flight_lies_where_it_was_taken(ground: Image, kind: FeatureKind) -> None:
     if kind == "surf":
         pytest.importorskip("mahotas")
-    mosaic, outcomes = flown(ground, LINE, features=kind)
-    assert all(isinstance(one, Placement) for one in outcomes)
+    mosaic, outcomes = flown(ground, LINE, PaperSettings(features=kind))
+    placed = [one for one in outcomes if isinstance(one, Placement)]
+    assert placed == outcomes
     assert laid_error(mosaic.placements(), LINE) < (1.5 if kind == "sift" else 6)  # what the paper says of ORB
-    assert [one.hops for one in outcomes] == [0, 1, 2, 3, 4]
-    assert all(one.inliers >= mosaic.settings.least_inliers for one in outcomes[1:])
+    assert [one.hops for one in placed] == [0, 1, 2, 3, 4]
+    assert all(one.inliers >= mosaic.settings.least_inliers for one in placed[1:])
 
 
-def test_the_picture_shows_the_ground_where_the_placements_say(ground):
+def test_the_picture_shows_the_ground_where_the_placements_say(ground: Image) -> None:
     mosaic, _ = flown(ground, LINE)
     there = Window(0, 0, 480, 360)  # the first frame, which later ones were laid on
     colour, coverage = mosaic.raster.part(there)
@@ -52,7 +58,7 @@ def test_the_picture_shows_the_ground_where_the_placements_say(ground):
     assert np.abs(colour[20:-20, 20:-20].astype(int) - taken[20:-20, 20:-20]).mean() < 8
 
 
-def test_a_reduced_flight_has_placements_in_full_pixels(ground):
+def test_a_reduced_flight_has_placements_in_full_pixels(ground: Image) -> None:
     mosaic = PaperMosaic(reduction=2)
     for k, pose in enumerate(LINE[:3]):
         small = cv2.resize(frame(ground, pose), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -62,7 +68,7 @@ def test_a_reduced_flight_has_placements_in_full_pixels(ground):
     assert mosaic.raster.level == 15
 
 
-def test_a_stranger_is_rejected_and_changes_nothing(ground, other_ground):
+def test_a_stranger_is_rejected_and_changes_nothing(ground: Image, other_ground: Image) -> None:
     mosaic, _ = flown(ground, LINE[:2])
     before = [array.copy() for array in mosaic.raster.part(mosaic.raster.window)]
     outcome = mosaic.add(frame(other_ground, Pose(600.0, 600.0)), "stranger")
@@ -72,14 +78,14 @@ def test_a_stranger_is_rejected_and_changes_nothing(ground, other_ground):
     assert isinstance(mosaic.add(frame(ground, LINE[2]), "2"), Placement)
 
 
-def test_a_flight_does_not_begin_with_a_frame_that_shows_nothing(ground):
+def test_a_flight_does_not_begin_with_a_frame_that_shows_nothing(ground: Image) -> None:
     mosaic = PaperMosaic()
     outcome = mosaic.add(np.full((360, 480, 3), 90, np.uint8), "nothing")
     assert outcome == Rejection("nothing", "too little to see: 0 features")
     assert isinstance(mosaic.add(frame(ground, LINE[0]), "0"), Placement)
 
 
-def test_ground_outside_the_region_of_interest_is_not_found_again(ground):
+def test_ground_outside_the_region_of_interest_is_not_found_again(ground: Image) -> None:
     """The one thing that keeps the cost of a frame constant: what is farther off than a frame's width is not looked at."""
     away = [Pose(400.0 + 200 * k, 500.0) for k in range(8)]
     mosaic, outcomes = flown(ground, away)
@@ -87,17 +93,19 @@ def test_ground_outside_the_region_of_interest_is_not_found_again(ground):
     assert isinstance(mosaic.add(frame(ground, away[0]), "again"), Rejection)
 
 
-def test_a_mosaic_that_outgrows_its_bound_is_stopped_with_a_reason(ground):
-    _, outcomes = flown(ground, [Pose(400.0 + 150 * k, 500.0 + 20 * k) for k in range(6)], most_megapixels=0.6)
+def test_a_mosaic_that_outgrows_its_bound_is_stopped_with_a_reason(ground: Image) -> None:
+    _, outcomes = flown(
+        ground, [Pose(400.0 + 150 * k, 500.0 + 20 * k) for k in range(6)], PaperSettings(most_megapixels=0.6)
+    )
     assert [isinstance(one, Placement) for one in outcomes] == [True, True, True, True, False, False]
-    assert outcomes[4].reason == "the mosaic would have 0.655 megapixels, 0.6 allowed"
+    assert outcomes[4] == Rejection("4", "the mosaic would have 0.655 megapixels, 0.6 allowed")
 
 
-def test_frames_that_grow_and_grow_are_stopped_with_a_reason(ground):
+def test_frames_that_grow_and_grow_are_stopped_with_a_reason(ground: Image) -> None:
     climb = [Pose(1200.0, 1200.0, 0.35 * k) for k in range(5)]
-    mosaic, outcomes = flown(ground, climb, largest_growth=5.0)
+    mosaic, outcomes = flown(ground, climb, PaperSettings(largest_growth=5.0))
     assert [isinstance(one, Placement) for one in outcomes] == [True, True, True, False, False]
-    assert outcomes[3].reason == "it would cover 8 times its own pixels, 5 allowed"
+    assert outcomes[3] == Rejection("3", "it would cover 8 times its own pixels, 5 allowed")
     assert len(mosaic.placements()) == 3
 
 
@@ -109,18 +117,18 @@ def test_frames_that_grow_and_grow_are_stopped_with_a_reason(ground):
         [[1e7, 0, 0], [0, 1e7, 0], [0, 0, 1]],
     ],
 )
-def test_what_no_camera_sees_has_no_footprint(homography):
+def test_what_no_camera_sees_has_no_footprint(homography: list[list[float]]) -> None:
     assert footprint_window(np.array(homography, float), 480, 360) is None
 
 
-def test_a_footprint_holds_whole_pixels():
+def test_a_footprint_holds_whole_pixels() -> None:
     assert footprint_window(np.eye(3), 480, 360) == Window(0, 0, 480, 360)
     shifted = np.array([[1, 0, 10.25], [0, 1, -3.0], [0, 0, 1]])
     assert footprint_window(shifted, 480, 360) == Window(10, -3, 491, 357)
     assert footprint_window(-shifted, 480, 360) == Window(10, -3, 491, 357)
 
 
-def test_sixteen_bits_of_one_band_are_stitched_as_a_person_sees_them(ground):
+def test_sixteen_bits_of_one_band_are_stitched_as_a_person_sees_them(ground: Image) -> None:
     mosaic = PaperMosaic()
     for k, pose in enumerate(LINE[:3]):
         thermal = photograph(ground, pose, SMALL_CAMERA).astype(np.uint16) * 4 + 7000

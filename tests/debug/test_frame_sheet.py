@@ -12,20 +12,22 @@ from gcs_mosaic.debug.frame_sheet import (
     draw_matches,
     draw_relief,
 )
+from gcs_mosaic.debug.sheet import Image
+from gcs_mosaic.stitch.graph.placement import Placement
 
 GREY = np.full((300, 400, 3), 128, np.uint8)
 STARTS, ENDS = np.array([[100.0, 50], [300, 200]]), np.array([[50.0, 60], [250, 210]])
 
 
-def off_grey(picture, x, y):
+def off_grey(picture: Image, x: int, y: int) -> bool:
     return bool((np.abs(picture[y - 1 : y + 2, x - 1 : x + 2].astype(int) - 128) > 20).any())
 
 
-def pair(doubt):
+def pair(doubt: str) -> PairSeen:
     return PairSeen("a/one.jpg", "a/two.jpg", STARTS, ENDS, 9, 2, doubt)
 
 
-def test_what_agrees_is_connected():
+def test_what_agrees_is_connected() -> None:
     picture = draw_matches(pair(""), GREY, GREY)
     zoom = FRAME_WIDTH / 400
     assert picture.shape == (HEAD + 600, 2 * FRAME_WIDTH + GAP, 3)
@@ -37,16 +39,18 @@ def test_what_agrees_is_connected():
     assert not off_grey(picture, FRAME_WIDTH + GAP + 700, HEAD + 50)
 
 
-def test_a_refusal_is_said_in_red_and_belief_in_green():
+def test_a_refusal_is_said_in_red_and_belief_in_green() -> None:
     refused, believed = (draw_matches(pair(doubt), GREY, GREY)[: HEAD - 4].astype(int) for doubt in ("no", ""))
-    red, green = (lambda p: (p[..., 2] - p[..., 1] > 80).sum()), (lambda p: (p[..., 1] - p[..., 2] > 60).sum())
-    assert red(refused) > 100
-    assert green(refused) == 0
-    assert green(believed) > 100
-    assert red(believed) == 0
+    (red, no_green), (no_red, green) = (
+        ((p[..., 2] - p[..., 1] > 80).sum(), (p[..., 1] - p[..., 2] > 60).sum()) for p in (refused, believed)
+    )
+    assert red > 100
+    assert no_green == 0
+    assert green > 100
+    assert no_red == 0
 
 
-def test_relief_is_drawn_as_arrows_in_its_direction(two_placements):
+def test_relief_is_drawn_as_arrows_in_its_direction(two_placements: list[Placement]) -> None:
     picture = draw_relief([(placement, GREY) for placement in two_placements]).astype(int)
     top, height = HEAD + 30, round(300 * PANEL_WIDTH / 400)
     flat, shifted = (picture[top : top + height, x : x + PANEL_WIDTH] for x in (GAP, GAP + PANEL_WIDTH + GAP))

@@ -2,18 +2,19 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from gcs_mosaic.debug.sheet import PAPER, Sheet, nice_length, rainbow
+from gcs_mosaic.debug.sheet import PAPER, Anchor, Sheet, nice_length, rainbow
 
 RED, BLACK = (0, 0, 255), (0, 0, 0)
 
 
-def drawn(sheet: Sheet) -> np.ndarray:
+def drawn(sheet: Sheet) -> NDArray[np.bool_]:
     """(h, w): which pixels are no longer paper."""
-    return (np.abs(sheet.picture().astype(int) - PAPER) > 8).any(axis=2)
+    return np.asarray((np.abs(sheet.picture().astype(int) - PAPER) > 8).any(axis=2))
 
 
-def test_a_line_is_drawn_where_it_runs_and_broken_by_nan():
+def test_a_line_is_drawn_where_it_runs_and_broken_by_nan() -> None:
     sheet = Sheet(100, 60)
     sheet.lines(np.array([[10, 20], [40, 20], [np.nan, np.nan], [60, 20], [90, 20.0]]), BLACK, 2)
     row = drawn(sheet)[20]
@@ -24,7 +25,7 @@ def test_a_line_is_drawn_where_it_runs_and_broken_by_nan():
     assert not drawn(sheet)[24:].any()
 
 
-def test_a_filled_polygon_is_tinted_inside_only_even_where_it_leaves_the_sheet():
+def test_a_filled_polygon_is_tinted_inside_only_even_where_it_leaves_the_sheet() -> None:
     sheet = Sheet(100, 60)
     sheet.fill(np.array([[50, 10], [140, 10], [140, 40], [50, 40.0]]), RED, 0.5)
     picture = sheet.picture()
@@ -34,7 +35,7 @@ def test_a_filled_polygon_is_tinted_inside_only_even_where_it_leaves_the_sheet()
     assert not drawn(sheet)[43:].any()
 
 
-def test_an_arrow_has_its_head_at_its_end():
+def test_an_arrow_has_its_head_at_its_end() -> None:
     sheet = Sheet(100, 60)
     sheet.arrow(np.array([20.0, 30]), np.array([60.0, 30]), BLACK, 1)
     ink = drawn(sheet)
@@ -46,7 +47,7 @@ def test_an_arrow_has_its_head_at_its_end():
 
 
 @pytest.mark.parametrize(("anchor", "left", "right"), [("left", 100, 180), ("middle", 60, 140), ("right", 20, 100)])
-def test_words_stand_where_they_are_anchored(anchor, left, right):
+def test_words_stand_where_they_are_anchored(anchor: Anchor, left: int, right: int) -> None:
     sheet = Sheet(200, 40)
     sheet.words((100, 25), "words", BLACK, 16, anchor)
     columns = np.flatnonzero(drawn(sheet).any(axis=0))
@@ -54,7 +55,7 @@ def test_words_stand_where_they_are_anchored(anchor, left, right):
     assert len(columns) > 20
 
 
-def test_a_picture_is_pasted_where_it_belongs():
+def test_a_picture_is_pasted_where_it_belongs() -> None:
     sheet = Sheet(50, 40)
     sheet.paste(np.full((10, 20, 3), (0, 90, 200), np.uint8), 5, 7)
     inside = np.zeros((40, 50), bool)
@@ -63,12 +64,12 @@ def test_a_picture_is_pasted_where_it_belongs():
     assert sheet.picture()[10, 10].tolist() == [0, 90, 200]
 
 
-def test_the_rainbow_goes_from_blue_to_red():
+def test_the_rainbow_goes_from_blue_to_red() -> None:
     first, last = rainbow(np.array([0.0, 1.0]))
     assert first[0] > 2 * first[2]
     assert last[2] > 2 * last[0]
 
 
 @pytest.mark.parametrize(("longest", "nice"), [(1, 1), (1.9, 1), (2.5, 2), (70, 50), (0.3, 0.2), (999, 500)])
-def test_nice_lengths(longest, nice):
+def test_nice_lengths(longest: float, nice: float) -> None:
     assert nice_length(longest) == pytest.approx(nice)

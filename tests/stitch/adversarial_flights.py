@@ -3,20 +3,34 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import cv2
 import numpy as np
+from stitch_ground import Image
 
-from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixel_grid, similarity_between
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.mosaic import Mosaic, Placement
+from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.mosaic import Mosaic
 from sitl.flight import plan
-from sitl.geometry import ground_from_pixels
+from sitl.geometry import HeightAt, ground_from_pixels
 from sitl.path import Plan
 from tests.benchmarks.recorded import photographs, read
 
 SIZE = (640, 480)
-ONE_LINE = {"frames": 9, "side": -0.3}  # lines so far apart that a short survey is one
+
+
+class Route(TypedDict, total=False):
+    """What tests choose of a sitl.path.Plan."""
+
+    frames: int
+    height: float
+    forward: float
+    side: float
+
+
+ONE_LINE: Route = {"frames": 9, "side": -0.3}  # lines so far apart that a short survey is one
 PLANES = 5  # heights between the ground and the tallest thing: which of them a map takes for its own is its affair
 
 
@@ -30,7 +44,7 @@ class Shot:
     name: str
     features: Features
     world: str
-    ground: np.ndarray | None
+    ground: Array | None
 
 
 def shots(
@@ -39,24 +53,29 @@ def shots(
     *,
     scenario: str = "survey",
     relief: float = 0.0,
-    seen: Callable[[np.ndarray, int], np.ndarray] = lambda image, index: image,
-    **route,
+    seen: Callable[[Image, int], Image] = lambda image, index: image,
+    **route: Unpack[Route],
 ) -> list[Shot]:
     """The frames of a simulated flight; `seen`: what becomes of the picture with this index before anyone looks at it."""
-    route = Plan(**({"height": 60} | route))
-    flight = plan(scenario, SIZE, seed=seed, ground=ground, relief=relief, world_size=2048, route=route)
+    planned = Plan(**Route(height=60) | route)
+    flight = plan(scenario, SIZE, seed=seed, ground=ground, relief=relief, world_size=2048, route=planned)
     grid, lens = pixel_grid_of(SIZE), flight.scene.camera.lens
     planes = np.linspace(0, relief * flight.scene.world.heights.max(), PLANES if relief else 1)
     taken = []
     for k, state in enumerate(flight.states):
         image = seen(flight.scene.picture(state, k), k)
-        where = [ground_from_pixels(lens, state, grid, lambda x, y, z=z: np.full_like(x, z)) for z in planes]
+        where = [ground_from_pixels(lens, state, grid, level_at(z)) for z in planes]
         name, world = f"{ground}{seed}-{k:03}", f"{ground}{seed}"
         taken.append(Shot(name, extract(image, FeatureSettings()), world, np.asarray(where, float)))
     return taken
 
 
-def written_on(image: np.ndarray, index: int) -> np.ndarray:
+def level_at(height: float) -> HeightAt:
+    """Heights of a plane."""
+    return lambda x, y: np.full_like(x, height)
+
+
+def written_on(image: Image, index: int) -> Image:
     """The picture with height and heading burnt in."""
     image = image.copy()
     for line in range(3):
@@ -65,7 +84,7 @@ def written_on(image: np.ndarray, index: int) -> np.ndarray:
     return image
 
 
-def pixel_grid_of(size: tuple[int, int]) -> np.ndarray:
+def pixel_grid_of(size: tuple[int, int]) -> Array:
     x, y = np.meshgrid(np.linspace(0, size[0] - 1, 5), np.linspace(0, size[1] - 1, 4))
     return np.column_stack([x.ravel(), y.ravel()])
 
@@ -143,7 +162,7 @@ def worst_error_px(island: list[Placement], truth: dict[str, Shot]) -> float:
     return min(worst_on_plane(true, found) for true in planes)
 
 
-def worst_on_plane(true: np.ndarray, found: np.ndarray) -> float:
+def worst_on_plane(true: Array, found: Array) -> float:
     scale, angle, shift = similarity_between(true.reshape(-1, 2), found.reshape(-1, 2))
     c, s = math.cos(angle), math.sin(angle)
     off = scale * true @ np.array([[c, s], [-s, c]]) + shift - found

@@ -1,17 +1,23 @@
 """Small frames and what is known about them."""
 
+from typing import TypedDict, Unpack
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.render.warp_grid import own_level
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 
 SMALL = Camera(160, 120, focal=1.2, k1=-0.02)
 
 
-def picture(seed: int, camera: Camera = SMALL) -> np.ndarray:
+def picture(seed: int, camera: Camera = SMALL) -> NDArray[np.uint8]:
     """Ground with both smooth places and dense edges."""
     rng = np.random.default_rng(seed)
     rough = rng.integers(0, 255, (camera.height, camera.width, 3)).astype(np.float32)
@@ -25,9 +31,31 @@ def hilly(seed: int) -> ReliefDisplacement:
     return ReliefDisplacement.from_grid(np.random.default_rng(seed).normal(0, 0.03, (4, 5, 2)))
 
 
-def painted(order: int, x: float = 0.0, y: float = 0.0, *, gsd: float = 1.0, yaw: float = 0.0, **more) -> Painted:
-    """Frame number `order` of a small camera; `more` are other fields of Painted, or `pitch`, `roll`, `camera`."""
-    pose = Pose(x, y, float(np.log(gsd)), yaw, more.pop("pitch", 0.0), more.pop("roll", 0.0))
-    camera = more.pop("camera", SMALL)
-    more.setdefault("level", own_level(pose, camera))
-    return Painted(name=f"{order}.jpg", order=order, pose=pose, camera=camera, **{"island": 0, **more})
+class Looks(TypedDict, total=False):
+    """Fields of Painted that `painted` leaves as they are."""
+
+    relief: ReliefDisplacement | None
+    gain: tuple[float, ...]
+    vignetting: Vignetting
+    display: Display
+    dead: DeadBorder
+
+
+def painted(
+    order: int,
+    x: float = 0.0,
+    y: float = 0.0,
+    *,
+    gsd: float = 1.0,
+    yaw: float = 0.0,
+    pitch: float = 0.0,
+    roll: float = 0.0,
+    camera: Camera = SMALL,
+    island: int = 0,
+    level: int | None = None,
+    **looks: Unpack[Looks],
+) -> Painted:
+    """Frame number `order` of a small camera, at its own level if none is given."""
+    pose = Pose(x, y, float(np.log(gsd)), yaw, pitch, roll)
+    level = own_level(pose, camera) if level is None else level
+    return Painted(name=f"{order}.jpg", order=order, island=island, pose=pose, camera=camera, level=level, **looks)

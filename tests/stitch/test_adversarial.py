@@ -10,28 +10,28 @@ pytestmark = pytest.mark.long
 
 
 @pytest.mark.parametrize("ground", ["rows", "cars"])
-def test_ground_that_repeats_itself_misplaces_nothing(ground):
+def test_ground_that_repeats_itself_misplaces_nothing(ground: str) -> None:
     taken = in_turn(*(shots(ground, seed, frames=6) for seed in (1, 2)))
     mosaic = stitched(taken)
     assert_nothing_is_mixed_up(mosaic, taken)
     assert len(mosaic.placements()) >= 10
 
 
-def test_halls_of_one_make_join_no_two_places():
+def test_halls_of_one_make_join_no_two_places() -> None:
     taken = in_turn(*(shots("halls", seed, frames=7) for seed in (1, 2)))
     mosaic = stitched(taken)
     assert_nothing_is_mixed_up(mosaic, taken)
     assert [len(island) for island in islands_of(mosaic)] == [7, 7]
 
 
-def test_writing_in_every_picture_joins_no_two_places():
+def test_writing_in_every_picture_joins_no_two_places() -> None:
     taken = in_turn(*(shots("country", seed, frames=6, seen=written_on) for seed in (1, 2)))
     mosaic = stitched(taken)
     assert_nothing_is_mixed_up(mosaic, taken)
     assert len(mosaic.placements()) >= 10
 
 
-def test_waves_that_have_moved_on_are_nowhere():
+def test_waves_that_have_moved_on_are_nowhere() -> None:
     """Out over the water and back: each picture of water shows other waves."""
     shore = shots("country", 1, frames=5)
     water = [shots("water", seed, frames=1)[0] for seed in range(2, 8)]
@@ -40,7 +40,7 @@ def test_waves_that_have_moved_on_are_nowhere():
     assert_nothing_is_mixed_up(mosaic, [*shore, *water])
 
 
-def test_a_second_visit_after_a_long_absence_closes_the_map():
+def test_a_second_visit_after_a_long_absence_closes_the_map() -> None:
     """Away over other land for longer than anything is near, then over the first ground again, from elsewhere."""
     first, again = shots("country", 1, frames=4), shots("country", 1, frames=9)[4:]
     taken = [*first, *shots("country", 2, frames=7), *again]

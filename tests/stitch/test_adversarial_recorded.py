@@ -17,7 +17,7 @@ pytestmark = [
 
 
 @pytest.mark.parametrize(("one", "other"), [*combinations(RECORDED, 2)])
-def test_two_recorded_flights_in_one_folder_stay_apart(one, other):
+def test_two_recorded_flights_in_one_folder_stay_apart(one: str, other: str) -> None:
     taken = in_turn(recorded(one, FRAMES), recorded(other, FRAMES))
     mosaic = stitched(taken)
     assert_nothing_is_mixed_up(mosaic, taken)

@@ -6,18 +6,20 @@ with a flight that met no fault.
 
 import random
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import pytest
-from faults import Fault, chosen, counted, raising
+from faults import Event, Fault, chosen, counted, raising
 from whole_state import digest
 
-from gcs_mosaic.stitch.bundle.island import adjusted
+from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted
 from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import SearchSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from gcs_mosaic.stitch.registration.registration import Registration
 from sitl.path import Plan, fly
 from tests.benchmarks import flight_of_points
 
@@ -28,6 +30,8 @@ SETTINGS = StitchSettings(
     search=SearchSettings(neighbours=3, first_tries=2),
     upkeep=UpkeepSettings(background_from=6, meanwhile=4),
 )
+Flight = list[tuple[str, Features]]
+
 SEEN = 120  # marks in a frame
 PLAN = Plan(frames=14, height=flight_of_points.HEIGHT, forward=0.6, strangers=2, tilt=0.1)
 FAULTS_PER_FRAME = 10
@@ -36,7 +40,7 @@ DONE = ("stitch/mapping/incremental_mapper.py:Assembly.take_in", "return")  # al
 
 
 @pytest.fixture(scope="module")
-def flight() -> list[tuple[str, Features]]:
+def flight() -> Flight:
     """A line, two strangers, a second line that founds an island, and the way back that joins them."""
     states = fly("lost", flight_of_points.LENS, PLAN)
     found = flight_of_points.features_of_states(states, seed=1, seen=SEEN)
@@ -46,18 +50,18 @@ def flight() -> list[tuple[str, Features]]:
 class HelpingHand:
     """A worker that adjusts when its answer is wanted."""
 
-    def begin(self, task):
+    def begin(self, task: IslandTask) -> None:
         self._task = task
 
-    def is_ready(self):
+    def is_ready(self) -> bool:
         return True
 
-    def result(self):
+    def result(self) -> AdjustedIsland:
         return adjusted(self._task)
 
 
-def new_mosaic(worker=None):
-    return Mosaic(SETTINGS, worker or HelpingHand(), punctual=True)
+def new_mosaic() -> Mosaic:
+    return Mosaic(SETTINGS, HelpingHand(), punctual=True)
 
 
 @dataclass
@@ -68,14 +72,15 @@ class Step:
     before: str
     placed: str
     adjusted: str
-    placing: Counter
-    adjusting: Counter
+    placing: Counter[Event]
+    adjusting: Counter[Event]
     islands: int = field(default=0)
 
 
 @pytest.fixture(scope="module")
-def undisturbed(flight) -> list[Step]:
-    mosaic, steps = new_mosaic(), []
+def undisturbed(flight: Flight) -> list[Step]:
+    mosaic = new_mosaic()
+    steps: list[Step] = []
     for name, features in flight:
         before = digest(mosaic)
         with counted() as placing:
@@ -87,7 +92,7 @@ def undisturbed(flight) -> list[Step]:
     return steps
 
 
-def test_the_flight_has_all_that_can_happen_to_a_frame(undisturbed):
+def test_the_flight_has_all_that_can_happen_to_a_frame(undisturbed: list[Step]) -> None:
     """Frames placed and waiting, those that find their place by another's, islands founded and joined, tasks handed over."""
     kinds = [type(step.outcome).__name__ for step in undisturbed]
     assert {"Placement", "Waiting"} == set(kinds)
@@ -100,7 +105,7 @@ def test_the_flight_has_all_that_can_happen_to_a_frame(undisturbed):
     } <= called
 
 
-def test_whatever_raises_while_a_frame_is_placed_nothing_has_changed(flight, undisturbed):
+def test_whatever_raises_while_a_frame_is_placed_nothing_has_changed(flight: Flight, undisturbed: list[Step]) -> None:
     """Each frame comes again and again, and every time something raises; then it comes once more."""
     rng, mosaic = random.Random(1), new_mosaic()
     for (name, features), step in zip(flight, undisturbed, strict=True):
@@ -114,7 +119,9 @@ def test_whatever_raises_while_a_frame_is_placed_nothing_has_changed(flight, und
         assert digest(mosaic) == step.adjusted
 
 
-def test_whatever_raises_while_islands_are_adjusted_each_is_adjusted_or_as_it_was(flight, undisturbed):
+def test_whatever_raises_while_islands_are_adjusted_each_is_adjusted_or_as_it_was(
+    flight: Flight, undisturbed: list[Step]
+) -> None:
     rng, mosaic = random.Random(2), new_mosaic()
     for (name, features), step in zip(flight, undisturbed, strict=True):
         mosaic.place(features, name)
@@ -128,7 +135,7 @@ def test_whatever_raises_while_islands_are_adjusted_each_is_adjusted_or_as_it_wa
 
 
 @pytest.mark.parametrize(("missing", "event"), [(8, DONE), (15, JUDGED)])
-def test_the_next_frames_are_placed_as_if_it_had_never_come(flight, missing, event):
+def test_the_next_frames_are_placed_as_if_it_had_never_come(flight: Flight, missing: int, event: Event) -> None:
     """One that founds an island and one that joins two are lost, by a fault late in the work on them."""
     with_fault, without = new_mosaic(), new_mosaic()
     for k, (name, features) in enumerate(flight):
@@ -143,13 +150,13 @@ def test_the_next_frames_are_placed_as_if_it_had_never_come(flight, missing, eve
     assert digest(with_fault) == digest(without)
 
 
-def test_what_is_kept_elsewhere_is_noticed(flight, monkeypatch):
+def test_what_is_kept_elsewhere_is_noticed(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
     """This is what such a fault of the program would look like."""
     take_in = Assembly.take_in
 
-    def counting(self, *given):
-        self.seen = getattr(self, "seen", 0) + 1
-        return take_in(self, *given)
+    def counting(self: Assembly, frame: int, compared: Mapping[int, Registration | None]) -> bool:
+        vars(self)["seen"] = vars(self).get("seen", 0) + 1
+        return take_in(self, frame, compared)
 
     monkeypatch.setattr(Assembly, "take_in", counting)
     mosaic = new_mosaic()

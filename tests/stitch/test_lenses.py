@@ -10,7 +10,7 @@ from gcs_mosaic.stitch.bundle import lens
 from gcs_mosaic.stitch.bundle.island import _lens_prior
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import any_lens
 from gcs_mosaic.stitch.camera import geometry
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose
 from gcs_mosaic.stitch.camera.projection import lens_row
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search
@@ -40,7 +40,7 @@ def feed(mosaic: Mosaic, frames: list[Features], prefix: str) -> None:
         mosaic.adjust()
 
 
-def corners(mosaic: Mosaic, prefix: str) -> dict[str, np.ndarray]:
+def corners(mosaic: Mosaic, prefix: str) -> dict[str, Array]:
     return {
         p.name: geometry.canvas_from_pixels(p.pose, p.camera, geometry.frame_border(p.camera, 1))
         for p in mosaic.placements()
@@ -66,7 +66,8 @@ def squeezed(features: Features, factor: float) -> Features:
 
 def resized(features: Features) -> Features:
     """The same frame, as a camera of half the size would have seen it."""
-    return Features(features.points / 2, features.descriptors, features.width // 2, features.height // 2, 0.5)
+    points = np.asarray(features.points / 2, np.float32)
+    return Features(points, features.descriptors, features.width // 2, features.height // 2, 0.5)
 
 
 # Islands beside each other
@@ -147,7 +148,8 @@ def said(placement: Placement) -> tuple[object, ...]:
 
 
 def test_whoever_listens_to_what_moved_knows_where_everything_lies() -> None:
-    mosaic, heard, most, joined = Mosaic(EVERY_FRAME), {}, 0, False
+    mosaic, most, joined = Mosaic(EVERY_FRAME), 0, False
+    heard: dict[str, tuple[object, ...]] = {}
     for _ in steps(mosaic):
         heard |= {placement.name: said(placement) for placement in mosaic.moved()}
         assert heard == {placement.name: said(placement) for placement in mosaic.placements()}
@@ -189,12 +191,17 @@ def known(focal: float, k1: float, weight: float) -> Lens:
     return Lens(Camera(640, 480, focal, k1), weight * np.diag([100.0, 400.0, 400.0, 2500.0, 2500.0]))
 
 
+def information_of(known: Lens) -> Array:
+    assert known.information is not None
+    return known.information
+
+
 def test_joined_islands_weigh_their_lenses_by_what_they_know() -> None:
     few, many = known(1.9, -0.2, 1.0), known(1.4, -0.1, 9.0)
     found = _reconciled(few, many)
     expected = 0.1 * np.array(lens_row(few.camera)) + 0.9 * np.array(lens_row(many.camera))
     assert np.allclose(lens_row(found.camera), expected)
-    assert np.allclose(found.information, few.information + many.information)
+    assert np.allclose(information_of(found), information_of(few) + information_of(many))
     assert np.allclose(lens_row(_reconciled(many, few).camera), expected)
 
 
@@ -217,8 +224,8 @@ def test_a_mean_that_no_camera_can_have_gives_way_to_the_lens_that_is_known_bett
     """Each is known well but for what trades off against focal length, and in that they contradict each other."""
     near, far = known(1.0, -0.2, 1.0), known(1.2, 0.05, 1.0)
     along = np.array([[1.0, -2.0, 0.0, 0.0, 0.0], [1.0, -1.9, 0.0, 0.0, 0.0]])
-    near = replace(near, information=near.information + 1e6 * np.outer(along[0], along[0]))
-    far = replace(far, information=far.information + 4e6 * np.outer(along[1], along[1]))
+    near = replace(near, information=information_of(near) + 1e6 * np.outer(along[0], along[0]))
+    far = replace(far, information=information_of(far) + 4e6 * np.outer(along[1], along[1]))
     for found in (_reconciled(near, far), _reconciled(far, near)):
         row = np.array([lens_row(found.camera)])
         assert np.array_equal(lens.believable(row), row)

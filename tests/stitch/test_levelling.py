@@ -6,11 +6,14 @@ painter does.
 """
 
 import math
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-from stitch_ground import textured_ground
+from numpy.typing import NDArray
+from stitch_ground import Image, textured_ground
 
 from gcs_mosaic.stitch.camera.geometry import (
     Camera,
@@ -20,6 +23,7 @@ from gcs_mosaic.stitch.camera.geometry import (
     pixel_grid,
     pixels_from_canvas,
 )
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic
 
 pytestmark = pytest.mark.long
@@ -30,51 +34,62 @@ PINHOLE = Camera(480, 360, 1.45, 0.0)
 REPAINT_PX = 1.0
 SIDE = 2800  # of the ground
 
+Heights = NDArray[np.float32]
 
-def strip(count=24, step=95):
+
+def strip(count: int = 24, step: float = 95) -> list[Pose]:
     """One line."""
     return [Pose(280 + step * i, 300) for i in range(count)]
 
 
-def lawn(lines=3, per_line=8, step=120, spacing=200):
+def lawn(lines: int = 3, per_line: int = 8, step: float = 120, spacing: float = 200) -> list[Pose]:
     """Lines to and fro without turning: sideways and backwards."""
     along = [np.arange(per_line), np.arange(per_line)[::-1]]
     return [Pose(280 + step * i, 300 + spacing * k) for k in range(lines) for i in along[k % 2]]
 
 
 @pytest.fixture(scope="module")
-def ground():
+def ground() -> Image:
     return textured_ground(SIDE, seed=3)
 
 
 @pytest.fixture(scope="module")
-def hills():
+def hills() -> Heights:
     """Heights (SIDE, SIDE), deviation 1, that change within half a frame."""
     coarse = np.random.default_rng(6).normal(size=(SIDE // 200 + 2,) * 2).astype(np.float32)
     fine = cv2.resize(coarse, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC)
-    return (fine - fine.mean()) / fine.std()
+    return np.asarray((fine - fine.mean()) / fine.std(), np.float32)
 
 
-def photograph(ground, heights, pose, camera):
+def at(values: NDArray[Any], places: NDArray[np.float32], camera: Camera, beyond: int = 0) -> NDArray[Any]:
+    """What lies at these places (h * w, 2), a picture of the camera's size."""
+    maps = places.reshape(camera.height, camera.width, 2)
+    return np.asarray(cv2.remap(values, maps, None, cv2.INTER_LINEAR, borderValue=beyond))  # type: ignore[call-overload]
+
+
+def photograph(ground: Image, heights: Heights, pose: Pose, camera: Camera) -> Image:
     """What the camera sees of ground that rises and falls: sight lines are followed to it in a few steps."""
     level = canvas_from_pixels(pose, camera, pixel_grid(camera, camera.width, camera.height)).astype(np.float32)
     below, places = np.array([pose.x, pose.y], np.float32), level
     for _ in range(4 * bool(heights.any())):
-        rise = cv2.remap(heights, places.reshape(camera.height, camera.width, 2), None, cv2.INTER_LINEAR)
-        places = level - (level - below) * (rise / camera.focal_px).reshape(-1, 1)
-    return cv2.remap(ground, places.reshape(camera.height, camera.width, 2), None, cv2.INTER_LINEAR, borderValue=128)
+        rise = at(heights, places, camera)
+        places = np.asarray(level - (level - below) * (rise / camera.focal_px).reshape(-1, 1), np.float32)
+    return np.asarray(at(ground, places, camera, beyond=128), np.uint8)
 
 
-def displacement(drawn, placement):
+def displacement(drawn: Placement, placement: Placement) -> float:
     """How far the worst corner of a frame has moved since it was drawn, its own pixels."""
     corners = frame_border(placement.camera, 1)
     places = canvas_from_pixels(drawn.pose, drawn.camera, corners)
-    return np.linalg.norm(pixels_from_canvas(placement.pose, placement.camera, places) - corners, axis=1).max()
+    moved = pixels_from_canvas(placement.pose, placement.camera, places) - corners
+    return float(np.linalg.norm(moved, axis=1).max())
 
 
-def flown(views):
+def flown(views: Iterable[Image]) -> tuple[list[Placement], list[int]]:
     """The mosaic after the flight, and how many frames had to be drawn again after each frame."""
-    mosaic, drawn, again = Mosaic(), {}, []
+    mosaic = Mosaic()
+    again: list[int] = []
+    drawn: dict[str, Placement] = {}
     for i, view in enumerate(views):
         mosaic.add(view, f"{i:03}")
         mosaic.adjust()
@@ -89,7 +104,9 @@ def flown(views):
 
 @pytest.mark.parametrize("camera", [PINHOLE, BARREL], ids=["pinhole", "barrel"])
 @pytest.mark.parametrize("route", [strip, lawn])
-def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(ground, route, camera):
+def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(
+    ground: Image, route: Callable[[], list[Pose]], camera: Camera
+) -> None:
     flat, poses = np.zeros((SIDE, SIDE), np.float32), route()
     placements, again = flown(photograph(ground, flat, pose, camera) for pose in poses)
     assert {p.island for p in placements} == {0}
@@ -100,7 +117,7 @@ def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(ground, route
 
 
 @pytest.mark.parametrize("route", [strip, lawn])
-def test_over_hills_it_neither_tilts_nor_grows(ground, hills, route):
+def test_over_hills_it_neither_tilts_nor_grows(ground: Image, hills: Heights, route: Callable[[], list[Pose]]) -> None:
     """Heights with a deviation of 1.5 % of the flying height. That they shift frames by pixels is true and may be."""
     heights, poses = (0.015 * PINHOLE.focal_px * hills).astype(np.float32), route()
     placements, _ = flown(photograph(ground, heights, pose, PINHOLE) for pose in poses)
@@ -110,11 +127,11 @@ def test_over_hills_it_neither_tilts_nor_grows(ground, hills, route):
     assert spread_of_scales(placements) < 0.05
 
 
-def steepest(placements):
+def steepest(placements: Iterable[Placement]) -> float:
     """Largest tilt, degrees."""
     return max(math.degrees(math.hypot(p.pose.pitch, p.pose.roll)) for p in placements)
 
 
-def spread_of_scales(placements):
+def spread_of_scales(placements: Iterable[Placement]) -> float:
     """Largest ratio of two frames' ground resolutions, less one."""
     return math.exp(np.ptp([p.pose.log_gsd for p in placements])) - 1

@@ -35,7 +35,8 @@ def digest(*roots: object) -> str:
     for root in roots:
         teller.tell(root)
     for name in sorted(name for name in sys.modules if name.startswith("gcs_mosaic.")):
-        for about in (sys.modules[name], *_classes_of(sys.modules[name])):
+        abouts: list[ModuleType | type] = [sys.modules[name], *_classes_of(sys.modules[name])]
+        for about in abouts:
             for key, value in sorted(vars(about).items()):
                 if not key.startswith("__") and isinstance(value, (dict, list, set, deque, np.ndarray, *PLAIN)):
                     teller.tell((name, about.__name__, key, value))
@@ -45,6 +46,10 @@ def digest(*roots: object) -> str:
 def _classes_of(module: ModuleType) -> list[type]:
     found = [value for value in vars(module).values() if isinstance(value, type)]
     return sorted((one for one in found if one.__module__ == module.__name__), key=lambda one: one.__qualname__)
+
+
+def _is_frozen(value: object) -> bool:
+    return is_dataclass(value) and bool(getattr(type(value), "__dataclass_params__").frozen)  # noqa: B009
 
 
 class _Teller:
@@ -74,7 +79,7 @@ class _Teller:
                 self._tell_object(value)
 
     def _tell_object(self, value: Any) -> None:
-        if id(value) in self._met and not (is_dataclass(value) and type(value).__dataclass_params__.frozen):
+        if id(value) in self._met and not _is_frozen(value):
             self._write(f"again {self._met[id(value)]}")
             return
         self._met[id(value)] = len(self._met)

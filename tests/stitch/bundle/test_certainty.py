@@ -2,16 +2,20 @@
 
 import math
 from collections import deque
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, frame_border, similarity_between
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic
 
 
-def flown(ground, poses, mosaic, first=0, adjusted=True):
+def flown(
+    ground: Image, poses: Iterable[Pose], mosaic: Mosaic, first: int = 0, adjusted: bool = True
+) -> dict[str, Placement]:
     for i, pose in enumerate(poses, start=first):
         mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}")
         if adjusted:
@@ -19,12 +23,12 @@ def flown(ground, poses, mosaic, first=0, adjusted=True):
     return {placement.name: placement for placement in mosaic.placements()}
 
 
-def line(x, y, count, step=130):
+def line(x: float, y: float, count: int, step: float = 130) -> list[Pose]:
     rng = np.random.default_rng(int(x + y))
     return [Pose(x + step * i, y, *rng.normal(0, [0.03, 0.1, 0.03, 0.03])) for i in range(count)]
 
 
-def shortest_ways(placements, root):
+def shortest_ways(placements: Mapping[str, Placement], root: str) -> dict[str, int]:
     """Hops to the root, from the neighbours that the placements name."""
     hops, waiting = {root: 0}, deque([root])
     while waiting:
@@ -36,14 +40,14 @@ def shortest_ways(placements, root):
 
 
 @pytest.mark.parametrize("adjusted", [True, False])
-def test_hops_are_the_shortest_way_to_the_root(ground, adjusted):
+def test_hops_are_the_shortest_way_to_the_root(ground: Image, adjusted: bool) -> None:
     placements = flown(ground, line(300, 500, 9), Mosaic(), adjusted=adjusted)
     assert {name: p.hops for name, p in placements.items()} == shortest_ways(placements, "000")
     assert placements["008"].hops > 1
 
 
 @pytest.mark.long
-def test_after_a_join_the_root_is_that_of_the_island_that_stays(ground):
+def test_after_a_join_the_root_is_that_of_the_island_that_stays(ground: Image) -> None:
     mosaic = Mosaic()
     flown(ground, line(300, 600, 3), mosaic)
     flown(ground, line(1200, 600, 5), mosaic, first=3)
@@ -55,20 +59,20 @@ def test_after_a_join_the_root_is_that_of_the_island_that_stays(ground):
 
 
 @pytest.mark.long
-def test_frames_far_from_the_root_are_less_sure(ground):
+def test_frames_far_from_the_root_are_less_sure(ground: Image) -> None:
     placements = list(flown(ground, line(300, 500, 11), Mosaic()).values())
     assert 0 < placements[0].corner_deviation_px < placements[5].corner_deviation_px / 2
     assert placements[5].corner_deviation_px < placements[10].corner_deviation_px
 
 
-def test_a_founder_is_where_it_is(ground):
+def test_a_founder_is_where_it_is(ground: Image) -> None:
     (founder,) = flown(ground, line(300, 500, 1), Mosaic()).values()
     assert (founder.hops, founder.corner_deviation_px, founder.neighbours) == (0, 0, ())
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("adjusted", [True, False])
-def test_the_true_errors_are_of_the_size_that_is_stated(ground, adjusted):
+def test_the_true_errors_are_of_the_size_that_is_stated(ground: Image, adjusted: bool) -> None:
     """Before the adjustment of the whole (of the last six frames), and after it."""
     truth = line(300, 500, 7) + line(300, 720, 7)[::-1]
     mosaic = Mosaic()

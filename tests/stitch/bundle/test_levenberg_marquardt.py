@@ -4,28 +4,31 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matched_frames import problem_of
 
 from gcs_mosaic.stitch.bundle import lens
 from gcs_mosaic.stitch.bundle import levenberg_marquardt as adjustment
-from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, adjust
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import parts, whitenings
 from gcs_mosaic.stitch.camera import geometry, projection
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, similarity_between
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08, 0.03, 0.01, -0.015)
-SCALE = 4.0  # full-resolution pixels per feature pixel
 RNG = np.random.default_rng(3)
 
 
-def flight(lines: int, per_line: int) -> np.ndarray:
+def flight(lines: int, per_line: int) -> Array:
     """True poses (n, 6) of a survey with tilt, heading and height that change."""
     x, y = np.meshgrid(np.arange(per_line) * 1200.0, np.arange(lines) * 1500.0)
     n = x.size
-    return np.c_[x.ravel(), y.ravel(), RNG.normal(0, 0.1, n), RNG.normal(0, 0.3, n), RNG.normal(0, 0.05, (n, 2))]
+    poses: Array = np.c_[
+        x.ravel(), y.ravel(), RNG.normal(0, 0.1, n), RNG.normal(0, 0.3, n), RNG.normal(0, 0.05, (n, 2))
+    ]
+    return poses
 
 
-def seen_on_relief(pose, other, pixels, relief):
+def seen_on_relief(pose: Pose, other: Pose, pixels: Array, relief: float) -> Array:
     """Where another frame sees what these pixels show, if the ground rises and falls by `relief` canvas units."""
     places = geometry.canvas_from_pixels(pose, CAMERA, pixels)
     height = np.exp(pose.log_gsd) * CAMERA.focal_px
@@ -36,7 +39,7 @@ def seen_on_relief(pose, other, pixels, relief):
     return geometry.pixels_from_canvas(other, CAMERA, raised)
 
 
-def matches(poses, noise_px, wrong=0.0, per_pair=24, relief=0.0):
+def matches(poses: Array, noise_px: float, wrong: float = 0.0, per_pair: int = 24, relief: float = 0.0) -> Problem:
     """The problem of linking all frames that overlap, from the poses of the truth; `relief` in canvas units."""
     pairs, a, b = [], [], []
     for i in range(len(poses)):
@@ -53,34 +56,22 @@ def matches(poses, noise_px, wrong=0.0, per_pair=24, relief=0.0):
                 lost = RNG.random(per_pair) < wrong
                 seen[lost] = RNG.uniform(0, 3000, (lost.sum(), 2))
                 b.append(seen)
-    unit = lambda pixels: (np.array(pixels) - CAMERA.centre) / CAMERA.half_diagonal  # noqa: E731
-    return Problem(
-        poses=poses,
-        lenses=np.array([[np.log(1.5), 0.0, 0.0, 0.0, 0.0]]),
-        camera=np.zeros(len(poses), int),
-        half_diagonal=np.array([CAMERA.half_diagonal]),
-        unit_px=np.array([CAMERA.half_diagonal / SCALE]),
-        pairs=np.array(pairs),
-        pixels_a=unit(a),
-        pixels_b=unit(b),
-        present=np.ones((len(pairs), per_pair), bool),
-        free=np.ones(len(poses), bool),
-    )
+    return problem_of(CAMERA, poses, [np.log(1.5), 0.0, 0.0, 0.0, 0.0], pairs, a, b)
 
 
-def rough(poses):
+def rough(poses: Array) -> Array:
     """What pairwise placement would know: level poses, a little off."""
     start = poses + RNG.normal(0, 1, poses.shape) * [60, 60, 0.03, 0.03, 0, 0]
     start[:, 4:] = 0
     return start
 
 
-def map_error(solution, truth) -> float:
+def map_error(solution: Solution, truth: Array) -> float:
     """RMS distance of the frames' inner corners from the truth, after one similarity, full-resolution pixels."""
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * 0.7
     n = len(truth)
 
-    def places(poses, lens):
+    def places(poses: Array, lens: Array) -> Array:
         half = np.full(4 * n, CAMERA.half_diagonal)
         return projection.canvas_from_pixels(
             poses.repeat(4, 0), np.tile(lens, (4 * n, 1)), half, np.tile(corners, (n, 1))
@@ -96,7 +87,7 @@ def map_error(solution, truth) -> float:
 
 
 @pytest.mark.parametrize("wrong", [0.0, 0.1])
-def test_the_shape_of_the_map_and_the_lens_are_found(wrong):
+def test_the_shape_of_the_map_and_the_lens_are_found(wrong: float) -> None:
     truth = flight(4, 6)
     problem = replace(matches(truth, noise_px=2.0, wrong=wrong), poses=rough(truth))
     solution = adjust(problem, AdjustmentSettings())
@@ -106,7 +97,7 @@ def test_the_shape_of_the_map_and_the_lens_are_found(wrong):
     assert np.abs(solution.lenses[0, 3:] - [CAMERA.shift_x, CAMERA.shift_y]).max() < 0.003
 
 
-def test_expected_parallax_keeps_relief_from_bending_the_map():
+def test_expected_parallax_keeps_relief_from_bending_the_map() -> None:
     truth = flight(4, 6)
     relief = 0.03 * CAMERA.focal_px
     problem = replace(matches(truth, noise_px=2.0, relief=relief), poses=rough(truth))
@@ -117,14 +108,14 @@ def test_expected_parallax_keeps_relief_from_bending_the_map():
     assert map_error(aware, truth) < 0.5 * map_error(unaware, truth)
 
 
-def test_the_error_is_seen_before_it_is_mended():
+def test_the_error_is_seen_before_it_is_mended() -> None:
     truth = flight(2, 4)
     problem = replace(matches(truth, noise_px=2.0), poses=rough(truth))
     bent = adjust(problem, AdjustmentSettings(steps=0))
     assert map_error(bent, truth) > 20
 
 
-def test_fixed_frames_do_not_move():
+def test_fixed_frames_do_not_move() -> None:
     truth = flight(2, 3)
     problem = matches(truth, noise_px=2.0)
     problem = replace(problem, poses=rough(truth), free=np.arange(6) == 2, lens_free=False)
@@ -134,7 +125,7 @@ def test_fixed_frames_do_not_move():
     assert (solution.lenses == problem.lenses).all()
 
 
-def test_the_sparse_and_the_dense_solution_agree(monkeypatch):
+def test_the_sparse_and_the_dense_solution_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     truth = flight(3, 4)
     problem = replace(matches(truth, noise_px=1.0), poses=rough(truth))
     dense = adjust(problem, AdjustmentSettings())
@@ -143,7 +134,7 @@ def test_the_sparse_and_the_dense_solution_agree(monkeypatch):
     assert abs(map_error(dense, truth) - map_error(sparse, truth)) < 0.2
 
 
-def test_two_frames_do_not_determine_a_lens():
+def test_two_frames_do_not_determine_a_lens() -> None:
     truth = flight(1, 2)
     truth[:, 2:] = 0
     solution = adjust(replace(matches(truth, noise_px=2.0)), AdjustmentSettings())
@@ -151,7 +142,7 @@ def test_two_frames_do_not_determine_a_lens():
     assert abs(solution.lenses[0, 1]) < 0.12
 
 
-def test_the_gradient_is_that_of_the_cost():
+def test_the_gradient_is_that_of_the_cost() -> None:
     """Else steps lead elsewhere than the cost says: parallax that followed the poses was a way to lower it."""
     truth = flight(2, 4)
     relief = 0.03 * CAMERA.focal_px
@@ -169,7 +160,9 @@ def test_the_gradient_is_that_of_the_cost():
 
 
 @pytest.mark.parametrize(("bound", "value"), [("LONGEST_FOCAL", 1.2), ("MOST_BARREL", 0.01)])
-def test_poses_are_found_though_the_true_lens_is_beyond_what_is_believed(monkeypatch, bound, value):
+def test_poses_are_found_though_the_true_lens_is_beyond_what_is_believed(
+    monkeypatch: pytest.MonkeyPatch, bound: str, value: float
+) -> None:
     """With the lens at the edge of that, no other poses would do better."""
     monkeypatch.setattr(lens, bound, value)
     truth, settings = flight(4, 6), AdjustmentSettings()

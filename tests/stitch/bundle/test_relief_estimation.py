@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.bundle.relief import displacements, fitted_sheet, grid_size, matched, note_relief, sightings
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Lens, ViewGraph
@@ -15,23 +16,23 @@ POSES = [Pose(x, y, 0.0, yaw) for x, y, yaw in ((0, 0, 0.1), (350, 20, 0), (-20,
 SCALE = 1.0
 
 
-def hill(places):
+def hill(places: Array) -> Array:
     """Heights (n,) above the plane, up to 3 % of the flying height."""
-    return 30 * np.exp(-((places - [150, 150]) ** 2).sum(axis=1) / 220**2)
+    return np.asarray(30 * np.exp(-((places - [150, 150]) ** 2).sum(axis=1) / 220**2))
 
 
-def seen(pose, ground):
+def seen(pose: Pose, ground: Array) -> Array:
     """Pixels (n, 2) of what stands at places (n, 2); NaN where they lie outside of the frame."""
     height = np.exp(pose.log_gsd) * CAMERA.focal_px
     below = np.array([pose.x, pose.y])
     shadow = below + (ground - below) * (height / (height - hill(ground)))[:, None]
     pixels = pixels_from_canvas(pose, CAMERA, shadow)
-    inside = ((pixels >= 0) & (pixels <= [CAMERA.width - 1, CAMERA.height - 1])).all(axis=1)
+    inside = np.asarray(((pixels >= 0) & (pixels <= [CAMERA.width - 1, CAMERA.height - 1])).all(axis=1))
     return np.where(inside[:, None], pixels, np.nan)
 
 
 @pytest.fixture
-def graph():
+def graph() -> ViewGraph:
     """Four frames at their true poses, linked by what they see of 900 points, half a pixel off."""
     noise = np.random.default_rng(2)
     ground = noise.uniform([-600, -500], [1000, 900], (900, 2))
@@ -49,7 +50,7 @@ def graph():
     return graph
 
 
-def ortho_errors(graph):
+def ortho_errors(graph: ViewGraph) -> Array:
     """How far the frames put points of the ground from where they stand, over what two frames see."""
     check = np.random.default_rng(3).uniform([-100, -100], [450, 400], (400, 2))
     errors = []
@@ -61,14 +62,22 @@ def ortho_errors(graph):
     return np.concatenate(errors)
 
 
-def note_all(graph):
+def grid_of(graph: ViewGraph, frame: int) -> NDArray[np.float32]:
+    relief = graph.frames[frame].relief
+    assert relief is not None
+    return relief.grid
+
+
+def note_all(graph: ViewGraph) -> None:
     views = [(pose, CAMERA) for pose in POSES]
-    found = displacements(sightings(matched(graph, range(4))), views, ReliefSettings())
+    matches = matched(graph, range(4))
+    assert matches is not None
+    found = displacements(sightings(matches), views, ReliefSettings())
     for frame, relief in enumerate(found):
         graph.note(frame, relief=relief)
 
 
-def test_a_hill_is_taken_out_of_the_frames(graph):
+def test_a_hill_is_taken_out_of_the_frames(graph: ViewGraph) -> None:
     before = ortho_errors(graph)
     note_all(graph)
     after = ortho_errors(graph)
@@ -77,20 +86,20 @@ def test_a_hill_is_taken_out_of_the_frames(graph):
     assert np.quantile(after, 0.95) < 0.35 * np.quantile(before, 0.95)
 
 
-def test_one_frame_alone_is_shifted_onto_what_all_have_seen(graph):
+def test_one_frame_alone_is_shifted_onto_what_all_have_seen(graph: ViewGraph) -> None:
     note_all(graph)
-    together = graph.frames[2].relief.grid
+    together = grid_of(graph, 2)
     note_relief(graph, 2, ReliefSettings())
-    assert np.abs(graph.frames[2].relief.grid - together).max() * CAMERA.half_diagonal < 1.5
+    assert np.abs(grid_of(graph, 2) - together).max() * CAMERA.half_diagonal < 1.5
     assert np.abs(together).max() * CAMERA.half_diagonal > 4
 
 
-def test_without_cells_every_frame_stays_a_camera_over_a_plane(graph):
+def test_without_cells_every_frame_stays_a_camera_over_a_plane(graph: ViewGraph) -> None:
     note_relief(graph, 0, ReliefSettings(cells=0))
     assert graph.frames[0].relief is None
 
 
-def test_a_sheet_lies_at_zero_where_nothing_is_known_and_ignores_what_stands_out():
+def test_a_sheet_lies_at_zero_where_nothing_is_known_and_ignores_what_stands_out() -> None:
     noise = np.random.default_rng(4)
     at = noise.uniform(0, 0.4, (400, 2))
     values = np.tile([5.0, -2.0], (400, 1))
@@ -100,12 +109,12 @@ def test_a_sheet_lies_at_zero_where_nothing_is_known_and_ignores_what_stands_out
     assert np.abs(sheet[-1, -1]).max() < 1
 
 
-def test_cells_are_nearly_square():
+def test_cells_are_nearly_square() -> None:
     assert grid_size(Camera(4000, 3000), 16) == (17, 13)
     assert grid_size(Camera(3000, 4000), 16) == (13, 17)
 
 
-def test_a_lone_frame_has_no_relief():
+def test_a_lone_frame_has_no_relief() -> None:
     graph = ViewGraph(1.5, 24)
     graph.append("a", Features(np.zeros((0, 2), np.float32), np.zeros((0, 128), np.uint8), 1000, 750, 1.0))
     graph.put(0, POSES[0], 0)

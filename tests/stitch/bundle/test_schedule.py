@@ -1,19 +1,21 @@
 """Islands are adjusted while frames go on being placed; what came meanwhile is carried along."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, map_error, photograph
+from stitch_ground import SMALL_CAMERA, Image, map_error, photograph
 
 from gcs_mosaic.stitch.bundle import schedule as upkeep
-from gcs_mosaic.stitch.bundle.island import adjusted, island_task, take_in
+from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjust_island, adjusted, island_task, take_in
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import Failed
 from gcs_mosaic.stitch.camera.geometry import Pose, moved_by_similarity
 from gcs_mosaic.stitch.camera.projection import pose_row
 from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 
 pytestmark = pytest.mark.long
@@ -26,36 +28,38 @@ LINE = [Pose(350 + 90 * i, 600, 0.02 * (i % 3), 0.05 * i, 0.04, -0.03) for i in 
 class FakeWorker:
     """Adjusts at once, and says that it is ready after having been asked some times."""
 
-    def __init__(self, asked=1, change=lambda found: found):
+    def __init__(
+        self, asked: int = 1, change: Callable[[AdjustedIsland], AdjustedIsland | Failed] = lambda found: found
+    ) -> None:
         self._asked, self._change = asked, change
-        self.tasks = []
+        self.tasks: list[IslandTask] = []
 
-    def begin(self, task):
+    def begin(self, task: IslandTask) -> None:
         self.tasks.append(task)
         self._left = self._asked
 
-    def is_ready(self):
+    def is_ready(self) -> bool:
         self._left -= 1
         return self._left <= 0
 
-    def result(self):
+    def result(self) -> AdjustedIsland | Failed:
         return self._change(adjusted(self.tasks[-1]))
 
 
-def flown(ground, mosaic, poses=LINE):
+def flown(ground: Image, mosaic: Mosaic, poses: Iterable[Pose] = LINE) -> Mosaic:
     for i, pose in enumerate(poses):
         assert isinstance(mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i)), Placement)
         mosaic.adjust()
     return mosaic
 
 
-def elsewhere(found):
+def elsewhere(found: AdjustedIsland) -> AdjustedIsland:
     """The same map, turned, half as large and far away: as good a solution as any."""
     poses = [moved_by_similarity(Pose(*pose), 0.5, 1.0, np.array([9000.0, -700.0])) for pose in found.poses]
     return replace(found, poses=np.array([pose_row(pose) for pose in poses]))
 
 
-def test_frames_that_came_meanwhile_go_where_their_neighbours_go(ground):
+def test_frames_that_came_meanwhile_go_where_their_neighbours_go(ground: Image) -> None:
     worker = FakeWorker(asked=3, change=elsewhere)
     mosaic = flown(ground, Mosaic(SETTINGS, worker))
     assert len(worker.tasks) >= 2
@@ -64,14 +68,14 @@ def test_frames_that_came_meanwhile_go_where_their_neighbours_go(ground):
 
 
 @pytest.mark.parametrize("asked", [1, 7])
-def test_a_punctual_map_does_not_depend_on_how_fast_the_worker_is(ground, asked):
+def test_a_punctual_map_does_not_depend_on_how_fast_the_worker_is(ground: Image, asked: int) -> None:
     usual, other = FakeWorker(asked=2), FakeWorker(asked=asked)
     expected = [p.pose for p in flown(ground, Mosaic(SETTINGS, usual, punctual=True)).placements()]
     assert [p.pose for p in flown(ground, Mosaic(SETTINGS, other, punctual=True)).placements()] == expected
     assert [task.members for task in other.tasks] == [task.members for task in usual.tasks]
 
 
-def test_small_islands_and_the_last_adjustment_are_not_left_to_the_worker(ground):
+def test_small_islands_and_the_last_adjustment_are_not_left_to_the_worker(ground: Image) -> None:
     worker = FakeWorker()
     mosaic = flown(ground, Mosaic(SETTINGS, worker), LINE[:4])
     assert worker.tasks == []
@@ -82,14 +86,14 @@ def test_small_islands_and_the_last_adjustment_are_not_left_to_the_worker(ground
     assert len(worker.tasks) == begun
 
 
-def test_a_worker_that_fails_is_said_and_frames_go_on_being_placed(ground):
+def test_a_worker_that_fails_is_said_and_frames_go_on_being_placed(ground: Image) -> None:
     mosaic = flown(ground, Mosaic(SETTINGS, FakeWorker(change=lambda found: Failed("it has died"))))
     assert mosaic.problem == "it has died; from now on frames wait while it is adjusted"
     mosaic.adjust(everything=True)
     assert map_error(mosaic.placements(), LINE) < 2
 
 
-def test_a_pause_is_used_until_all_is_adjusted(ground):
+def test_a_pause_is_used_until_all_is_adjusted(ground: Image) -> None:
     mosaic = Mosaic(replace(SETTINGS, upkeep=replace(SETTINGS.upkeep, per_doubling=1)), FakeWorker(asked=2))
     flown(ground, mosaic)
     assert mosaic.adjust_in_a_pause()
@@ -98,9 +102,10 @@ def test_a_pause_is_used_until_all_is_adjusted(ground):
     assert map_error(mosaic.placements(), LINE) < 2
 
 
-def test_the_result_for_an_island_that_is_no_more_is_dropped(ground):
+def test_the_result_for_an_island_that_is_no_more_is_dropped(ground: Image) -> None:
     graph = flown(ground, Mosaic(), LINE[:5])._graph
     task = island_task(graph, 0, AdjustmentSettings())
+    assert task is not None
     graph.put(3, graph.pose_of(3), 1)
     before = [graph.pose_of(frame) for frame in range(5)]
     assert not take_in(graph, task, elsewhere(adjusted(task)))
@@ -108,14 +113,17 @@ def test_the_result_for_an_island_that_is_no_more_is_dropped(ground):
 
 
 @pytest.mark.parametrize("broken", ["begin", "result"])
-def test_a_worker_that_has_raised_is_never_out_of_step(ground, monkeypatch, broken):
+def test_a_worker_that_has_raised_is_never_out_of_step(
+    ground: Image, monkeypatch: pytest.MonkeyPatch, broken: str
+) -> None:
     """It has begun, or answered, and then something raises: the map is what it would have been."""
     usual, other = FakeWorker(), FakeWorker()
     expected = [p.pose for p in flown(ground, Mosaic(SETTINGS, usual, punctual=True)).placements()]
-    work, raised = getattr(FakeWorker, broken), []
+    work = getattr(FakeWorker, broken)
+    raised: list[object] = []
 
-    def raising_once(self, *task):
-        found = work(self, *task)
+    def raising_once(self: FakeWorker, *task: IslandTask) -> object:
+        found: object = work(self, *task)
         if len(raised) < 2:
             raised.append(found)
             raise MemoryError
@@ -136,7 +144,7 @@ def test_a_worker_that_has_raised_is_never_out_of_step(ground, monkeypatch, brok
 
 
 @pytest.mark.parametrize("detour", [False, True])
-def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground, detour):
+def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground: Image, detour: bool) -> None:
     """All is put back as it was before the worker was given its task, and something else is asked of it."""
     worker = FakeWorker()
     mosaic = Mosaic(SETTINGS, worker, punctual=True)
@@ -156,15 +164,17 @@ def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground, deto
     assert map_error([replace(p, name=str(k)) for k, p in enumerate(mosaic.placements())], LINE) < 2
 
 
-def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(ground, monkeypatch):
+def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(
+    ground: Image, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mosaic = Mosaic(SETTINGS)
     for i, pose in enumerate([*LINE[:3], *(replace(pose, y=1700) for pose in LINE[:3])]):
         mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
-    adjust, tried = upkeep.adjust_island, []
+    tried: list[int] = []
 
-    def failing(graph, island, settings):
+    def failing(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> None:
         tried.append(island)
-        adjust(graph, island, settings)
+        adjust_island(graph, island, settings)
         if island == 0:
             raise ValueError("singular")
 

@@ -5,28 +5,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matched_frames import SCALE, problem_of
 
-from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, adjust
+from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import geometry, projection
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, similarity_between
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08)
-SCALE = 4.0  # full-resolution pixels per feature pixel
 ROOT = 2
 RUNS = 40
 CORNERS = geometry.frame_border(CAMERA, 1)
 
 
-def survey() -> np.ndarray:
+def survey() -> Array:
     """True poses (12, 6): three lines of four frames with tilt, heading and height that change."""
     rng = np.random.default_rng(8)
     x, y = np.meshgrid(np.arange(4) * 1200.0, np.arange(3) * 1500.0)
-    return np.c_[x.ravel(), y.ravel(), rng.normal(0, 0.1, 12), rng.normal(0, 0.3, 12), rng.normal(0, 0.05, (12, 2))]
+    tilted = rng.normal(0, 0.1, 12), rng.normal(0, 0.3, 12), rng.normal(0, 0.05, (12, 2))
+    poses: Array = np.c_[(x.ravel(), y.ravel(), *tilted)]
+    return poses
 
 
-def true_matches(poses, per_pair=24) -> Problem:
+def true_matches(poses: Array, per_pair: int = 24) -> Problem:
     """All pairs that overlap, without noise."""
     rng, pairs, a, b = np.random.default_rng(9), [], [], []
     for i in range(len(poses)):
@@ -39,44 +41,33 @@ def true_matches(poses, per_pair=24) -> Problem:
                 pairs.append((i, j))
                 a.append(pixels[inside])
                 b.append(other[inside])
-    unit = lambda pixels: (np.array(pixels) - CAMERA.centre) / CAMERA.half_diagonal  # noqa: E731
-    return Problem(
-        poses=poses,
-        lenses=np.array([projection.lens_row(CAMERA)]),
-        camera=np.zeros(len(poses), int),
-        half_diagonal=np.array([CAMERA.half_diagonal]),
-        unit_px=np.array([CAMERA.half_diagonal / SCALE]),
-        pairs=np.array(pairs),
-        pixels_a=unit(a),
-        pixels_b=unit(b),
-        present=np.ones((len(pairs), per_pair), bool),
-        free=np.ones(len(poses), bool),
-    )
+    return problem_of(CAMERA, poses, projection.lens_row(CAMERA), pairs, a, b)
 
 
-def measured(problem, noise_px, rng) -> Problem:
+def measured(problem: Problem, noise_px: float, rng: np.random.Generator) -> Problem:
     """The same with noise, feature pixels."""
     noise = noise_px * SCALE / CAMERA.half_diagonal
     a, b = (pixels + rng.normal(0, noise, pixels.shape) for pixels in (problem.pixels_a, problem.pixels_b))
     return replace(problem, pixels_a=a, pixels_b=b)
 
 
-def corners(poses, camera):
+def corners(poses: Array, camera: Camera) -> Array:
     return np.array([geometry.canvas_from_pixels(Pose(*pose), camera, CORNERS) for pose in poses])
 
 
-def corner_errors(solution, truth):
+def corner_errors(solution: Solution, truth: Array) -> Array:
     """Distances (n, 4) of all corners from the truth, once the root lies as well over its true place as it goes."""
     found = corners(solution.poses, projection.with_lens(CAMERA, solution.lenses[0]))
     true = corners(truth, CAMERA)
     scale, angle, shift = similarity_between(found[ROOT], true[ROOT])
     c, s = math.cos(angle), math.sin(angle)
-    return np.linalg.norm(scale * found @ np.array([[c, s], [-s, c]]) + shift - true, axis=2) / np.exp(truth[:, 2:3])
+    off = np.linalg.norm(scale * found @ np.array([[c, s], [-s, c]]) + shift - true, axis=2)
+    return np.asarray(off / np.exp(truth[:, 2:3]))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("noise_px", [0.1, 0.7])
-def test_deviations_are_those_that_come_about(noise_px):
+def test_deviations_are_those_that_come_about(noise_px: float) -> None:
     truth, rng = survey(), np.random.default_rng(11)
     exact, settings, errors, stated = true_matches(truth), AdjustmentSettings(), [], []
     for _ in range(RUNS):
@@ -91,7 +82,7 @@ def test_deviations_are_those_that_come_about(noise_px):
     assert came_about.argmin() == np.median(stated, axis=0).argmin() == ROOT
 
 
-def test_a_frame_beside_others_that_are_held():
+def test_a_frame_beside_others_that_are_held() -> None:
     truth, rng = survey(), np.random.default_rng(12)
     order = np.array([5, 0, 1, 2, 4, 6, 8, 9, 10])  # the middle one first, then those around it
     exact = true_matches(truth[order])
@@ -112,7 +103,7 @@ def test_a_frame_beside_others_that_are_held():
     assert 0.75 < came_about / np.median(stated) < 1.33
 
 
-def test_wrong_matches_count_little():
+def test_wrong_matches_count_little() -> None:
     """One match in ten is wrong by far: the deviations stay what the others make of them."""
     truth, rng = survey(), np.random.default_rng(13)
     right = measured(true_matches(truth), 0.5, rng)
@@ -128,7 +119,7 @@ def test_wrong_matches_count_little():
     assert ((dirty > 0.9 * clean) & (dirty < 1.5 * clean)).all()
 
 
-def test_what_is_not_determined_is_infinite():
+def test_what_is_not_determined_is_infinite() -> None:
     """Two frames with two matches: fewer measurements than unknowns."""
     truth = survey()[:2]
     problem = true_matches(truth, per_pair=2)

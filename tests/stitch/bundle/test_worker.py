@@ -4,13 +4,15 @@ import logging
 import os
 import re
 import signal
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from multiprocessing.process import BaseProcess
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, Image, photograph
 
-from gcs_mosaic.stitch.bundle.island import AdjustedIsland, adjusted, island_task
+from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, island_task
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.worker import Failed, WorkerProcess
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -18,32 +20,51 @@ from gcs_mosaic.stitch.mosaic import Mosaic
 
 
 @pytest.fixture(scope="module")
-def task(ground):
+def task(ground: Image) -> IslandTask:
     mosaic = Mosaic()
     for i in range(6):
         mosaic.add(photograph(ground, Pose(400 + 130 * i, 500, 0.01 * i, 0.05, 0.03), SMALL_CAMERA), str(i))
-    return island_task(mosaic._graph, 0, AdjustmentSettings())
+    task = island_task(mosaic._graph, 0, AdjustmentSettings())
+    assert task is not None
+    return task
 
 
-def unreadable():
+def failed(worker: WorkerProcess) -> Failed:
+    found = worker.result()
+    assert isinstance(found, Failed)
+    return found
+
+
+def process_of(worker: WorkerProcess) -> BaseProcess:
+    assert worker._process is not None
+    return worker._process
+
+
+def signalled(worker: WorkerProcess, sign: signal.Signals) -> None:
+    pid = process_of(worker).pid
+    assert pid is not None
+    os.kill(pid, sign)
+
+
+def unreadable() -> None:
     raise ValueError("this is no task")
 
 
 class Unreadable:
     """Breaks whoever unpacks it."""
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Callable[[], None], tuple[()]]:
         return unreadable, ()
 
 
 @pytest.fixture
-def worker():
+def worker() -> Iterator[WorkerProcess]:
     worker = WorkerProcess()
     yield worker
     worker.close()
 
 
-def test_it_finds_what_would_be_found_here(task, worker):
+def test_it_finds_what_would_be_found_here(task: IslandTask, worker: WorkerProcess) -> None:
     worker.begin(task)
     there, here = worker.result(), adjusted(task)
     assert isinstance(there, AdjustedIsland)
@@ -52,18 +73,18 @@ def test_it_finds_what_would_be_found_here(task, worker):
         np.testing.assert_allclose(getattr(there, name), getattr(here, name), rtol=1e-6)
 
 
-def test_a_task_that_breaks_is_told_and_the_next_one_is_done(task, worker):
+def test_a_task_that_breaks_is_told_and_the_next_one_is_done(task: IslandTask, worker: WorkerProcess) -> None:
     worker.begin(replace(task, root=99))
-    broken = worker.result()
-    assert isinstance(broken, Failed)
-    assert "IndexError" in broken.reason
+    assert "IndexError" in failed(worker).reason
     worker.begin(task)
     assert isinstance(worker.result(), AdjustedIsland)
 
 
-def test_the_traceback_of_the_other_process_is_in_the_log(task, worker, caplog):
+def test_the_traceback_of_the_other_process_is_in_the_log(
+    task: IslandTask, worker: WorkerProcess, caplog: pytest.LogCaptureFixture
+) -> None:
     worker.begin(replace(task, root=99))
-    broken = worker.result()
+    broken = failed(worker)
     assert broken.traceback.startswith("Traceback (most recent call last):\n")
     assert re.search(r'bundle/island\.py", line \d+, in adjusted\n', broken.traceback)
     (record,) = caplog.records
@@ -71,9 +92,11 @@ def test_the_traceback_of_the_other_process_is_in_the_log(task, worker, caplog):
     assert broken.traceback in logging.Formatter().format(record)
 
 
-def test_a_task_that_cannot_be_read_is_told_and_the_next_one_is_done(task, worker, capfd):
-    worker.begin(Unreadable())
-    broken = worker.result()
+def test_a_task_that_cannot_be_read_is_told_and_the_next_one_is_done(
+    task: IslandTask, worker: WorkerProcess, capfd: pytest.CaptureFixture[str]
+) -> None:
+    worker.begin(Unreadable())  # type: ignore[arg-type]
+    broken = failed(worker)
     assert "this is no task" in broken.reason
     assert "in unreadable" in broken.traceback
     worker.begin(task)
@@ -81,31 +104,33 @@ def test_a_task_that_cannot_be_read_is_told_and_the_next_one_is_done(task, worke
     assert capfd.readouterr().err == ""
 
 
-def test_a_process_that_is_killed_is_told_and_begun_anew(task, worker, caplog):
+def test_a_process_that_is_killed_is_told_and_begun_anew(
+    task: IslandTask, worker: WorkerProcess, caplog: pytest.LogCaptureFixture
+) -> None:
     worker.begin(task)
-    os.kill(worker._process.pid, signal.SIGKILL)
+    signalled(worker, signal.SIGKILL)
     assert worker.result() == Failed("the process that adjusts the map has died")
     assert caplog.messages == ["the process that adjusts the map has died, exit code -9"]
     worker.begin(task)
     assert isinstance(worker.result(), AdjustedIsland)
 
 
-def test_a_process_that_stands_still_is_given_up(task):
+def test_a_process_that_stands_still_is_given_up(task: IslandTask) -> None:
     worker = WorkerProcess(most_s=0.5)
     worker.begin(task)
-    os.kill(worker._process.pid, signal.SIGSTOP)
+    signalled(worker, signal.SIGSTOP)
     assert worker.result() == Failed("the map was not adjusted within 0.5 s")
     assert worker._process is None
 
 
-def test_closing_ends_the_process_whatever_it_does(task, worker):
+def test_closing_ends_the_process_whatever_it_does(task: IslandTask, worker: WorkerProcess) -> None:
     worker.begin(task)
-    process = worker._process
+    process = process_of(worker)
     worker.close()
     assert not process.is_alive()
 
 
-def test_an_answer_is_never_taken_for_that_to_another_task(task, worker):
+def test_an_answer_is_never_taken_for_that_to_another_task(task: IslandTask, worker: WorkerProcess) -> None:
     """Whatever came of the first, it may be asked for the second at once, and again."""
     worker.begin(replace(task, root=99))
     worker.begin(task)

@@ -1,10 +1,12 @@
 """Lines that show nothing are found where the ground beside them moves, and never guessed where it does not."""
 
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
+from stitch_ground import Image
 
 from gcs_mosaic.stitch.camera.dead_border import FRAMES, MARGIN, MOST_FRAMES, NO_BORDER, BorderWatch, DeadBorder
 
@@ -15,7 +17,7 @@ BLACK_LINES = DeadBorder(right=1, bottom=1)
 WITH_MARGIN = DeadBorder(right=1 + MARGIN, bottom=1 + MARGIN)
 
 
-def frame(number: int, dead: DeadBorder = NO_BORDER, level: int | None = None) -> np.ndarray:
+def frame(number: int, dead: DeadBorder = NO_BORDER, level: int | None = None) -> Image:
     """What a camera sees that moves on, with a border of one grey (none: untouched) and a sensor's noise."""
     x, y = 53 * (number % 20), 41 * (number % 23)
     picture = GROUND[y : y + HEIGHT, x : x + WIDTH].astype(float)
@@ -26,7 +28,7 @@ def frame(number: int, dead: DeadBorder = NO_BORDER, level: int | None = None) -
     return np.clip(np.rint(filled + noise), 0, 255).astype(np.uint8)
 
 
-def watched(frames, watch: BorderWatch | None = None) -> list[DeadBorder]:
+def watched(frames: Iterable[Image], watch: BorderWatch | None = None) -> list[DeadBorder]:
     """The border after each frame."""
     watch, found = watch or BorderWatch(), []
     for one in frames:
@@ -35,9 +37,11 @@ def watched(frames, watch: BorderWatch | None = None) -> list[DeadBorder]:
     return found
 
 
-def jpeg(image: np.ndarray, reduced: int = 1) -> np.ndarray:
+def jpeg(image: Image, reduced: int = 1) -> Image:
     flag = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}[reduced]
-    return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1], flag)
+    decoded = cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1], flag)
+    assert decoded is not None
+    return np.asarray(decoded, np.uint8)
 
 
 def test_a_border_is_known_after_some_frames_and_not_before() -> None:
@@ -62,7 +66,7 @@ def test_bars_of_any_grey_are_found(level: int) -> None:
 
 
 def test_a_bar_with_figures_is_found() -> None:
-    def with_figures(number: int) -> np.ndarray:
+    def with_figures(number: int) -> Image:
         picture = frame(number, DeadBorder(left=20), 30)
         picture[40:52, 4:16] = 10 * number
         return picture
@@ -81,7 +85,7 @@ def test_a_lens_that_darkens_the_border_has_no_dead_one() -> None:
     assert set(watched((frame(k) * fall).astype(np.uint8) for k in range(20))) == {NO_BORDER}
 
 
-def night(number: int) -> np.ndarray:
+def night(number: int) -> Image:
     """Black ground, a sensor's noise, a few lamps."""
     rng = np.random.default_rng(number)
     picture = np.abs(rng.normal(0, 2, (HEIGHT, WIDTH, 3)))
@@ -90,7 +94,7 @@ def night(number: int) -> np.ndarray:
     return picture.astype(np.uint8)
 
 
-def shore(number: int) -> np.ndarray:
+def shore(number: int) -> Image:
     """Black water on the right, a quay that lies as straight as the frame and wanders as the vehicle does."""
     picture, edge = frame(number), WIDTH - 30 - [0, 7, 3, 12, 1, 9, 5, 15, 2, 4][number % 10]
     picture[:, edge:] = 4
@@ -98,7 +102,7 @@ def shore(number: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seen", [night, shore, lambda number: frame(0), lambda number: np.zeros_like(frame(0))])
-def test_what_is_dark_or_stands_still_is_not_dead(seen) -> None:
+def test_what_is_dark_or_stands_still_is_not_dead(seen: Callable[[int], Image]) -> None:
     assert set(watched(seen(k) for k in range(30))) == {NO_BORDER}
 
 
@@ -122,7 +126,7 @@ def test_lines_that_turn_out_to_be_alive_are_given_back_for_good() -> None:
 def test_only_the_first_frames_are_looked_at() -> None:
     looked = []
 
-    def levels(bands: np.ndarray) -> np.ndarray:
+    def levels(bands: Image) -> Image:
         looked.append(bands.shape)
         return bands
 

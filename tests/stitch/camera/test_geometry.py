@@ -29,7 +29,7 @@ cameras = st.builds(
 
 
 @given(poses, cameras)
-def test_pixels_come_back_from_the_canvas(pose, camera):
+def test_pixels_come_back_from_the_canvas(pose: Pose, camera: Camera) -> None:
     pixels = geometry.pixel_grid(camera, 9, 7)
     places = geometry.canvas_from_pixels(pose, camera, pixels)
     seen = np.isfinite(places).all(axis=1)
@@ -38,20 +38,20 @@ def test_pixels_come_back_from_the_canvas(pose, camera):
 
 
 @given(poses)
-def test_a_rotation_is_a_rotation(pose):
+def test_a_rotation_is_a_rotation(pose: Pose) -> None:
     rotation = pose.rotation()
     assert np.allclose(rotation @ rotation.T, np.eye(3))
     assert math.isclose(np.linalg.det(rotation), 1)
 
 
-def test_a_level_frame_lies_on_the_canvas_pixel_by_pixel():
+def test_a_level_frame_lies_on_the_canvas_pixel_by_pixel() -> None:
     camera = Camera(400, 300)
     pixels = geometry.pixel_grid(camera, 5, 4)
     places = geometry.canvas_from_pixels(Pose(*camera.centre), camera, pixels)
     assert np.allclose(places, pixels)
 
 
-def test_without_a_lens_the_homography_is_the_whole_truth():
+def test_without_a_lens_the_homography_is_the_whole_truth() -> None:
     camera, pose = Camera(4000, 3000, focal=1.2), Pose(100, 200, 0.3, 0.7, 0.1, -0.2)
     pixels = geometry.pixel_grid(camera, 9, 7)
     mapped = np.c_[pixels, np.ones(len(pixels))] @ geometry.canvas_from_frame(pose, camera).T
@@ -59,7 +59,7 @@ def test_without_a_lens_the_homography_is_the_whole_truth():
 
 
 @pytest.mark.parametrize("tilt_deg", [70, 85])
-def test_pixels_above_the_horizon_lie_nowhere(tilt_deg):
+def test_pixels_above_the_horizon_lie_nowhere(tilt_deg: float) -> None:
     camera = Camera(400, 300, focal=1.2)
     places = geometry.canvas_from_pixels(
         Pose(0, 0, roll=math.radians(tilt_deg)), camera, geometry.pixel_grid(camera, 3, 9)
@@ -68,7 +68,7 @@ def test_pixels_above_the_horizon_lie_nowhere(tilt_deg):
     assert np.isfinite(places).any()
 
 
-def test_a_lens_that_folds_the_picture_shows_nothing_beyond_the_fold():
+def test_a_lens_that_folds_the_picture_shows_nothing_beyond_the_fold() -> None:
     camera = Camera(4000, 3000, focal=0.6, k1=-0.4)
     corner = geometry.canvas_from_pixels(Pose(0, 0), camera, np.array([[0.0, 0.0]]))
     assert np.isnan(corner).all()
@@ -77,7 +77,7 @@ def test_a_lens_that_folds_the_picture_shows_nothing_beyond_the_fold():
 @pytest.mark.parametrize(
     ("k1", "k2", "reach"), [(-1 / 3, 0, 1), (0, -0.2, 1), (0.1, 0.1, math.inf), (-0.5, 0.3, math.inf)]
 )
-def test_how_far_a_lens_reaches(k1, k2, reach):
+def test_how_far_a_lens_reaches(k1: float, k2: float, reach: float) -> None:
     camera = Camera(4000, 3000, 1.0, k1, k2)
     assert math.isclose(camera.reach, reach)
     radii = np.linspace(0, min(camera.reach, 3), 200)[:-1, None] * [1, 0]
@@ -85,7 +85,7 @@ def test_how_far_a_lens_reaches(k1, k2, reach):
 
 
 @given(poses, st.floats(0.5, 2), st.floats(-3, 3))
-def test_moving_a_pose_moves_all_it_sees(pose, scale, angle):
+def test_moving_a_pose_moves_all_it_sees(pose: Pose, scale: float, angle: float) -> None:
     camera, shift = Camera(4000, 3000, 1.4, -0.05), np.array([300.0, -70.0])
     pixels = geometry.pixel_grid(camera, 4, 3)
     before = geometry.canvas_from_pixels(pose, camera, pixels)
@@ -95,7 +95,7 @@ def test_moving_a_pose_moves_all_it_sees(pose, scale, angle):
     assert np.allclose(after, expected, rtol=1e-7, atol=1e-4, equal_nan=True)
 
 
-def test_ground_sampling_distance_grows_with_height():
+def test_ground_sampling_distance_grows_with_height() -> None:
     camera = Camera(400, 300)
     middle = camera.centre[None]
     low, high = (geometry.ground_sampling_distance(Pose(0, 0, math.log(h)), camera, middle)[0] for h in (1, 3))
@@ -104,9 +104,10 @@ def test_ground_sampling_distance_grows_with_height():
 
 
 @given(poses)
-def test_a_pose_comes_back_from_its_homography(pose):
+def test_a_pose_comes_back_from_its_homography(pose: Pose) -> None:
     camera = Camera(4000, 3000, 1.3)
     found = geometry.pose_from_homography(geometry.pinhole_homography(pose, camera), camera)
+    assert found is not None
     grid = geometry.pixel_grid(camera, 5, 4)
     places = geometry.canvas_from_pixels(pose, camera, grid)
     seen = np.isfinite(places).all(axis=1)

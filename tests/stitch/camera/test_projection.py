@@ -1,23 +1,29 @@
 """The adjustment's camera agrees with `geometry`, and its derivatives with differences."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from gcs_mosaic.stitch.camera import geometry, projection
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose
+from gcs_mosaic.stitch.camera.projection import Projected
 
 M = 40
 
+Views = tuple[Array, Array, Array, Array]  # poses, lenses, half-diagonals, pixels
+Project = Callable[[Array, Array, Array, Array], Projected]
+
 
 @pytest.fixture
-def views():
+def views() -> Views:
     rng = np.random.default_rng(1)
     poses = np.c_[rng.normal(0, 100, (M, 2)), rng.normal(0, 0.3, M), rng.uniform(-3, 3, M), rng.normal(0, 0.2, (M, 2))]
     lenses = np.c_[np.log(rng.uniform(1, 2, M)), rng.uniform(-0.1, 0.1, (M, 2)), rng.normal(0, 0.02, (M, 2))]
     return poses, lenses, np.full(M, 2500.0), rng.uniform(-0.6, 0.6, (M, 2))
 
 
-def differences(function, at):
+def differences(function: Callable[[Array], Array], at: Array) -> Array:
     """Central differences (m, 2, columns) of a function of rows (m, columns)."""
     columns = []
     for k in range(at.shape[1]):
@@ -27,11 +33,11 @@ def differences(function, at):
     return np.stack(columns, axis=2)
 
 
-def assert_close(analytic, numeric):
+def assert_close(analytic: Array, numeric: Array) -> None:
     assert np.abs(analytic - numeric).max() < 1e-5 * np.abs(numeric).max()
 
 
-def test_it_is_the_camera_of_geometry(views):
+def test_it_is_the_camera_of_geometry(views: Views) -> None:
     poses, lenses, half_diagonals, pixels = views
     places = projection.canvas_from_pixels(poses, lenses, half_diagonals, pixels).points
     for pose, lens, pixel, place in zip(poses, lenses, pixels, places, strict=True):
@@ -41,7 +47,7 @@ def test_it_is_the_camera_of_geometry(views):
         assert np.allclose(expected[0], place, atol=1e-5)
 
 
-def test_up_is_the_inverse_of_down(views):
+def test_up_is_the_inverse_of_down(views: Views) -> None:
     poses, lenses, half_diagonals, pixels = views
     down = projection.canvas_from_pixels(poses, lenses, half_diagonals, pixels)
     up = projection.pixels_from_canvas(poses, lenses, half_diagonals, down.points)
@@ -49,7 +55,7 @@ def test_up_is_the_inverse_of_down(views):
 
 
 @pytest.mark.parametrize("project", [projection.canvas_from_pixels, projection.pixels_from_canvas])
-def test_derivatives(views, project):
+def test_derivatives(views: Views, project: Project) -> None:
     poses, lenses, half_diagonals, pixels = views
     points = pixels
     if project is projection.pixels_from_canvas:
@@ -60,7 +66,7 @@ def test_derivatives(views, project):
     assert_close(result.by_point, differences(lambda z: project(poses, lenses, half_diagonals, z).points, points))
 
 
-def test_the_derivative_by_height_is_that_of_a_rising_ground(views):
+def test_the_derivative_by_height_is_that_of_a_rising_ground(views: Views) -> None:
     poses, lenses, half_diagonals, pixels = views
     rise = 1.0
     sunk = poses.copy()  # ground that rises by one unit is seen as from one unit lower

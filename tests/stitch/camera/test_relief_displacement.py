@@ -14,21 +14,21 @@ CAMERA = Camera(400, 300)
 
 
 @given(st.integers(0, 1000), st.floats(0, 0.2))
-def test_there_and_back(seed, size):
+def test_there_and_back(seed: int, size: float) -> None:
     relief = ReliefDisplacement.from_grid(np.random.default_rng(seed).normal(0, size, (7, 9, 2)))
     pixels = pixel_grid(CAMERA, 23, 17)
     assert np.allclose(as_seen(relief, CAMERA, on_plane(relief, CAMERA, pixels)), pixels, atol=0.02)
 
 
 @given(st.integers(0, 1000), st.floats(0.01, 10))
-def test_no_picture_is_folded(seed, size):
+def test_no_picture_is_folded(seed: int, size: float) -> None:
     relief = ReliefDisplacement.from_grid(np.random.default_rng(seed).normal(0, size, (7, 9, 2)))
     x, y = on_plane(relief, CAMERA, pixel_grid(CAMERA, 400, 300)).reshape(300, 400, 2).transpose(2, 0, 1)
     (x_down, x_right), (y_down, y_right) = np.gradient(x), np.gradient(y)
     assert (x_right * y_down - x_down * y_right > 0).all()
 
 
-def test_the_shift_between_nodes_is_bilinear_and_scales_with_the_frame():
+def test_the_shift_between_nodes_is_bilinear_and_scales_with_the_frame() -> None:
     grid = np.zeros((2, 3, 2))
     grid[0, 1] = 0.02, -0.01
     relief = ReliefDisplacement.from_grid(grid)
@@ -40,7 +40,7 @@ def test_the_shift_between_nodes_is_bilinear_and_scales_with_the_frame():
         assert np.allclose(relief.at(camera, quarter), full / 4, rtol=1e-5)
 
 
-def test_beyond_the_frame_the_border_counts_and_nowhere_stays_nowhere():
+def test_beyond_the_frame_the_border_counts_and_nowhere_stays_nowhere() -> None:
     relief, camera = hilly(1), CAMERA
     corner, beyond = np.array([[0.0, 0.0]]), np.array([[-50.0, -90.0]])
     assert np.allclose(relief.at(camera, corner), relief.at(camera, beyond))
@@ -48,10 +48,12 @@ def test_beyond_the_frame_the_border_counts_and_nowhere_stays_nowhere():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_frame_is_painted_where_its_relief_says(seed):
+def test_a_frame_is_painted_where_its_relief_says(seed: int) -> None:
     relief, pose = hilly(seed), Pose(10.0, -20.0, 0.0, 0.5)
     lattice = frame_lattice(pose, SMALL, 16, relief)
     flat = frame_lattice(pose, SMALL, 16)
+    assert lattice is not None
+    assert flat is not None
     inside = lattice.inside()
     back = on_plane(relief, SMALL, lattice.pixels[inside].astype(float))
     rows = (lattice.first.y - flat.first.y) * 16

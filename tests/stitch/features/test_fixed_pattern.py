@@ -1,18 +1,24 @@
 """What stands still in the picture is taken out of it, and nothing else."""
 
+from collections.abc import Iterable, Iterator
+
 import faint_frames
 import numpy as np
 import pytest
-from test_faint import motion
+from faint_frames import Levels, motion
+from numpy.typing import NDArray
+from stitch_ground import Image
 
 from gcs_mosaic.stitch.features import fixed_pattern as still
-from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
 
 SETTINGS = FeatureSettings()
 
+Place = tuple[int, int]
 
-def flown(places, pattern, contrast=2.0):
+
+def flown(places: Iterable[Place], pattern: Levels | float, contrast: float = 2.0) -> Iterator[Features]:
     """Features of frames at these places (x, y) of one ground, as they are taken in one after the other."""
     scene, still = faint_frames.scene(), StillPattern()
     for number, (x, y) in enumerate(places):
@@ -20,19 +26,19 @@ def flown(places, pattern, contrast=2.0):
         yield still.without(extract(image, SETTINGS), SETTINGS)
 
 
-def moving(count, step):
+def moving(count: int, step: int) -> list[Place]:
     return [(10 + step * k, 10 + step * k // 4) for k in range(count)]
 
 
 @pytest.mark.parametrize("step", [6, 40])
-def test_the_ground_is_matched_and_not_the_pattern(step):
+def test_the_ground_is_matched_and_not_the_pattern(step: int) -> None:
     found = list(flown(moving(18, step), faint_frames.fixed_pattern(3.0)))
     apart = -(-30 // step)
     for a, b in zip(found[-3 - apart :], found[-3:], strict=False):
         assert motion(a, b) == pytest.approx([-step * apart, -step * apart / 4], abs=1.5)
 
 
-def test_with_the_pattern_in_it_the_ground_is_lost():
+def test_with_the_pattern_in_it_the_ground_is_lost() -> None:
     """What the test above would be without `StillPattern`."""
     scene, pattern = faint_frames.scene(), faint_frames.fixed_pattern(3.0)
     a, b = (extract(faint_frames.frame(scene, x, y, x, pattern=pattern), SETTINGS) for x, y in moving(18, 40)[-2:])
@@ -41,20 +47,20 @@ def test_with_the_pattern_in_it_the_ground_is_lost():
 
 
 @pytest.mark.parametrize("contrast", [1.5, 3.0])
-def test_hovering_takes_nothing_away(contrast):
+def test_hovering_takes_nothing_away(contrast: float) -> None:
     found = list(flown([(300, 300)] * 30, 0.0, contrast))
     assert len(found[-1]) > 0.9 * len(found[0])
     assert motion(found[0], found[-1]) == pytest.approx([0, 0], abs=0.5)
 
 
-def first_two(places):
+def first_two(places: Iterable[Place]) -> tuple[Features, Features, NDArray[np.intp]]:
     """Two frames of a strong pattern, from before it is known, and matches (n, 2) of each feature with the nearest one."""
     a, b = list(flown(places, faint_frames.fixed_pattern(3.0)))
     apart = np.linalg.norm(a.points[:, None] / a.scale - b.points[None] / b.scale, axis=2)
     return a, b, np.stack([np.arange(len(a)), apart.argmin(axis=1)], axis=1)
 
 
-def test_before_the_pattern_is_known_what_has_not_moved_is_the_pattern():
+def test_before_the_pattern_is_known_what_has_not_moved_is_the_pattern() -> None:
     a, b, nearest = first_two(moving(2, 40))
     moved = np.linalg.norm(a.points[nearest[:, 0]] / a.scale - b.points[nearest[:, 1]] / b.scale, axis=1)
     kept = still.moving(a, b, nearest)
@@ -62,22 +68,22 @@ def test_before_the_pattern_is_known_what_has_not_moved_is_the_pattern():
     assert np.array_equal(kept, moved > still.STILL_PX)
 
 
-def test_an_aircraft_that_hovers_keeps_its_matches():
+def test_an_aircraft_that_hovers_keeps_its_matches() -> None:
     a, b, nearest = first_two([(300, 300)] * 2)
     assert still.moving(a, b, nearest).all()
 
 
-def test_frames_with_enough_to_see_pass_untouched(ground):
+def test_frames_with_enough_to_see_pass_untouched(ground: Image) -> None:
     features = extract(ground[:600, :800], SETTINGS)
     assert StillPattern().without(features, SETTINGS) is features
 
 
-def test_the_same_frames_give_the_same_features():
+def test_the_same_frames_give_the_same_features() -> None:
     first, second = (list(flown(moving(12, 40), faint_frames.fixed_pattern(2.0))) for _ in range(2))
     assert all(np.array_equal(a.descriptors, b.descriptors) for a, b in zip(first, second, strict=True))
 
 
-def test_what_is_kept_is_never_changed_in_place():
+def test_what_is_kept_is_never_changed_in_place() -> None:
     """Whoever keeps a copy of its attributes can go back to it."""
     scene, still = faint_frames.scene(), StillPattern()
     frames = [extract(faint_frames.frame(scene, x, y, x), SETTINGS) for x, y in moving(9, 40)]

@@ -2,18 +2,19 @@
 
 import cv2
 import numpy as np
+from stitch_ground import Image
 
 from gcs_mosaic.stitch.features.matching import match
 
 RATIO = 0.85
 
 
-def descriptors(count, seed):
+def descriptors(count: int, seed: int) -> Image:
     raw = np.random.default_rng(seed).gamma(0.5, size=(count, 128))
-    return np.rint(255 * np.sqrt(raw / raw.sum(axis=1, keepdims=True))).astype(np.uint8)
+    return np.asarray(np.rint(255 * np.sqrt(raw / raw.sum(axis=1, keepdims=True))), np.uint8)
 
 
-def test_it_agrees_with_the_exhaustive_matcher():
+def test_it_agrees_with_the_exhaustive_matcher() -> None:
     a, b = descriptors(300, 1), descriptors(400, 2)
     b[:120] = np.clip(a[:120].astype(int) + np.random.default_rng(3).integers(-9, 9, (120, 128)), 0, 255)
     matcher = cv2.BFMatcher(cv2.NORM_L2)
@@ -28,9 +29,9 @@ def test_it_agrees_with_the_exhaustive_matcher():
     assert len(expected) >= 120
 
 
-def test_unrelated_descriptors_hardly_match():
+def test_unrelated_descriptors_hardly_match() -> None:
     assert len(match(descriptors(300, 4), descriptors(300, 5), RATIO)) < 30
 
 
-def test_too_few_to_compare():
+def test_too_few_to_compare() -> None:
     assert match(descriptors(1, 1), descriptors(9, 2), RATIO).shape == (0, 2)

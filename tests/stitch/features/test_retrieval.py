@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features import retrieval
@@ -12,7 +12,9 @@ from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 
 @pytest.mark.long
 @pytest.mark.parametrize("learn_at", [(), (8,), (4, 12)], ids=["no words", "words", "words learnt anew"])
-def test_the_frame_of_the_same_ground_is_found_among_many(ground, monkeypatch, learn_at):
+def test_the_frame_of_the_same_ground_is_found_among_many(
+    ground: Image, monkeypatch: pytest.MonkeyPatch, learn_at: tuple[int, ...]
+) -> None:
     monkeypatch.setattr(retrieval, "LEARN_AT", learn_at)
     index, places = RetrievalIndex(), [Pose(x, y) for y in (300, 900, 1500, 2100) for x in (300, 1000, 1700)]
     for pose in places:
@@ -22,7 +24,7 @@ def test_the_frame_of_the_same_ground_is_found_among_many(ground, monkeypatch, l
         assert index.likeliest(again, np.arange(len(places)), 3)[0] == number
 
 
-def test_only_the_frames_asked_for_are_looked_at(ground):
+def test_only_the_frames_asked_for_are_looked_at(ground: Image) -> None:
     index = RetrievalIndex()
     features = extract(photograph(ground, Pose(700, 700), SMALL_CAMERA), FeatureSettings())
     for _ in range(70):
@@ -31,7 +33,9 @@ def test_only_the_frames_asked_for_are_looked_at(ground):
     assert index.likeliest(features, np.array([], dtype=np.intp), 9) == []
 
 
-def test_a_query_compares_itself_with_a_small_part_of_what_is_stored(ground, monkeypatch):
+def test_a_query_compares_itself_with_a_small_part_of_what_is_stored(
+    ground: Image, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(retrieval, "LEARN_AT", (12,))
     index = RetrievalIndex()
     pictures = [photograph(ground, Pose(x, y), SMALL_CAMERA) for y in (300, 900, 1500, 2100) for x in (300, 1000, 1700)]

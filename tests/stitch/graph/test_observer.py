@@ -1,12 +1,15 @@
 """Whoever looks on is told what happened, and what is told is true."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.stitch.graph.observer import Observers, island_residuals
+from gcs_mosaic.stitch.graph.observer import Observers, Residuals, island_residuals
 from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mapping.resection import PlausibilitySettings
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
@@ -15,33 +18,36 @@ from gcs_mosaic.stitch.registration.registration import NotRegistered, Registrat
 class Notes:
     """An observer that writes everything down."""
 
-    def __init__(self):
-        self.pairs, self.disbeliefs, self.placements, self.adjustments = [], [], [], []
+    def __init__(self) -> None:
+        self.pairs: list[tuple[str, str, Registration | NotRegistered]] = []
+        self.disbeliefs: list[tuple[str, str, str]] = []
+        self.placements: list[Placement] = []
+        self.adjustments: list[tuple[int, Sequence[Residuals]]] = []
 
-    def registered(self, a, b, found):
+    def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:
         self.pairs.append((a, b, found))
 
-    def disbelieved(self, name, beside, reason):
+    def disbelieved(self, name: str, beside: str, reason: str) -> None:
         self.disbeliefs.append((name, beside, reason))
 
-    def placed(self, placement):
+    def placed(self, placement: Placement) -> None:
         self.placements.append(placement)
 
-    def adjusted(self, island, residuals):
+    def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
         self.adjustments.append((island, residuals()))
 
 
 TRUTH = [Pose(400 + 130 * i, 500) for i in range(3)]
 
 
-def fly(mosaic, *grounds):
+def fly(mosaic: Mosaic, *grounds: Image) -> Mosaic:
     for i, (ground, pose) in enumerate(zip(grounds, TRUTH, strict=True)):
         mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
     mosaic.adjust(everything=True)
     return mosaic
 
 
-def test_pairs_and_placements_are_told_as_they_happen(ground, other_ground):
+def test_pairs_and_placements_are_told_as_they_happen(ground: Image, other_ground: Image) -> None:
     notes = Notes()
     fly(Mosaic(observer=notes), ground, ground, other_ground)
     (a, b, found), *others = notes.pairs
@@ -55,7 +61,7 @@ def test_pairs_and_placements_are_told_as_they_happen(ground, other_ground):
     assert all(isinstance(placement, Placement) for placement in notes.placements)
 
 
-def test_a_refused_pair_tells_which_pixels_agreed_all_the_same(ground):
+def test_a_refused_pair_tells_which_pixels_agreed_all_the_same(ground: Image) -> None:
     notes, registration = Notes(), StitchSettings().registration
     strict = StitchSettings(registration=type(registration)(least_evidence=1e6))
     fly(Mosaic(strict, observer=notes), ground, ground, ground)
@@ -65,7 +71,7 @@ def test_a_refused_pair_tells_which_pixels_agreed_all_the_same(ground):
     assert np.median(refused.pixels_b - refused.pixels_a, axis=0) == pytest.approx([130, 0], abs=1)
 
 
-def test_a_pose_that_is_not_believed_is_told_with_its_reason(ground):
+def test_a_pose_that_is_not_believed_is_told_with_its_reason(ground: Image) -> None:
     notes = Notes()
     nothing_fits = StitchSettings(plausibility=PlausibilitySettings(most_residual_px=1e-6))
     fly(Mosaic(nothing_fits, observer=notes), ground, ground, ground)
@@ -74,7 +80,7 @@ def test_a_pose_that_is_not_believed_is_told_with_its_reason(ground):
     assert "misses its matches by" in reason
 
 
-def test_residuals_are_what_two_frames_put_one_point_apart(ground):
+def test_residuals_are_what_two_frames_put_one_point_apart(ground: Image) -> None:
     notes = Notes()
     mosaic = fly(Mosaic(observer=notes), ground, ground, ground)
     island, residuals = notes.adjustments[-1]
@@ -88,7 +94,7 @@ def test_residuals_are_what_two_frames_put_one_point_apart(ground):
     assert np.median(moved["2"].misses, axis=0) == pytest.approx([-7, 0], abs=0.5)  # the others stayed behind
 
 
-def test_several_are_told_the_same(ground, other_ground):
+def test_several_are_told_the_same(ground: Image, other_ground: Image) -> None:
     first, second = Notes(), Notes()
     fly(Mosaic(observer=Observers(first, None, second)), ground, ground, other_ground)
     assert first.pairs == second.pairs
@@ -97,22 +103,27 @@ def test_several_are_told_the_same(ground, other_ground):
     assert len(first.pairs) > 1
 
 
-def test_what_is_left_over_is_worked_out_only_for_whoever_asks(ground, monkeypatch):
+def test_what_is_left_over_is_worked_out_only_for_whoever_asks(ground: Image, monkeypatch: pytest.MonkeyPatch) -> None:
     class Uninterested(Notes):
-        def adjusted(self, island, residuals):
-            self.adjustments.append(island)
+        def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
+            self.adjustments.append((island, ()))
 
-    asked = []
-    monkeypatch.setattr("gcs_mosaic.stitch.mosaic.island_residuals", lambda *about: asked.append(about) or [])
+    asked: list[ViewGraph] = []
+
+    def noting(graph: ViewGraph, island: int) -> list[Residuals]:
+        asked.append(graph)
+        return []
+
+    monkeypatch.setattr("gcs_mosaic.stitch.mosaic.island_residuals", noting)
     notes = Uninterested()
     fly(Mosaic(observer=notes), ground, ground, ground)
     assert notes.adjustments
     assert not asked
 
 
-def test_one_that_raises_looks_on_no_more_and_changes_nothing(ground, caplog):
+def test_one_that_raises_looks_on_no_more_and_changes_nothing(ground: Image, caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Notes):
-        def registered(self, a, b, found):
+        def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:
             raise ValueError("no more paper")
 
     broken, notes = Broken(), Notes()

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, Image, photograph
 
-from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.camera.geometry import Array, Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
@@ -13,7 +13,7 @@ HERE = Pose(700, 700)
 
 
 @pytest.fixture
-def graph(ground):
+def graph(ground: Image) -> ViewGraph:
     """A frame, not yet placed, and three around it: beside it, twice as high and more, looking aside."""
     graph = ViewGraph(SMALL_CAMERA.focal, 24)
     poses = [HERE, Pose(820, 700), Pose(700, 700, 0.9), Pose(700, 400, 0.3, 0, 0, -1.1)]
@@ -24,28 +24,28 @@ def graph(ground):
     return graph
 
 
-def everywhere(graph) -> np.ndarray:
-    return graph.frames[0].features.points.astype(float)
+def everywhere(graph: ViewGraph) -> Array:
+    return graph.frames[0].features.points.astype(np.float64)
 
 
-def test_matches_all_over_the_overlap_confirm_a_place(graph):
+def test_matches_all_over_the_overlap_confirm_a_place(graph: ViewGraph) -> None:
     assert confirmed_around(graph, 0, HERE, 0, [1], [everywhere(graph)]).share == 1
 
 
-def test_matches_on_one_thing_confirm_only_that(graph):
+def test_matches_on_one_thing_confirm_only_that(graph: ViewGraph) -> None:
     points = everywhere(graph)
     thing = points[((points > [250, 120]) & (points < [350, 200])).all(axis=1)]
     assert 0 < confirmed_around(graph, 0, HERE, 0, [1], [thing]).share < 0.25
 
 
-def test_what_only_another_frame_should_see_is_not_asked_of_this_one(graph):
+def test_what_only_another_frame_should_see_is_not_asked_of_this_one(graph: ViewGraph) -> None:
     points = everywhere(graph)
     right = points[points[:, 0] > 120]
     assert confirmed_around(graph, 0, HERE, 0, [1], [right]).share == 1
     assert confirmed_around(graph, 0, Pose(820, 700), 0, [1], [right]).share < 0.8
 
 
-def test_frames_that_see_the_ground_much_coarser_are_no_witnesses(graph):
+def test_frames_that_see_the_ground_much_coarser_are_no_witnesses(graph: ViewGraph) -> None:
     assert confirmed_around(graph, 0, HERE, 0, [2], []).share == 1
     assert confirmed_around(graph, 0, HERE, 0, [3], []).share == 1
     assert confirmed_around(graph, 0, HERE, 0, [1, 2, 3], []).share == 0

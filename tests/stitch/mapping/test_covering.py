@@ -1,15 +1,16 @@
 """What shows nothing new is kept beside its keyframe; what shows more, or shows it better, is placed."""
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, fly, photograph
+from stitch_ground import SMALL_CAMERA, Image, fly, photograph
 
-from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixel_grid
-from gcs_mosaic.stitch.graph.placement import Covered, Placement
+from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement
 from gcs_mosaic.stitch.mapping.covering import CoverSettings
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 
@@ -18,33 +19,39 @@ WIDTH = SMALL_CAMERA.width
 GRID = pixel_grid(SMALL_CAMERA, 5, 4)
 
 
-def hover(count, x=900.0, y=900.0, seed=4):
+def hover(count: int, x: float = 900.0, y: float = 900.0, seed: int = 4) -> list[Pose]:
     """Around one place, never off it by more than one per cent of a picture."""
     rng = np.random.default_rng(seed)
     swings = rng.uniform(-1, 1, (count, 5)) * [2, 2, 0.002, 0.004, 0.002]
     return [Pose(x + dx, y + dy, zoom, yaw, pitch) for dx, dy, zoom, yaw, pitch in swings]
 
 
-def moved_along(count, step):
+def moved_along(count: int, step: float) -> list[Pose]:
     return [Pose(500 + step * i, 900) for i in range(count)]
 
 
-def followed(covered, placements):
+def followed(covered: Covered, placements: Iterable[Placement]) -> Array:
     """Where a covered frame's grid lies on the canvas."""
     keyframe = next(p for p in placements if p.name == covered.by)
-    return cv2.perspectiveTransform(GRID[None], covered.canvas_from_frame(keyframe))[0]
+    return np.asarray(cv2.perspectiveTransform(GRID[None], covered.canvas_from_frame(keyframe))[0])
 
 
-def test_a_hover_is_one_keyframe(ground):
+def all_covered(outcomes: list[Outcome]) -> list[Covered]:
+    covered = [outcome for outcome in outcomes if isinstance(outcome, Covered)]
+    assert covered == outcomes
+    return covered
+
+
+def test_a_hover_is_one_keyframe(ground: Image) -> None:
     mosaic = Mosaic()
     outcomes = fly(mosaic, ground, hover(10))
     assert isinstance(outcomes[0], Placement)
-    assert [(o.name, o.by) for o in outcomes[1:]] == [(f"{i:03}", "000") for i in range(1, 10)]
+    assert [(o.name, o.by) for o in all_covered(outcomes[1:])] == [(f"{i:03}", "000") for i in range(1, 10)]
     assert mosaic.covered() == outcomes[1:]
     assert mosaic.frame_counts() == {0: 1}
 
 
-def test_covered_frames_take_no_part(ground):
+def test_covered_frames_take_no_part(ground: Image) -> None:
     """What comes after a hover is placed as if there had been no hover."""
     line, still = moved_along(4, 130), hover(6, 500, 900)
     with_hover, without = Mosaic(), Mosaic()
@@ -55,7 +62,7 @@ def test_covered_frames_take_no_part(ground):
     assert len(with_hover.covered()) == 6
 
 
-def test_covered_frames_lie_where_they_were_taken(ground):
+def test_covered_frames_lie_where_they_were_taken(ground: Image) -> None:
     poses = [*moved_along(3, 130), *hover(8, 760 + 4, 900)]
     mosaic = Mosaic()
     covered = [o for o in fly(mosaic, ground, poses) if isinstance(o, Covered)]
@@ -68,13 +75,13 @@ def test_covered_frames_lie_where_they_were_taken(ground):
         assert np.abs(shift - true_shift).max() < 1.0
 
 
-def where(placements, name):
+def where(placements: Iterable[Placement], name: str) -> tuple[Pose, Camera]:
     placement = next(p for p in placements if p.name == name)
     return placement.pose, placement.camera
 
 
 @pytest.mark.long
-def test_a_slow_drift_does_not_add_up(ground):
+def test_a_slow_drift_does_not_add_up(ground: Image) -> None:
     """One per cent of a picture a frame: each is judged against its keyframe, and every third is one."""
     poses = moved_along(31, 0.01 * WIDTH)
     mosaic = Mosaic()
@@ -87,12 +94,12 @@ def test_a_slow_drift_does_not_add_up(ground):
     assert max(np.diff(places)) < most + 0.01 * WIDTH + 1
 
 
-def test_a_return_is_covered_by_what_was_placed_before(ground):
+def test_a_return_is_covered_by_what_was_placed_before(ground: Image) -> None:
     """To and fro: the keyframe placed last is too far, an earlier one is not."""
     there = moved_along(4, 0.1 * WIDTH)
     mosaic = Mosaic()
     fly(mosaic, ground, there)
-    assert [o.by for o in fly(mosaic, ground, [replace(p, y=902) for p in there[::-1]], first=4)] == [
+    assert [o.by for o in all_covered(fly(mosaic, ground, [replace(p, y=902) for p in there[::-1]], first=4))] == [
         "003",
         "002",
         "001",
@@ -101,28 +108,28 @@ def test_a_return_is_covered_by_what_was_placed_before(ground):
 
 
 @pytest.mark.parametrize("blur", [lambda p: cv2.GaussianBlur(p, (0, 0), 1.0), lambda p: cv2.blur(p, (5, 1))])
-def test_a_sharper_frame_is_placed_and_covers_the_next(ground, blur):
+def test_a_sharper_frame_is_placed_and_covers_the_next(ground: Image, blur: Callable[[Image], Image]) -> None:
     pictures = [photograph(ground, pose, SMALL_CAMERA) for pose in hover(4)]
     mosaic = Mosaic()
     outcomes = [mosaic.add(p, str(i)) for i, p in enumerate([blur(pictures[0]), *pictures[1:3], blur(pictures[3])])]
     assert [type(o) for o in outcomes] == [Placement, Placement, Covered, Covered]
-    assert [o.by for o in outcomes[2:]] == ["1", "1"]
+    assert [o.by for o in all_covered(outcomes[2:])] == ["1", "1"]
 
 
-def test_a_finer_frame_is_placed(ground):
+def test_a_finer_frame_is_placed(ground: Image) -> None:
     mosaic = Mosaic()
     near = [Pose(900, 900, math.log(scale)) for scale in (1.0, 0.99, 0.92)]
     assert [type(o) for o in fly(mosaic, ground, near)] == [Placement, Covered, Placement]
 
 
-def test_another_camera_is_not_covered(ground):
+def test_another_camera_is_not_covered(ground: Image) -> None:
     picture = photograph(ground, Pose(900, 900), SMALL_CAMERA)
     mosaic = Mosaic()
     mosaic.add(picture, "whole")
     assert isinstance(mosaic.add(picture[2:-2, 2:-2].copy(), "cropped"), Placement)
 
 
-def test_what_only_looks_alike_in_part_is_not_covered(ground, other_ground):
+def test_what_only_looks_alike_in_part_is_not_covered(ground: Image, other_ground: Image) -> None:
     """Half of the picture has changed: matches bear out too little of it."""
     before = photograph(ground, Pose(900, 900), SMALL_CAMERA)
     after = before.copy()
@@ -133,7 +140,7 @@ def test_what_only_looks_alike_in_part_is_not_covered(ground, other_ground):
 
 
 @pytest.mark.long
-def test_covered_frames_go_along_when_their_keyframe_moves(ground):
+def test_covered_frames_go_along_when_their_keyframe_moves(ground: Image) -> None:
     line = moved_along(8, 130)
     mosaic = Mosaic()
     fly(mosaic, ground, [*line[:3], *hover(3, 760, 900)])
@@ -150,7 +157,7 @@ def test_covered_frames_go_along_when_their_keyframe_moves(ground):
 
 
 @pytest.mark.long
-def test_an_ordinary_flight_has_none_and_is_as_it_was(ground):
+def test_an_ordinary_flight_has_none_and_is_as_it_was(ground: Image) -> None:
     rng = np.random.default_rng(5)
     level = [*moved_along(6, 100), *(replace(p, y=1050) for p in moved_along(6, 100)[::-1])]
     poses = [Pose(p.x, p.y, *rng.normal(0, [0.05, 0.1, 0.05, 0.05])) for p in level]
@@ -163,16 +170,16 @@ def test_an_ordinary_flight_has_none_and_is_as_it_was(ground):
 
 
 @pytest.mark.long
-def test_the_same_frames_give_the_same_outcomes(ground):
+def test_the_same_frames_give_the_same_outcomes(ground: Image) -> None:
     poses = [*hover(4), *moved_along(8, 4.0)]
     assert fly(Mosaic(), ground, poses) == fly(Mosaic(), ground, poses)
 
 
-def test_covering_can_be_switched_off(ground):
+def test_covering_can_be_switched_off(ground: Image) -> None:
     assert all(isinstance(o, Placement) for o in fly(Mosaic(PLACED_ALL), ground, hover(4)))
 
 
-def test_a_call_that_raises_leaves_no_covered_frame(ground, monkeypatch):
+def test_a_call_that_raises_leaves_no_covered_frame(ground: Image, monkeypatch: pytest.MonkeyPatch) -> None:
     mosaic = Mosaic()
     pictures = [photograph(ground, pose, SMALL_CAMERA) for pose in hover(2)]
     mosaic.add(pictures[0], "a")

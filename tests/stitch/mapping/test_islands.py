@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, photograph
+from stitch_ground import SMALL_CAMERA, Image, photograph
 
-from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.camera.geometry import Array, Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.view_graph import Bridge, ViewGraph
@@ -21,7 +21,7 @@ AWAY = 5000.0  # where the second island lies on its own canvas
 
 
 @pytest.fixture
-def search(ground):
+def search(ground: Image) -> Search:
     graph = ViewGraph(SMALL_CAMERA.focal, 24)
     for _ in (FIRST, SECOND):
         graph.found_island()
@@ -34,19 +34,25 @@ def search(ground):
 
 
 @pytest.fixture
-def bridges(search):
+def bridges(search: Search) -> Bridges:
     return Bridges(search._graph, search, IslandSettings())
 
 
-def bridge(search, a, b):
-    return Bridge(a, b, search.register(a, b))
+def registered(search: Search, a: int, b: int) -> Registration:
+    found = search.register(a, b)
+    assert found is not None
+    return found
 
 
-def matching(found: Registration, pixels_a: np.ndarray, pixels_b: np.ndarray) -> Registration:
+def bridge(search: Search, a: int, b: int) -> Bridge:
+    return Bridge(a, b, registered(search, a, b))
+
+
+def matching(found: Registration, pixels_a: Array, pixels_b: Array) -> Registration:
     return replace(found, pixels_a=pixels_a, pixels_b=pixels_b)
 
 
-def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(search, bridges):
+def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(search: Search, bridges: Bridges) -> None:
     proof = bridges.add(bridge(search, 3, 0))
     assert len(proof) > 1
     assert bridges.join(proof) == (0, 1)
@@ -56,30 +62,34 @@ def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(sea
         assert (graph.pose_of(frame).x, graph.pose_of(frame).y) == pytest.approx(place, abs=2)
 
 
-def test_bridges_that_share_their_ground_count_once(search, bridges, monkeypatch):
+def test_bridges_that_share_their_ground_count_once(
+    search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.islands.PAIRS_PER_WITNESS", 0)
-    thing = search.register(3, 0)
+    thing = registered(search, 3, 0)
     assert not bridges.add(Bridge(3, 0, thing))
     shifted = matching(thing, thing.pixels_a - [150, 0], thing.pixels_b - [150, 0])
     assert not bridges.add(Bridge(4, 1, shifted))
     assert bridges.add(bridge(search, 5, 2))
 
 
-def test_an_overlap_that_does_not_bear_it_out_refutes_any_number_of_bridges(search, bridges):
+def test_an_overlap_that_does_not_bear_it_out_refutes_any_number_of_bridges(search: Search, bridges: Bridges) -> None:
     """Right matches on something alike, 80 px further: what should lie around it is not found."""
     for a, b in ((3, 0), (4, 1), (5, 2)):
-        found = search.register(a, b)
+        found = registered(search, a, b)
         one_thing = (np.abs(found.pixels_a - [240, 60]) < 50).all(axis=1)
         wrong = matching(found, found.pixels_a[one_thing], found.pixels_b[one_thing] + [80, -120])
         assert not bridges.add(Bridge(a, b, wrong))
 
 
-def test_a_bridge_whose_own_matches_disagree_is_none(search, bridges):
-    mess = matching(search.register(3, 0), *np.random.default_rng(1).uniform(0, 350, (2, 40, 2)))
+def test_a_bridge_whose_own_matches_disagree_is_none(search: Search, bridges: Bridges) -> None:
+    mess = matching(registered(search, 3, 0), *np.random.default_rng(1).uniform(0, 350, (2, 40, 2)))
     assert bridges.add(Bridge(3, 0, mess)) == []
 
 
-def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(search, bridges, monkeypatch):
+def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(
+    search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
+) -> None:
     agree = Bridges._agree
     monkeypatch.setattr(Bridges, "_agree", lambda self, a, b: a.frame_a < a.frame_b and agree(self, a, b))
     for a, b in ((3, 0), (1, 4), (5, 2)):
@@ -88,7 +98,7 @@ def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(sear
     assert bridges.add(bridge(search, 3, 0))
 
 
-def seeing(monkeypatch, *around):
+def seeing(monkeypatch: pytest.MonkeyPatch, *around: Confirmed) -> None:
     """What is found around one witness after the other."""
     left = list(around)
     monkeypatch.setattr(islands, "confirmed_around", lambda *_: left.pop(0))
@@ -98,24 +108,32 @@ MUCH_SEEN, LITTLE_SEEN, NOTHING_SEEN = Confirmed(0.9, 30), Confirmed(0.0, 1), Co
 
 
 @pytest.mark.parametrize("other", [LITTLE_SEEN, NOTHING_SEEN], ids=["one cell", "nothing"])
-def test_a_witness_that_has_seen_too_little_to_tell_refutes_nothing(search, bridges, monkeypatch, other):
+def test_a_witness_that_has_seen_too_little_to_tell_refutes_nothing(
+    search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch, other: Confirmed
+) -> None:
     seeing(monkeypatch, MUCH_SEEN, other, MUCH_SEEN)
     assert bridges.add(bridge(search, 4, 1))
 
 
-def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(search, bridges, monkeypatch):
+def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(
+    search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(islands, "PAIRS_PER_WITNESS", 0)
     seeing(monkeypatch, *[MUCH_SEEN, NOTHING_SEEN, MUCH_SEEN] * 2)
     assert not bridges.add(bridge(search, 3, 0))
     assert bridges.add(bridge(search, 5, 2))
 
 
-def test_a_witness_that_has_seen_enough_and_found_nothing_refutes_any_bridge(search, bridges, monkeypatch):
+def test_a_witness_that_has_seen_enough_and_found_nothing_refutes_any_bridge(
+    search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
+) -> None:
     seeing(monkeypatch, Confirmed(0.0, 8), MUCH_SEEN, MUCH_SEEN)
     assert not bridges.add(bridge(search, 4, 1))
 
 
-def test_two_frames_make_one_bridge_however_often_they_are_compared(search, bridges, monkeypatch):
+def test_two_frames_make_one_bridge_however_often_they_are_compared(
+    search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("gcs_mosaic.stitch.mapping.islands.PAIRS_PER_WITNESS", 0)
     for a, b in ((3, 0), (0, 3), (3, 0)):
         assert not bridges.add(bridge(search, a, b))
