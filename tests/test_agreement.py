@@ -5,10 +5,8 @@ from contextlib import closing
 from pathlib import Path
 
 import cv2
-import documents
 import numpy as np
 import pytest
-from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app.flight_writer import estimate_of_placement
@@ -20,6 +18,8 @@ from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
+from tests import documents
+from tests.frame_files import written
 
 pytestmark = pytest.mark.long
 
@@ -36,7 +36,7 @@ FLIGHT = [
 
 
 @pytest.fixture
-def flight(tmp_path) -> list[Frame]:
+def flight(tmp_path: Path) -> list[Frame]:
     ground = cv2.cvtColor(textured_ground(1700, 1), cv2.COLOR_GRAY2BGR)
     frames = []
     for k, (camera, x) in enumerate(FLIGHT):
@@ -81,7 +81,9 @@ def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarra
         assert here == there
 
 
-def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_path, monkeypatch):
+def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(
+    flight: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(placements, "WHOLE_EACH_S", 60.0)  # so that the journal has its part, however slow this is
     out = tmp_path / "out"
     out.mkdir()

@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import pytest
 from faults import Fault, chosen, counted, raising
-from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
@@ -22,6 +21,7 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.records import FrameState
+from tests.frame_files import written
 
 pytestmark = pytest.mark.long
 
@@ -32,7 +32,7 @@ CONFIG = Config(paint=PaintSettings(canvas=CanvasSettings(memory_mb=1)))  # near
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory) -> list[DecodedFrame]:
+def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     """Two frames, three of an island that has to be founded first, and two between that join them."""
     folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
     found = []
@@ -45,14 +45,14 @@ def flight(tmp_path_factory) -> list[DecodedFrame]:
 class Flown:
     """A pipeline, and what it has said."""
 
-    def __init__(self, out: Path):
+    def __init__(self, out: Path) -> None:
         self.said = []
         self.pipeline = Pipeline(out, CONFIG, self.said.append, punctual=True, utc=lambda: 0.0)
 
     def process(self, prepared):
         return self.pipeline.process(prepared)
 
-    def finish(self):
+    def finish(self) -> None:
         for _ in self.pipeline.finish():
             self.pipeline.save()
         self.pipeline.save()
@@ -69,7 +69,7 @@ class Flown:
 
 
 @pytest.fixture
-def flown(tmp_path):
+def flown(tmp_path: Path):
     (tmp_path / "out").mkdir()
     flown = Flown(tmp_path / "out")
     yield flown
@@ -77,7 +77,7 @@ def flown(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(flight, tmp_path_factory):
+def undisturbed(flight: list[DecodedFrame], tmp_path_factory: pytest.TempPathFactory):
     """The map without any fault, and what was called for each frame."""
     flown, calls = Flown(tmp_path_factory.mktemp("out")), []
     with closing(flown.pipeline):
@@ -91,7 +91,7 @@ def undisturbed(flight, tmp_path_factory):
         return flown.map(), calls
 
 
-def test_the_flight_has_islands_and_frames_that_wait(undisturbed):
+def test_the_flight_has_islands_and_frames_that_wait(undisturbed) -> None:
     (states, painted, _, files), calls = undisturbed
     assert {state for _, state, _ in states} == {FrameState.PLACED}
     assert len(painted) == 8
@@ -100,7 +100,9 @@ def test_the_flight_has_islands_and_frames_that_wait(undisturbed):
     assert {"stitch/mapping/islands.py:Bridges.join", "app/painting.py:Painting._paint_other"} <= called
 
 
-def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight, undisturbed, flown):
+def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(
+    flight: list[DecodedFrame], undisturbed, flown
+) -> None:
     """Each frame comes again and again, and something raises; then it comes once more."""
     (expected, calls), rng, met = undisturbed, random.Random(3), Counter()
     for prepared, counts in zip(flight, calls, strict=True):
@@ -137,7 +139,7 @@ def meet(flown, prepared, event, at, kind):
     return result
 
 
-def assert_taken_in(pipeline, name, state):
+def assert_taken_in(pipeline, name, state) -> None:
     """The frame did not pay for what was raised, and the mosaic and what is to be written agree about it."""
     placed = {placement.name for placement in pipeline.mosaic.placements()}
     waiting = {waiting.name for waiting in pipeline.mosaic.waiting()}
@@ -149,7 +151,7 @@ def assert_taken_in(pipeline, name, state):
 class Unpaintable:
     """A painter that cannot paint a frame, so many times."""
 
-    def __init__(self, monkeypatch, name, times):
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name, times) -> None:
         self.left, paint_new = times, Painter.paint_new
 
         def failing(painter, image, thumbnail, placement, order):
@@ -172,14 +174,18 @@ def processed(flown, flight):
     return {one.name: one.state for one in done}
 
 
-def test_a_frame_that_cannot_be_painted_is_not_placed_either(flight, flown, monkeypatch):
+def test_a_frame_that_cannot_be_painted_is_not_placed_either(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     Unpaintable(monkeypatch, "1.png", 1)
     assert processed(flown, flight)["1.png"] is FrameState.REJECTED
     assert "1.png" not in {placement.name for placement in flown.pipeline.mosaic.placements()}
     assert "no memory" in flown.said[0].text
 
 
-def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, undisturbed, flown, monkeypatch):
+def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(
+    flight: list[DecodedFrame], undisturbed, flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A frame that had waited is painted with the next ones, and the map is what it would have been."""
     Unpaintable(monkeypatch, "2.png", 2)
     assert processed(flown, flight)["3.png"] is FrameState.PLACED
@@ -189,7 +195,9 @@ def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, 
     assert {one.name for one in flown.map()[1]} == {one.name for one in painted}
 
 
-def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypatch):
+def test_what_can_never_be_painted_is_said_and_given_up(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     unpaintable = Unpaintable(monkeypatch, "2.png", 99)
     processed(flown, flight)
     assert unpaintable.left == 96
@@ -197,7 +205,9 @@ def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypat
     assert {one.name for one in flown.map()[1]} == {prepared.frame.name for prepared in flight} - {"2.png"}
 
 
-def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown, monkeypatch):
+def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for prepared in flight[:2]:
         flown.pipeline.accept(prepared.frame)
         flown.process(prepared)
@@ -222,7 +232,9 @@ def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown
     assert not [key for key in painter.canvas._store._held if key[1] in ("fresh", "fresh cells", "piece")]
 
 
-def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeypatch):
+def test_one_step_that_fails_at_the_end_leaves_the_others(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     repaint, failed = Canvas.repaint_step, []
 
     def failing(canvas, block):
@@ -240,7 +252,9 @@ def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeyp
     assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
 
 
-def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, flown, monkeypatch):
+def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answers = [MemoryError(), MemoryError(), True, False]
 
     def connect_some(mosaic):
@@ -256,7 +270,9 @@ def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, fl
     assert notice.text == "some frames could not be compared with those that look like them (MemoryError())"
 
 
-def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):
+def test_what_could_not_be_saved_is_saved_the_next_time(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     flown.pipeline.accept(flight[0].frame)
     flown.process(flight[0])
     recorder = flown.pipeline.recorder
@@ -274,7 +290,9 @@ def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypat
     assert files
 
 
-def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(flight, flown, monkeypatch, caplog):
+def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(
+    flight: list[DecodedFrame], flown, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     """It comes again with every frame, since the island is still due."""
     plain = upkeep.adjust_island
     for prepared, broken in zip(flight[:2] + flight[5:], (False, True, True, False, True), strict=True):

@@ -41,7 +41,7 @@ def fly(tmp_path: Path, *options: str) -> Flown:
     return Flown(done.stdout + done.stderr, out, score(read(truth), placements), *documents)
 
 
-def test_a_level_survey(tmp_path):
+def test_a_level_survey(tmp_path: Path) -> None:
     flown = fly(tmp_path, "--scenario", "survey", "--manner", "px4,camera", "--count", "24")
     assert flown.score.placed == 24
     assert flown.score.islands == 1
@@ -54,7 +54,7 @@ def test_a_level_survey(tmp_path):
 
 
 @pytest.mark.long
-def test_a_climb_to_three_times_the_height(tmp_path):
+def test_a_climb_to_three_times_the_height(tmp_path: Path) -> None:
     flown = fly(tmp_path, "--scenario", "climb", "--manner", "ardupilot", "--count", "20")
     assert flown.score.placed == 20
     assert flown.score.islands == 1
@@ -67,7 +67,7 @@ def test_a_climb_to_three_times_the_height(tmp_path):
 
 
 @pytest.mark.long
-def test_lost_overlap_that_comes_back(tmp_path):
+def test_lost_overlap_that_comes_back(tmp_path: Path) -> None:
     """A part of the flight is an island until the gap is flown; two frames of elsewhere never belong."""
     flown = fly(tmp_path, "--scenario", "lost", "--manner", "camera", "--count", "30", "--strangers", "2")
     frames = flown.mosaic["frames"]
@@ -80,7 +80,7 @@ def test_lost_overlap_that_comes_back(tmp_path):
 
 
 @pytest.mark.long
-def test_frames_that_see_the_horizon(tmp_path):
+def test_frames_that_see_the_horizon(tmp_path: Path) -> None:
     """Oblique frames may be left out, but they spoil nothing."""
     flown = fly(tmp_path, "--scenario", "oblique", "--manner", "px4", "--count", "30")
     assert flown.score.placed >= 28
@@ -92,7 +92,7 @@ def test_frames_that_see_the_horizon(tmp_path):
 
 
 @pytest.mark.long
-def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path):
+def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path: Path) -> None:
     faults = ("--drop", "0.1", "--duplicate", "0.1", "--reorder", "0.1")
     flown = fly(tmp_path, "--scenario", "survey", "--relief", "1", "--manner", "px4,camera", "--count", "20", *faults)
     assert flown.score.placed == 20

@@ -9,8 +9,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-import fresh
 import pytest
+
+from tests import fresh
 
 PROJECT = tomllib.loads((fresh.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 NEEDED_TO_TEST = ("pytest", "pytest-timeout", "hypothesis", "av")
@@ -36,11 +37,11 @@ def oldest() -> list[str]:
     return [re.sub(r"^([\w-]+)>=([\w.]+),.*$", r"\1==\2", one) for one in wanted]
 
 
-def test_every_range_has_both_ends():
+def test_every_range_has_both_ends() -> None:
     assert all(re.fullmatch(r"[\w-]+==[\d.]+", one) for one in oldest())
 
 
-def test_the_oldest_versions_do(tmp_path):
+def test_the_oldest_versions_do(tmp_path: Path) -> None:
     fresh.need_packages(tmp_path)
     clone = fresh.clone(tmp_path / "clone")
     python = environment_of_the_oldest(tmp_path, clone)

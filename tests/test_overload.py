@@ -8,10 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from documents import placements
-from rebuilt import assert_explained
 from rich.console import Console
-from running import frames_of, until
 
 from gcs_mosaic.app import links as listening
 from gcs_mosaic.app import live as daemon
@@ -26,6 +23,9 @@ from gcs_mosaic.messages import Frame
 from sitl.__main__ import free_port
 from sitl.flight import plan
 from sitl.path import Plan
+from tests.documents import placements
+from tests.rebuilt import assert_explained
+from tests.running import frames_of, until
 
 pytestmark = pytest.mark.long
 

@@ -44,14 +44,14 @@ FLIGHTS = {
 
 
 @pytest.fixture(scope="module", params=FLIGHTS)
-def flown(request, tmp_path_factory) -> tuple[str, Path]:
+def flown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     folder = tmp_path_factory.mktemp(request.param)
     out = stitch([SHARED / "data" / request.param], folder / "out", Config(scale=0.25), Console(quiet=True))
     export_placements(out, folder / "placements.json")
     return request.param, folder / "placements.json"
 
 
-def test_the_map_is_as_good_as_structure_from_motion(flown, tmp_path):
+def test_the_map_is_as_good_as_structure_from_motion(flown: tuple[str, Path], tmp_path: Path) -> None:
     flight, placements = flown
     bounds, reference = FLIGHTS[flight], SHARED / "data" / "truth" / f"{flight}.json"
     command = [SHARED / "tools" / "score.py", reference, placements, "--out", tmp_path / "score.json"]
@@ -67,7 +67,7 @@ def test_the_map_is_as_good_as_structure_from_motion(flown, tmp_path):
     assert 0.985 < score["scale_ratio"]["p5"] <= score["scale_ratio"]["p95"] < 1.015
 
 
-def test_ground_control_lies_where_it_was_surveyed(flown):
+def test_ground_control_lies_where_it_was_surveyed(flown: tuple[str, Path]) -> None:
     flight, placements = flown
     control = SHARED / "data" / "truth" / f"{flight}_gcp.json"
     if not control.exists():

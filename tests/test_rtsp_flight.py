@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from running import QUICK, Running, events_of, flying, frames_of, run, six_pictures
 
 from sitl.messages import CAMERA
 from sitl.stream.camera import NEEDED, StreamingCamera, python_with_gstreamer
 from sitl.world import make_world
+from tests.running import QUICK, Running, events_of, flying, frames_of, run, six_pictures
 
 needs_gstreamer = pytest.mark.skipif(
     python_with_gstreamer() is None, reason=f"the streaming camera needs GStreamer: apt-get install {NEEDED}"
@@ -99,7 +99,7 @@ def fly_over_all(flight: Running, slides: Showing) -> None:
 
 
 @needs_gstreamer
-def test_every_trigger_gets_its_frame_of_the_stream(tmp_path, slides):
+def test_every_trigger_gets_its_frame_of_the_stream(tmp_path: Path, slides: Showing) -> None:
     """... which is kept, placed and matched. Its address comes from the aircraft, and is believed only of hosts on the
     list; the password is nowhere."""
     with flying(tmp_path, config=AUTO) as flight:
@@ -127,7 +127,7 @@ def test_every_trigger_gets_its_frame_of_the_stream(tmp_path, slides):
 
 @pytest.mark.long
 @needs_gstreamer
-def test_without_triggers_the_moving_view_is_mapped(tmp_path, panorama):
+def test_without_triggers_the_moving_view_is_mapped(tmp_path: Path, panorama: Showing) -> None:
     """A frame whenever 30 % of the view is new: of 640 px, after 192 each."""
     with flying(tmp_path, "--rtsp", panorama.camera.url, "--every", "overlap") as flight:
         flight.wait_for(lambda status: status["watch"]["taken"] == 1, "the first frame")
@@ -159,7 +159,7 @@ def stream_at(url: str) -> mavlink.MAVLink_message:
         (["--rtsp", "rtsp://camera/x", "--watch", "frames"], "not allowed with"),
     ],
 )
-def test_a_stream_that_cannot_be_is_refused_in_one_sentence_without_the_password(tmp_path, words, said):
+def test_a_stream_that_cannot_be_is_refused_in_one_sentence_without_the_password(tmp_path: Path, words, said) -> None:
     done = run("--no-http", *words, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr

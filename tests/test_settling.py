@@ -7,7 +7,6 @@ from pathlib import Path
 
 import cv2
 import pytest
-from frame_files import written
 from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
@@ -21,6 +20,7 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.web.feed import Feed
+from tests.frame_files import written
 
 pytestmark = pytest.mark.long
 
@@ -30,7 +30,7 @@ CONFIG = Config(scale=1, stitch=replace(Config().stitch, upkeep=SELDOM))
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory) -> list[DecodedFrame]:
+def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     """Three frames that overlap, and five of five other places, which are compared with them at the end."""
     folder, found = tmp_path_factory.mktemp("frames"), []
     for k, (seed, x) in enumerate([(1, 300), (1, 420), (1, 540), (2, 400), (3, 400), (4, 400), (5, 400), (6, 400)]):
@@ -56,7 +56,9 @@ def assert_settled(pipeline: Pipeline) -> None:
     assert (frames.placed, frames.rejected, frames.waiting) == (3, 5, 0)
 
 
-def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, tmp_path):
+def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(
+    flight: list[DecodedFrame], tmp_path: Path
+) -> None:
     said = []
     with closing(Pipeline(tmp_path, CONFIG, said.append, punctual=True)) as pipeline:
         process(pipeline, flight)
@@ -67,7 +69,9 @@ def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, t
 
 
 @pytest.mark.parametrize("hurry", [True, False])
-def test_a_flight_that_is_ended_without_time_is_settled(flight, tmp_path, monkeypatch, hurry):
+def test_a_flight_that_is_ended_without_time_is_settled(
+    flight: list[DecodedFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hurry
+) -> None:
     """Asked to end at once, or after all the time at the end went into the last frames."""
     ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
     with closing(open_flight_folder(tmp_path / "out")) as folder:

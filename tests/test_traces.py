@@ -76,7 +76,7 @@ def leaves_a_trace(node):
     return any(isinstance(part, ast.Raise) for part in inside) or logged or (of_the_system and told)
 
 
-def test_nothing_is_caught_without_a_trace():
+def test_nothing_is_caught_without_a_trace() -> None:
     silent = Counter(
         (path.relative_to(PACKAGE).as_posix(), function)
         for path in PACKAGE.rglob("*.py")
@@ -86,14 +86,14 @@ def test_nothing_is_caught_without_a_trace():
     assert silent == {place: count for place, (count, _) in SILENT.items()}
 
 
-def test_methods_of_one_name_and_nested_ones_are_told_apart():
+def test_methods_of_one_name_and_nested_ones_are_told_apart() -> None:
     body = "with suppress(OSError):\n   pass\n  try:\n   pass\n  except Exception:\n   pass\n"
     code = f"class A:\n def f(self):\n  {body}class B:\n def f(self):\n  def g():\n   try: 1\n   except: 2\n"
     assert [name for name, _ in catchers(ast.parse(code))] == ["A.f", "A.f", "B.f.g"]
 
 
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_whoever_logs_does_so_under_its_own_name(path):
+def test_whoever_logs_does_so_under_its_own_name(path) -> None:
     text = path.read_text(encoding="utf-8")
     if "logger." in text and path.name != "log.py":  # which is given loggers
         assert "logger = logging.getLogger(__name__)" in text

@@ -10,10 +10,10 @@ import threading
 import warnings
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from rich.console import Console
-from running import six_pictures
 
 from gcs_mosaic.app.batch import progress_on, stitch
 from gcs_mosaic.app.flight_log import flight_log
@@ -30,12 +30,13 @@ from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.folder import LEDGER_NAME, open_flight_folder
 from gcs_mosaic.store.log import LogSettings
 from gcs_mosaic.store.records import FlightRecord
+from tests.running import six_pictures
 
 QUIET = Console(quiet=True)
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory, world_cache):
+def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path):
     folder = tmp_path_factory.mktemp("frames")
     for number, data in enumerate(six_pictures(world_cache)):
         (folder / f"{number}.jpg").write_bytes(data)
@@ -43,7 +44,7 @@ def frames(tmp_path_factory, world_cache):
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path):
     folder = open_flight_folder(tmp_path / "out")
     yield folder
     folder.close()
@@ -53,7 +54,7 @@ def log_of(out):
     return (out / "flight.log").read_text(encoding="utf-8")
 
 
-def surprise(*arguments):
+def surprise(*arguments) -> None:
     raise RuntimeError("surprise")
 
 
@@ -61,8 +62,8 @@ def surprise(*arguments):
 
 
 def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_traceback_in_the_log(
-    frames, tmp_path, monkeypatch, capfd
-):
+    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     place = Mosaic.place
     monkeypatch.setattr(
         Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
@@ -76,7 +77,7 @@ def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_tra
     assert "  | RuntimeError: surprise\n" in log
 
 
-def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path):
+def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path: Path) -> None:
     registration = Config().stitch.registration
     strict = replace(Config().stitch, registration=replace(registration, least_evidence=1e6))
     out = stitch([frames], tmp_path / "out", replace(Config(), stitch=strict), QUIET)
@@ -90,14 +91,16 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path):
     assert log.endswith("the flight has ended\n")
 
 
-def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_path):
+def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_path: Path) -> None:
     out = stitch([frames], tmp_path / "out", replace(Config(), log=LogSettings(level="debug")), QUIET)
     assert re.search(
         r"DEBUG \S+ gcs_mosaic\.stitch\.mapping\.journal: 1\.jpg and 0\.jpg agree: \d+ independent inliers", log_of(out)
     )
 
 
-def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monkeypatch, capfd):
+def test_verbose_tells_the_terminal_and_never_a_traceback(
+    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     place = Mosaic.place
     monkeypatch.setattr(
         Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
@@ -116,7 +119,7 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monk
         assert twice not in said["b"].err
 
 
-def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path, capfd):
+def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 0
     log = log_of(tmp_path / "out")
     assert re.search(r"gcs_mosaic\.app\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
@@ -124,7 +127,9 @@ def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path, capfd):
     assert re.search(r"gcs_mosaic\.app\.batch: paint: median \d\.\d{3} s, longest \d\.\d{3} s, total \d\.\d s\n", log)
 
 
-def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(folder, tmp_path, capfd):
+def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(
+    folder, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     console = Console(file=io.StringIO(), width=200)
     reporter = Reporter(tmp_path, FlightRecord(name="flight", started_utc=0.0), None, console)
     with flight_log(folder, replace(Config(), log=LogSettings(verbose=True))):
@@ -134,7 +139,9 @@ def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(folder, tmp_path, ca
     assert "6.5 px" not in capfd.readouterr().err
 
 
-def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatch, capfd):
+def test_brackets_in_names_and_errors_are_no_markup(
+    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     odd = tmp_path / "frames"
     (odd / "[").mkdir(parents=True)  # so that frames are called [/b]0.jpg
     for number in range(3):
@@ -158,7 +165,9 @@ def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatc
         assert "stitching [/b]2.jpg" in str(progress.columns[0](progress.tasks[0]))
 
 
-def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(frames, tmp_path, monkeypatch):
+def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(
+    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder, said = tmp_path / "frames", Console(file=io.StringIO(), width=300)
     (folder / "closed").mkdir(parents=True)
     data = (frames / "0.jpg").read_bytes()
@@ -177,7 +186,9 @@ def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(frame
     assert "gcs_mosaic.app.batch: a.jpg: when it was taken cannot be read: damaged: EXIF points beyond its end\n" in log
 
 
-def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(frames, tmp_path, monkeypatch, capfd):
+def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(
+    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(Painter, "final_steps", surprise)
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 1
     (said,) = capfd.readouterr().err.splitlines()
@@ -187,7 +198,9 @@ def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(frames, 
     assert "gcs_mosaic.app.flight_log: the flight has failed\n  | Traceback" in log_of(tmp_path / "out")
 
 
-def test_a_full_disk_under_the_log_does_not_end_the_flight(frames, tmp_path, tiny_disk, capfd):
+def test_a_full_disk_under_the_log_does_not_end_the_flight(
+    frames, tmp_path: Path, tiny_disk: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     """The log is the only thing on a disk that is full."""
     out = tmp_path / "out"
     out.mkdir()
@@ -207,7 +220,7 @@ def test_a_full_disk_under_the_log_does_not_end_the_flight(frames, tmp_path, tin
 # What Python would print on the terminal
 
 
-def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd):
+def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd: pytest.CaptureFixture[str]) -> None:
     hooks = threading.excepthook, sys.unraisablehook
     with flight_log(folder, Config()):
         thread = threading.Thread(target=surprise, name="web")
@@ -219,7 +232,7 @@ def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd):
     assert hooks == (threading.excepthook, sys.unraisablehook)
 
 
-def test_what_is_thrown_away_is_logged(folder, capfd):
+def test_what_is_thrown_away_is_logged(folder, capfd: pytest.CaptureFixture[str]) -> None:
     class Fragile:
         __del__ = surprise
 
@@ -230,7 +243,7 @@ def test_what_is_thrown_away_is_logged(folder, capfd):
     assert "  | RuntimeError: surprise\n" in log_of(folder.path)
 
 
-def test_warnings_and_other_libraries_are_logged(folder, capfd):
+def test_warnings_and_other_libraries_are_logged(folder, capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         with flight_log(folder, Config()):
@@ -245,7 +258,7 @@ def test_warnings_and_other_libraries_are_logged(folder, capfd):
     assert "small talk" not in log
 
 
-def test_a_source_that_fails_leaves_its_traceback(folder):
+def test_a_source_that_fails_leaves_its_traceback(folder) -> None:
     def items():
         yield from ()
         surprise()
@@ -260,7 +273,7 @@ def test_a_source_that_fails_leaves_its_traceback(folder):
 # Beginning and end
 
 
-def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path):
+def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
     with pytest.raises(UsageError), flight_log(folder, Config()):
         raise UsageError("the port is taken")
@@ -268,7 +281,7 @@ def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_fault_before_the_flight_began_is_kept(tmp_path):
+def test_a_fault_before_the_flight_began_is_kept(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
     with pytest.raises(FlightFailed), flight_log(folder, Config()):
         surprise()
@@ -277,13 +290,13 @@ def test_a_fault_before_the_flight_began_is_kept(tmp_path):
     assert not (tmp_path / "out" / LEDGER_NAME).exists()
 
 
-def test_an_interruption_goes_on_and_is_written_down(folder):
+def test_an_interruption_goes_on_and_is_written_down(folder) -> None:
     with pytest.raises(KeyboardInterrupt), flight_log(folder, Config()):
         raise KeyboardInterrupt
     assert "the flight is interrupted (KeyboardInterrupt())" in log_of(folder.path)
 
 
-def test_afterwards_everything_is_as_it_was(folder):
+def test_afterwards_everything_is_as_it_was(folder) -> None:
     root, ours = logging.getLogger(), logging.getLogger("gcs_mosaic")
     before = list(root.handlers), ours.level, logging.raiseExceptions
     with flight_log(folder, replace(Config(), log=LogSettings(level="debug", verbose=True))):
@@ -291,14 +304,14 @@ def test_afterwards_everything_is_as_it_was(folder):
     assert (root.handlers, ours.level, logging.raiseExceptions) == before
 
 
-def test_the_password_in_the_settings_is_not_written(folder):
+def test_the_password_in_the_settings_is_not_written(folder) -> None:
     with flight_log(folder, replace(Config(), rtsp="rtsp://user:secret@camera/main")):
         logging.getLogger("gcs_mosaic.x").error("rtsp://user:secret@camera/main is gone")
     assert "secret" not in log_of(folder.path)
     assert "rtsp='…'" in log_of(folder.path)
 
 
-def test_the_log_of_another_flight_is_left_alone(tmp_path):
+def test_the_log_of_another_flight_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "flight.log").write_text("mine")
     folder = open_flight_folder(tmp_path / "out")

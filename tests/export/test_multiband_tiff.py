@@ -36,7 +36,9 @@ class Flown(NamedTuple):
     placements: dict
 
 
-def flown(tmp_path_factory, world_cache, exposure_step: float = 1.0, **sensor: int) -> Flown:
+def flown(
+    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, exposure_step: float = 1.0, **sensor: int
+) -> Flown:
     """A small flight of a camera with hardly a fault, stitched."""
     folder = tmp_path_factory.mktemp("flight")
     camera = Camera(vignetting=0.0, noise=0.5, exposure_step=exposure_step, step_every=2, sensor=Sensor(**sensor))
@@ -48,12 +50,12 @@ def flown(tmp_path_factory, world_cache, exposure_step: float = 1.0, **sensor: i
 
 
 @pytest.fixture(scope="module")
-def five(tmp_path_factory, world_cache) -> Flown:
+def five(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     return flown(tmp_path_factory, world_cache, bands=5, depth=16)
 
 
 @pytest.fixture(scope="module")
-def thermal(tmp_path_factory, world_cache) -> Flown:
+def thermal(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     return flown(tmp_path_factory, world_cache, bands=1, depth=16)
 
 
@@ -88,7 +90,7 @@ def middle(image: np.ndarray, side: int = WINDOW) -> tuple[slice, slice]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "thermal"])
-def test_every_frame_finds_its_place(kind: str, request) -> None:
+def test_every_frame_finds_its_place(kind: str, request: pytest.FixtureRequest) -> None:
     one = request.getfixturevalue(kind)
     judged = score(one.flight.truth(), one.placements)
     assert (judged.placed, judged.islands) == (8, 1)
@@ -97,7 +99,7 @@ def test_every_frame_finds_its_place(kind: str, request) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "thermal"])
-def test_every_band_shows_the_ground_at_its_depth(kind: str, request, tmp_path) -> None:
+def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Above 255, in the same place in all bands, and off by what interpolation and noise do."""
     one = request.getfixturevalue(kind)
     image, about, _ = exported(one, tmp_path, gains=False)
@@ -120,14 +122,14 @@ def test_every_band_shows_the_ground_at_its_depth(kind: str, request, tmp_path) 
         assert np.corrcoef(ours[..., k].ravel(), wanted[..., k].ravel())[0, 1] > 0.97
 
 
-def test_where_nothing_was_seen_the_map_is_transparent(five, tmp_path) -> None:
+def test_where_nothing_was_seen_the_map_is_transparent(five: Flown, tmp_path: Path) -> None:
     image, _, _ = exported(five, tmp_path)
     assert image[..., -1].max() == 65_535
     assert 0.2 < (image[..., -1] == 0).mean() < 0.9
     assert (image[image[..., -1] == 0] == 0).all()
 
 
-def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_path) -> None:
+def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five: Flown, tmp_path: Path) -> None:
     exported(five, tmp_path)
     with tifffile.TiffFile(tmp_path / "map.tif") as file:
         page = file.pages[0]
@@ -139,7 +141,9 @@ def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_p
 
 
 @pytest.mark.long
-def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cache, tmp_path) -> None:
+def test_gains_take_out_what_automatic_exposure_did(
+    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
+) -> None:
     one = flown(tmp_path_factory, world_cache, exposure_step=1.5, bands=3, depth=16)
     off = {}
     for gains in (True, False):
@@ -155,7 +159,9 @@ def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cach
 
 
 @pytest.mark.long
-def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(tmp_path_factory, world_cache, tmp_path) -> None:
+def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(
+    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
+) -> None:
     one = flown(tmp_path_factory, world_cache)
     image, _, _ = exported(one, tmp_path)
     assert (image.dtype, image.shape[2]) == (np.uint8, 4)
@@ -167,7 +173,7 @@ def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(tmp_path_factor
     assert np.abs(shown[covered].astype(int) - image[covered]).mean() < 3  # JPEG, and tones at seams
 
 
-def test_a_coarser_level_shows_the_same_ground(five, tmp_path) -> None:
+def test_a_coarser_level_shows_the_same_ground(five: Flown, tmp_path: Path) -> None:
     image, about, said = exported(five, tmp_path, level=15)
     assert "--zoom 16 is the finest" in said
     columns, rows = middle(image, WINDOW // 2)
@@ -176,13 +182,13 @@ def test_a_coarser_level_shows_the_same_ground(five, tmp_path) -> None:
     assert np.corrcoef(ours.ravel(), wanted.ravel())[0, 1] > 0.95
 
 
-def test_an_island_that_is_not_there_is_told(five, tmp_path) -> None:
+def test_an_island_that_is_not_there_is_told(five: Flown, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no island 7"):
         export_tiff(five.out, tmp_path / "map.tif", island=7)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_originals_that_are_gone_are_told(five, tmp_path) -> None:
+def test_originals_that_are_gone_are_told(five: Flown, tmp_path: Path) -> None:
     with Ledger(five.out / LEDGER_NAME, read_only=True) as ledger:
         last = five.out / ledger.frames()[-1].original
     hidden = last.with_name("hidden")

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -25,19 +27,19 @@ def decoded(tile: EncodedTile):
     return cv2.imdecode(np.frombuffer(tile.data, np.uint8), cv2.IMREAD_UNCHANGED)
 
 
-def test_a_full_tile_is_passed_on_as_it_is(tmp_path) -> None:
+def test_a_full_tile_is_passed_on_as_it_is(tmp_path: Path) -> None:
     put(tmp_path, TILE, plain(90))
     assert filled(tmp_path, 0, TILE) == EncodedTile(tile_path(tmp_path, 0, TILE).read_bytes(), "image/jpeg")
 
 
-def test_where_nothing_was_seen_there_is_no_tile(tmp_path) -> None:
+def test_where_nothing_was_seen_there_is_no_tile(tmp_path: Path) -> None:
     assert filled(tmp_path, 0, TILE) is None
     put(tmp_path, TILE.parent, plain(90, covered=100))
     assert filled(tmp_path, 0, TILE.parent.children[1]) is None
     assert filled(tmp_path, 1, TILE.parent) is None
 
 
-def test_holes_are_filled_from_the_nearest_tile_above(tmp_path) -> None:
+def test_holes_are_filled_from_the_nearest_tile_above(tmp_path: Path) -> None:
     put(tmp_path, TILE, plain(200, covered=100))
     put(tmp_path, ancestor(TILE, 14), plain(120, covered=40))
     put(tmp_path, ancestor(TILE, 13), plain(60))
@@ -49,7 +51,7 @@ def test_holes_are_filled_from_the_nearest_tile_above(tmp_path) -> None:
     assert np.diff(row).max() <= 3
 
 
-def test_the_finer_picture_fades_into_the_coarser_one_across_tiles(tmp_path) -> None:
+def test_the_finer_picture_fades_into_the_coarser_one_across_tiles(tmp_path: Path) -> None:
     left, right = TILE.parent.children[:2]
     put(tmp_path, left, plain(200))
     put(tmp_path, right, plain(200, covered=10))
@@ -60,7 +62,7 @@ def test_the_finer_picture_fades_into_the_coarser_one_across_tiles(tmp_path) -> 
     assert np.diff(row).max() <= 2
 
 
-def test_at_the_outer_border_nothing_fades(tmp_path) -> None:
+def test_at_the_outer_border_nothing_fades(tmp_path: Path) -> None:
     left, right = TILE.parent.children[:2]
     for tile, covered in zip(TILE.parent.children, (256, 11, 256, 11), strict=True):
         put(tmp_path, tile, plain(200, covered))
@@ -69,7 +71,7 @@ def test_at_the_outer_border_nothing_fades(tmp_path) -> None:
     assert filled_picture(WrittenTiles(tmp_path, 0), right).colour[100, :11, 0] == pytest.approx([200] * 11, abs=2)
 
 
-def test_holes_that_remain_are_transparent(tmp_path) -> None:
+def test_holes_that_remain_are_transparent(tmp_path: Path) -> None:
     put(tmp_path, TILE, plain(200, covered=100))
     tile = filled(tmp_path, 0, TILE)
     assert tile.media_type == "image/webp"
@@ -77,7 +79,7 @@ def test_holes_that_remain_are_transparent(tmp_path) -> None:
     assert decoded(tile)[100, 50, :3] == pytest.approx([200] * 3, abs=3)
 
 
-def test_an_enlarged_tile_lies_where_the_coarse_one_does(tmp_path) -> None:
+def test_an_enlarged_tile_lies_where_the_coarse_one_does(tmp_path: Path) -> None:
     ramp = np.tile(np.arange(256, dtype=np.uint8)[:, None, None], (1, 256, 3))
     put(tmp_path, TILE.parent, TilePicture(ramp, np.full((256, 256), 255, np.uint8)))
     for child in TILE.parent.children:
@@ -87,7 +89,7 @@ def test_an_enlarged_tile_lies_where_the_coarse_one_does(tmp_path) -> None:
         assert abs((rows - exact).mean()) < 0.12
 
 
-def test_no_dark_fringe_where_the_coarse_tile_ends(tmp_path) -> None:
+def test_no_dark_fringe_where_the_coarse_tile_ends(tmp_path: Path) -> None:
     put(tmp_path, TILE.parent, plain(180, covered=60))
     shown = filled_picture(WrittenTiles(tmp_path, 0), TILE.parent.children[0])
     assert 100 < (shown.coverage > 0).mean(axis=1)[0] * 256 < 130
@@ -95,14 +97,14 @@ def test_no_dark_fringe_where_the_coarse_tile_ends(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("path", [tile_path, mask_path])
-def test_a_file_that_is_torn_or_gone_counts_as_unseen(tmp_path, path) -> None:
+def test_a_file_that_is_torn_or_gone_counts_as_unseen(tmp_path: Path, path) -> None:
     put(tmp_path, TILE, plain(200, covered=100))
     put(tmp_path, TILE.parent, plain(60))
     path(tmp_path, 0, TILE).write_bytes(b"torn")
     assert decoded(filled(tmp_path, 0, TILE))[100, 50] == pytest.approx([60] * 3, abs=2)
 
 
-def test_a_picture_holds_exactly_the_box_that_was_asked_for(tmp_path) -> None:
+def test_a_picture_holds_exactly_the_box_that_was_asked_for(tmp_path: Path) -> None:
     for i, child in enumerate(TILE.children):
         put(tmp_path, child, plain(40 + 50 * i))
     left, top, right, bottom = tile_box(TILE)
@@ -120,7 +122,7 @@ def test_the_level_of_a_picture_keeps_to_the_limit() -> None:
     assert level_within((0, 0, 1e6, 1e6), 1_000_000, 18) == 6
 
 
-def test_nothing_is_invented_beyond_the_outer_border(tmp_path) -> None:
+def test_nothing_is_invented_beyond_the_outer_border(tmp_path: Path) -> None:
     """Coarser tiles made of a tile reach a little farther than it; what lies there was never seen."""
     covered = 101
     put(tmp_path, TILE, plain(200, covered))

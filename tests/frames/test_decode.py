@@ -11,11 +11,11 @@ import pytest
 import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from image_files import counts, encoded, many_bands, picture, turned
 
 from gcs_mosaic.frames.decode import Unreadable, decode_image, load_frame, load_image
 from gcs_mosaic.frames.tiff import first_page
 from gcs_mosaic.messages import Frame, content_hash
+from tests.frames.image_files import counts, encoded, many_bands, picture, turned
 
 
 def difference(data: bytes, wanted: np.ndarray) -> float:

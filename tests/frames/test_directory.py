@@ -6,13 +6,13 @@ import time
 from pathlib import Path
 
 import pytest
-from image_files import encoded, picture
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import AGAIN_S, FolderWatch, Item, watch
 from gcs_mosaic.frames.scan import Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
+from tests.frames.image_files import encoded, picture
 
 JPEG, OTHER = encoded(".jpg"), encoded(".jpg", picture(seed=1))
 

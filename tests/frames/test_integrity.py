@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from image_files import encoded, many_bands, picture, with_thumbnail
 
 from gcs_mosaic.frames.integrity import NotWhole, Whole, image_size, is_whole
+from tests.frames.image_files import encoded, many_bands, picture, with_thumbnail
 
 JPEG = with_thumbnail(encoded(".jpg"))
 PROGRESSIVE = encoded(".jpg", None, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)

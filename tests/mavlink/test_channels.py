@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
-from mavlink_peer import free_udp_port, heartbeat, packet, trigger
 
 from gcs_mosaic.mavlink import channels
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.channels import UdpChannel
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
+from tests.mavlink.mavlink_peer import free_udp_port, heartbeat, packet, trigger
 
 
 def has_ipv6() -> bool:

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-from mavlink_peer import captured, received, trigger
-
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.flood import MOST_SOURCES, FloodGate, TriggerSource
 from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.messages import Notice, TriggerEvent
+from tests.mavlink.mavlink_peer import captured, received, trigger
 
 CAMERA = TriggerSource("", 1, 100, "CAMERA_IMAGE_CAPTURED")
 FORGER = TriggerSource("", 1, 1, "CAMERA_TRIGGER")

@@ -6,13 +6,13 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from mavlink_peer import captured, feedback, free_udp_port, heartbeat, packet, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.link import triggers
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.messages import Notice, TriggerEvent
+from tests.mavlink.mavlink_peer import captured, feedback, free_udp_port, heartbeat, packet, trigger
 
 QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 

@@ -3,13 +3,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mavlink_peer import captured, heartbeat, packet, recorded, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog import TIME
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import Notice
+from tests.mavlink.mavlink_peer import captured, heartbeat, packet, recorded, trigger
 
 BEGAN = 1.75e9
 

@@ -5,13 +5,13 @@ import time
 from pathlib import Path
 
 import pytest
-from mavlink_peer import captured, packet, received, trigger
 from pymavlink import mavutil
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.tlog import read_tlog
 from gcs_mosaic.mavlink.tlog_writer import FLUSH_S, Recording
+from tests.mavlink.mavlink_peer import captured, packet, received, trigger
 
 NOW = time.monotonic()
 

@@ -5,12 +5,12 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, feedback, received, trigger
 
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.mavlink.parser import dialect
 from gcs_mosaic.mavlink.vehicle_time import VehicleTimes
 from gcs_mosaic.messages import TriggerEvent
+from tests.mavlink.mavlink_peer import captured, feedback, received, trigger
 
 UTC = 1_750_000_000.0
 YEAR_S = 365.25 * 86400

@@ -9,14 +9,13 @@ import socket
 import threading
 from collections.abc import Iterable
 
-from hostile_peer import questions
-from mavlink_peer import captured, free_udp_port, packet, signed, trigger
-
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.link import Items, triggers
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing, SigningKey
 from gcs_mosaic.messages import LinkReport, TriggerEvent
+from tests.mavlink.hostile_peer import questions
+from tests.mavlink.mavlink_peer import captured, free_udp_port, packet, signed, trigger
 
 QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))

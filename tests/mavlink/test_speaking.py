@@ -13,8 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 import pytest
-from hostile_peer import questions
-from mavlink_peer import Message, captured, free_udp_port, heartbeat, packet, signed, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.address import parse_address
@@ -28,6 +26,8 @@ from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.streams import StreamChannel, opener
 from gcs_mosaic.mavlink.transmitter import Transmitter
 from gcs_mosaic.messages import LinkReport, Notice, Refusals, TriggerEvent
+from tests.mavlink.hostile_peer import questions
+from tests.mavlink.mavlink_peer import Message, captured, free_udp_port, heartbeat, packet, signed, trigger
 
 LOUD = LinkSettings(announce=191, poll_s=0.02, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))

@@ -11,7 +11,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from mavlink_peer import free_udp_port, packet, trigger
 
 from gcs_mosaic.mavlink.address import LinkAddress, parse_address
 from gcs_mosaic.mavlink.link import triggers
@@ -19,6 +18,7 @@ from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.streams import StreamChannel, opener, serial
 from gcs_mosaic.messages import LinkReport, Notice, TriggerEvent
+from tests.mavlink.mavlink_peer import free_udp_port, packet, trigger
 
 QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
 WAITS = (0.02, 0.04, 0.05, 0.05, 0.05)  # seconds between two tries

@@ -12,8 +12,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import fresh
 import pytest
+
+from tests import fresh
 
 LONGEST_WAIT_S = 30.0
 MAVPROXY = fresh.ROOT / ".mavproxy" / "bin" / "mavproxy.py"

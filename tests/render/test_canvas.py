@@ -334,7 +334,7 @@ def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas, way: st
     assert_same(all_tiles(other), all_tiles(whole))
 
 
-def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkeypatch) -> None:
+def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkeypatch: pytest.MonkeyPatch) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
     looked, failing = c._gallery._looked, {"0.jpg"}
@@ -356,8 +356,8 @@ def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkey
 
 @pytest.mark.parametrize("other", ["nothing", "another frame", "another border", "an image that does not fit"])
 def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_as_it_is_painted(
-    canvas, monkeypatch, other
-):
+    canvas, monkeypatch: pytest.MonkeyPatch, other
+) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
     looked, looks = c._gallery._looked, []
@@ -372,7 +372,7 @@ def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_a
     assert_same(all_tiles(c), all_tiles(whole))
 
 
-def test_places_that_were_expected_are_those_that_are_used(canvas, monkeypatch) -> None:
+def test_places_that_were_expected_are_those_that_are_used(canvas, monkeypatch: pytest.MonkeyPatch) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(12)], canvas(), canvas()
     paint(whole, *frames)
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(12)])
@@ -393,7 +393,7 @@ def test_places_that_were_expected_are_those_that_are_used(canvas, monkeypatch) 
     assert_same(all_tiles(c), all_tiles(whole))
 
 
-def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(canvas, monkeypatch) -> None:
+def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(canvas, monkeypatch: pytest.MonkeyPatch) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(4)])

@@ -48,7 +48,7 @@ def painter(recorded):
     painter.close()
 
 
-def paint(painter, placements):
+def paint(painter, placements) -> None:
     for order, one in enumerate(placements):
         painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
 
@@ -61,7 +61,7 @@ def repainted(painter) -> list[set]:
     return changes
 
 
-def test_the_most_displaced_frame_is_repainted_first(painter):
+def test_the_most_displaced_frame_is_repainted_first(painter) -> None:
     there = [placement(k, k * APART) for k in range(4)]
     paint(painter, there)
     by = [3.0, 40.0, 0.5, 12.0]
@@ -71,7 +71,7 @@ def test_the_most_displaced_frame_is_repainted_first(painter):
     assert not painter.has_repaints
 
 
-def test_a_frame_of_another_island_comes_before_all_others(painter):
+def test_a_frame_of_another_island_comes_before_all_others(painter) -> None:
     there = [placement(0, 0.0), placement(1, APART)]
     paint(painter, there)
     painter.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
@@ -79,7 +79,7 @@ def test_a_frame_of_another_island_comes_before_all_others(painter):
     assert islands == [{1}, {0}, {0}]  # where it lies, where it lay, and then the other
 
 
-def test_frames_that_moved_back_are_left_alone(painter, recorded):
+def test_frames_that_moved_back_are_left_alone(painter, recorded) -> None:
     there = [placement(0, 0.0)]
     paint(painter, there)
     painter.follow([placement(0, 30.0)])
@@ -90,7 +90,7 @@ def test_frames_that_moved_back_are_left_alone(painter, recorded):
 
 
 @pytest.mark.long
-def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
+def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch: pytest.MonkeyPatch) -> None:
     looked = []
     measure = painter_module.displacement
     monkeypatch.setattr(painter_module, "displacement", lambda *args: looked.append(1) or measure(*args))
@@ -104,7 +104,7 @@ def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
     assert len(looked) == len(there)
 
 
-def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded):
+def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded) -> None:
     """Every other frame from a thermal camera: each kind is shown by its own display, and agrees with its own kind."""
 
     def seen(name: str):
@@ -132,7 +132,7 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
         assert after[1] / after[0] == pytest.approx(1, abs=0.05)
 
 
-def test_frames_of_about_one_height_are_painted_at_one_level(painter, recorded):
+def test_frames_of_about_one_height_are_painted_at_one_level(painter, recorded) -> None:
     """Those of finer levels would hide the others, and whoever only those have seen."""
     flown = [placement(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
     paint(painter, flown)
@@ -163,7 +163,7 @@ def paint_black_lined(painter, count):
     return there
 
 
-def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(black_lined, recorded):
+def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(black_lined, recorded) -> None:
     paint_black_lined(black_lined, FRAMES + 1)
     border = recorded[-1].dead
     assert border.right >= 1 <= border.bottom
@@ -178,7 +178,7 @@ def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(black_l
     assert min(darkest) > 40
 
 
-def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined, recorded):
+def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined, recorded) -> None:
     there = paint_black_lined(black_lined, FRAMES + 1)
     for _ in black_lined.repaint_all(there):
         pass
@@ -189,7 +189,7 @@ def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined, recor
     assert not black_lined.has_repaints
 
 
-def test_features_beside_a_dead_border_are_not_in_sight(black_lined):
+def test_features_beside_a_dead_border_are_not_in_sight(black_lined) -> None:
     """The frame is painted at half the size at which its features are told."""
     width, height = 2 * SMALL.width, 2 * SMALL.height
     points = np.array([(30, 30), (30, height - 8), (width - 8, 30), (5, 30), (30, 5)], np.float32)
@@ -201,7 +201,7 @@ def test_features_beside_a_dead_border_are_not_in_sight(black_lined):
 
 
 @pytest.mark.parametrize("pair", [(1, 2), (2, FRAMES + 1), (FRAMES, FRAMES + 1)])
-def test_brightness_is_not_told_from_bars(recorded, pair):
+def test_brightness_is_not_told_from_bars(recorded, pair) -> None:
     """Two frames of one light, the bar of the later one on ground of the other; painted before or after it is known."""
 
     def barred(name: str) -> np.ndarray:
@@ -224,7 +224,7 @@ def test_brightness_is_not_told_from_bars(recorded, pair):
 
 
 @pytest.mark.parametrize("palette", [None, cv2.COLORMAP_INFERNO])
-def test_only_frames_in_false_colour_keep_their_tones(painter, recorded, palette):
+def test_only_frames_in_false_colour_keep_their_tones(painter, recorded, palette) -> None:
     """Two frames of one place, the second half as bright: those in false colour are painted as they came."""
     grey = np.random.default_rng(2).integers(0, 256, (*picture(0).shape[:2], 1))
     for number, brightness in enumerate([1.0, 0.5]):

@@ -39,7 +39,7 @@ def shown(*frames: Seen) -> int:
     return number
 
 
-def test_the_frame_that_sees_better_shows():
+def test_the_frame_that_sees_better_shows() -> None:
     assert shown(seen(0.4), seen(0.5)) == NEW
     assert shown(seen(0.5), seen(0.4)) == SHOWN
 

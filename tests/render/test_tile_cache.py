@@ -1,5 +1,6 @@
 import resource
 from contextlib import ExitStack, closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ def layer(seed: int, full: bool = True):
 
 
 @pytest.fixture
-def new_store(tmp_path):
+def new_store(tmp_path: Path):
     with ExitStack() as stack:
         yield lambda memory_bytes: stack.enter_context(closing(Store(memory_bytes, tmp_path)))
 

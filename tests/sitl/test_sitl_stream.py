@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +16,9 @@ FLY = ["--rtsp", "--count", "5", "--size", "640x480", "--interval", "0.8", "--no
 
 @pytest.mark.long
 @pytest.mark.skipif(python_with_gstreamer() is None, reason=f"needs GStreamer: apt-get install {NEEDED}")
-def test_every_picture_of_a_flight_is_taken_from_the_stream(tmp_path, capfd, monkeypatch, world_cache):
+def test_every_picture_of_a_flight_is_taken_from_the_stream(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, world_cache: Path
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(world_cache))
     out = tmp_path / "mosaic"
     assert main([*FLY, "--watch", str(tmp_path / "frames"), "--out", str(out)]) == 0
@@ -26,7 +29,9 @@ def test_every_picture_of_a_flight_is_taken_from_the_stream(tmp_path, capfd, mon
     assert not (tmp_path / "frames").exists()
 
 
-def test_without_gstreamer_it_is_said_what_to_install(tmp_path, capsys, monkeypatch):
+def test_without_gstreamer_it_is_said_what_to_install(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sitl.stream.camera, "python_with_gstreamer", lambda: None)
     assert main([*FLY, "--out", str(tmp_path / "mosaic")]) == 2
     assert "apt-get install gir1.2-gst-rtsp-server-1.0" in capsys.readouterr().out

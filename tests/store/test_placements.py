@@ -9,14 +9,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from documents import journal_lines, placements
-from ledger_parts import NEARLY_THE_SAME, an_estimate
 
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements as module
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.placements import Placements, told_after
 from gcs_mosaic.store.records import CoveredRecord
+from tests.documents import journal_lines, placements
+from tests.store.ledger_parts import NEARLY_THE_SAME, an_estimate
 
 SHIFTED = replace(an_estimate(Pose(7, 8)), camera=Camera(40, 30, 1.3))
 

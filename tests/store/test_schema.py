@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_event
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.canvas import CanvasSettings
@@ -14,6 +13,7 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.store.schema import VERSION, connect, connect_for_reading
+from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_event
 
 
 def test_new_file_carries_our_version_and_a_write_ahead_log(tmp_path: Path) -> None:

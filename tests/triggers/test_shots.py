@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, feedback, received, trigger
 
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
 from gcs_mosaic.triggers.shots import Better, Duplicate, New, ShotMerger, Verdict
+from tests.mavlink.mavlink_peer import captured, feedback, received, trigger
 
 TRIGGER, FEEDBACK, AUTOPILOT, CAMERA = Source
 

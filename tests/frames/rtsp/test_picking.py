@@ -1,13 +1,13 @@
 from __future__ import annotations
 
 import pytest
-from pictures import picture
-from streamed import trigger
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
 from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
 from gcs_mosaic.frames.rtsp.ring_buffer import Picture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from tests.frames.rtsp.pictures import picture
+from tests.frames.rtsp.streamed import trigger
 
 SETTINGS = StreamSettings()
 

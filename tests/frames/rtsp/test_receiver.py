@@ -51,7 +51,9 @@ def test_a_camera_that_is_not_there_is_tried_again_and_that_is_said_once() -> No
     assert text == "rtsp://127.0.0.1:9/x cannot be received (Connection refused); trying again until it can"
 
 
-def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch, caplog) -> None:
+def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     pytest.importorskip("av")
     from gcs_mosaic.frames.rtsp import receiver
 
@@ -71,7 +73,7 @@ def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch, caplo
     assert SECRET not in logged
 
 
-def test_without_pyav_it_is_said_what_to_install(monkeypatch) -> None:
+def test_without_pyav_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gcs_mosaic.frames.rtsp.receiver", None)
     with pytest.raises(UsageError, match=r"pip install 'gcs-mosaic\[rtsp\]'"):
         stream(URL, threading.Event(), Requests())
