@@ -8,9 +8,11 @@ import re
 import sys
 import threading
 import warnings
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NoReturn
 
 import pytest
 from rich.console import Console
@@ -25,9 +27,12 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.messages import LinkReport
 from gcs_mosaic.render.repaint_queue import Painter
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.placement import Outcome
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.store.folder import LEDGER_NAME, open_flight_folder
+from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder, open_flight_folder
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import LogSettings
 from gcs_mosaic.store.records import FlightRecord
 from tests.running import six_pictures
@@ -36,7 +41,7 @@ QUIET = Console(quiet=True)
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path):
+def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     folder = tmp_path_factory.mktemp("frames")
     for number, data in enumerate(six_pictures(world_cache)):
         (folder / f"{number}.jpg").write_bytes(data)
@@ -44,17 +49,17 @@ def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path):
 
 
 @pytest.fixture
-def folder(tmp_path: Path):
+def folder(tmp_path: Path) -> Iterator[FlightFolder]:
     folder = open_flight_folder(tmp_path / "out")
     yield folder
     folder.close()
 
 
-def log_of(out):
+def log_of(out: Path) -> str:
     return (out / "flight.log").read_text(encoding="utf-8")
 
 
-def surprise(*arguments) -> None:
+def surprise(*_: object) -> NoReturn:
     raise RuntimeError("surprise")
 
 
@@ -62,7 +67,7 @@ def surprise(*arguments) -> None:
 
 
 def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_traceback_in_the_log(
-    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     place = Mosaic.place
     monkeypatch.setattr(
@@ -77,7 +82,7 @@ def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_tra
     assert "  | RuntimeError: surprise\n" in log
 
 
-def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path: Path) -> None:
+def test_every_refusal_is_in_the_log_with_its_numbers(frames: Path, tmp_path: Path) -> None:
     registration = Config().stitch.registration
     strict = replace(Config().stitch, registration=replace(registration, least_evidence=1e6))
     out = stitch([frames], tmp_path / "out", replace(Config(), stitch=strict), QUIET)
@@ -91,7 +96,7 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path: Path) ->
     assert log.endswith("the flight has ended\n")
 
 
-def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_path: Path) -> None:
+def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames: Path, tmp_path: Path) -> None:
     out = stitch([frames], tmp_path / "out", replace(Config(), log=LogSettings(level="debug")), QUIET)
     assert re.search(
         r"DEBUG \S+ gcs_mosaic\.stitch\.mapping\.journal: 1\.jpg and 0\.jpg agree: \d+ independent inliers", log_of(out)
@@ -99,7 +104,7 @@ def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_pat
 
 
 def test_verbose_tells_the_terminal_and_never_a_traceback(
-    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     place = Mosaic.place
     monkeypatch.setattr(
@@ -119,7 +124,9 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(
         assert twice not in said["b"].err
 
 
-def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_all_that_is_said_at_the_end_is_in_the_log(
+    frames: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 0
     log = log_of(tmp_path / "out")
     assert re.search(r"gcs_mosaic\.app\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
@@ -128,19 +135,24 @@ def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path: Path, capfd
 
 
 def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(
-    folder, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    folder: FlightFolder, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    console = Console(file=io.StringIO(), width=200)
-    reporter = Reporter(tmp_path, FlightRecord(name="flight", started_utc=0.0), None, console)
-    with flight_log(folder, replace(Config(), log=LogSettings(verbose=True))):
+    said = io.StringIO()
+    with (
+        Ledger(tmp_path / LEDGER_NAME) as ledger,
+        flight_log(folder, replace(Config(), log=LogSettings(verbose=True))),
+    ):
+        reporter = Reporter(
+            tmp_path, FlightRecord(name="flight", started_utc=0.0), ledger, Console(file=said, width=200)
+        )
         reporter.judge({0: HeldOut(matches=50, median_px=1.25, p95_px=6.5)})
-    (line,) = (line for line in console.file.getvalue().splitlines() if "6.5 px" in line)
+    (line,) = (line for line in said.getvalue().splitlines() if "6.5 px" in line)
     assert line.partition(" ")[2] in log_of(folder.path)
     assert "6.5 px" not in capfd.readouterr().err
 
 
 def test_brackets_in_names_and_errors_are_no_markup(
-    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     odd = tmp_path / "frames"
     (odd / "[").mkdir(parents=True)  # so that frames are called [/b]0.jpg
@@ -148,7 +160,7 @@ def test_brackets_in_names_and_errors_are_no_markup(
         (odd / "[" / f"b]{number}.jpg").write_bytes((frames / f"{number}.jpg").read_bytes())
     place = Mosaic.place
 
-    def fails(self, features, name, *more):
+    def fails(self: Mosaic, features: Features, name: str, *more: Any) -> Outcome:
         if name == "[/b]2.jpg":
             raise RuntimeError("[/bold] is no tag")
         return place(self, features, name, *more)
@@ -162,32 +174,34 @@ def test_brackets_in_names_and_errors_are_no_markup(
     assert "[/d]" in said
     with progress_on(Console(file=io.StringIO(), force_terminal=True)) as progress:
         progress.add_task("stitching [/b]2.jpg", total=1)
-        assert "stitching [/b]2.jpg" in str(progress.columns[0](progress.tasks[0]))
+        column = progress.columns[0]
+        assert callable(column)
+        assert "stitching [/b]2.jpg" in str(column(progress.tasks[0]))
 
 
 def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(
-    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder, said = tmp_path / "frames", Console(file=io.StringIO(), width=300)
+    folder, said = tmp_path / "frames", io.StringIO()
     (folder / "closed").mkdir(parents=True)
     data = (frames / "0.jpg").read_bytes()
     (folder / "a.jpg").write_bytes(data[:2] + b"\xff\xe1\x00\x10Exif\0\0MM\0*\0\0\0\x60" + data[2:])
     listing = os.scandir
 
-    def refusing(path):
+    def refusing(path: Path) -> Any:
         if str(path).endswith("closed"):
             raise PermissionError(13, "Permission denied")
         return listing(path)
 
     monkeypatch.setattr(os, "scandir", refusing)
-    log = log_of(stitch([folder], tmp_path / "out", replace(Config(), scale=0.25), said))
-    assert "closed cannot be looked at (Permission denied): it is passed over" in said.file.getvalue()
+    log = log_of(stitch([folder], tmp_path / "out", replace(Config(), scale=0.25), Console(file=said, width=300)))
+    assert "closed cannot be looked at (Permission denied): it is passed over" in said.getvalue()
     assert "WARNING MainThread gcs_mosaic.app.batch: frames: " in log
     assert "gcs_mosaic.app.batch: a.jpg: when it was taken cannot be read: damaged: EXIF points beyond its end\n" in log
 
 
 def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(
-    frames, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(Painter, "final_steps", surprise)
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 1
@@ -199,7 +213,7 @@ def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(
 
 
 def test_a_full_disk_under_the_log_does_not_end_the_flight(
-    frames, tmp_path: Path, tiny_disk: Path, capfd: pytest.CaptureFixture[str]
+    frames: Path, tmp_path: Path, tiny_disk: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """The log is the only thing on a disk that is full."""
     out = tmp_path / "out"
@@ -220,7 +234,9 @@ def test_a_full_disk_under_the_log_does_not_end_the_flight(
 # What Python would print on the terminal
 
 
-def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_thread_that_dies_is_one_sentence_and_a_traceback(
+    folder: FlightFolder, capfd: pytest.CaptureFixture[str]
+) -> None:
     hooks = threading.excepthook, sys.unraisablehook
     with flight_log(folder, Config()):
         thread = threading.Thread(target=surprise, name="web")
@@ -232,7 +248,7 @@ def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd: pytes
     assert hooks == (threading.excepthook, sys.unraisablehook)
 
 
-def test_what_is_thrown_away_is_logged(folder, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_is_thrown_away_is_logged(folder: FlightFolder, capfd: pytest.CaptureFixture[str]) -> None:
     class Fragile:
         __del__ = surprise
 
@@ -243,7 +259,7 @@ def test_what_is_thrown_away_is_logged(folder, capfd: pytest.CaptureFixture[str]
     assert "  | RuntimeError: surprise\n" in log_of(folder.path)
 
 
-def test_warnings_and_other_libraries_are_logged(folder, capfd: pytest.CaptureFixture[str]) -> None:
+def test_warnings_and_other_libraries_are_logged(folder: FlightFolder, capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         with flight_log(folder, Config()):
@@ -258,8 +274,8 @@ def test_warnings_and_other_libraries_are_logged(folder, capfd: pytest.CaptureFi
     assert "small talk" not in log
 
 
-def test_a_source_that_fails_leaves_its_traceback(folder) -> None:
-    def items():
+def test_a_source_that_fails_leaves_its_traceback(folder: FlightFolder) -> None:
+    def items() -> Iterator[NoReturn]:
         yield from ()
         surprise()
 
@@ -290,13 +306,13 @@ def test_a_fault_before_the_flight_began_is_kept(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / LEDGER_NAME).exists()
 
 
-def test_an_interruption_goes_on_and_is_written_down(folder) -> None:
+def test_an_interruption_goes_on_and_is_written_down(folder: FlightFolder) -> None:
     with pytest.raises(KeyboardInterrupt), flight_log(folder, Config()):
         raise KeyboardInterrupt
     assert "the flight is interrupted (KeyboardInterrupt())" in log_of(folder.path)
 
 
-def test_afterwards_everything_is_as_it_was(folder) -> None:
+def test_afterwards_everything_is_as_it_was(folder: FlightFolder) -> None:
     root, ours = logging.getLogger(), logging.getLogger("gcs_mosaic")
     before = list(root.handlers), ours.level, logging.raiseExceptions
     with flight_log(folder, replace(Config(), log=LogSettings(level="debug", verbose=True))):
@@ -304,7 +320,7 @@ def test_afterwards_everything_is_as_it_was(folder) -> None:
     assert (root.handlers, ours.level, logging.raiseExceptions) == before
 
 
-def test_the_password_in_the_settings_is_not_written(folder) -> None:
+def test_the_password_in_the_settings_is_not_written(folder: FlightFolder) -> None:
     with flight_log(folder, replace(Config(), rtsp="rtsp://user:secret@camera/main")):
         logging.getLogger("gcs_mosaic.x").error("rtsp://user:secret@camera/main is gone")
     assert "secret" not in log_of(folder.path)

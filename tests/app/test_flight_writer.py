@@ -13,7 +13,7 @@ from gcs_mosaic.render.canvas import Canvas
 
 
 @pytest.mark.parametrize("damaged", [1, 2])
-def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path: Path, damaged) -> None:
+def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path: Path, damaged: int) -> None:
     with closing(Recorder(tmp_path, Config())) as recorder, Canvas(lambda name: None) as canvas:
         recorder.save(canvas, [], {})
         for number in range(damaged):

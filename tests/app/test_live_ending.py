@@ -20,6 +20,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from tests.documents import placements
 from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
+from tests.sure import sure
 
 COPY_ALL = "\noriginals: {reserve_gb: 0}\n"
 
@@ -70,7 +71,7 @@ def numbered(picture: bytes, number: int) -> bytes:
 
 
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
-def test_asked_to_end_it_finishes_in_order(tmp_path: Path, pictures: list[bytes], sign) -> None:
+def test_asked_to_end_it_finishes_in_order(tmp_path: Path, pictures: list[bytes], sign: signal.Signals) -> None:
     with flying(tmp_path) as flight:
         for k in range(3):
             flight.take(f"IMG_{k}.JPG", pictures[k])
@@ -108,7 +109,7 @@ def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> N
         assert left > 10
         assert f"{left} frames are not on the map" in flight.said
         assert_accounts_close(flight, frames=60, open_ones=True)
-        assert all((flight.out / frame.original).is_file() for frame in frames_of(flight.out).values())
+        assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
 
 
 def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: list[bytes]) -> None:
@@ -121,7 +122,7 @@ def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: 
     assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
     tiles = [path for kind in ("tiles", "masks") for path in (flight.out / kind).rglob("*.[jp]*g")]
     assert len(tiles) > 4
-    assert all(cv2.imread(str(path)).shape == (256, 256, 3) for path in tiles)
+    assert all(sure(cv2.imread(str(path))).shape == (256, 256, 3) for path in tiles)
     counted = flight.document("mosaic.json")
     assert counted["frames"]["placed"] >= 1
     told = placements(flight.out)  # of which the last revision may have been on its way
@@ -158,7 +159,7 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path: Path, pictures: 
         assert flight.end() == 0
         assert_accounts_close(flight, frames=5)
         assert events_of(flight.out) == ["matched"] * 5
-        assert all((flight.out / frame.original).is_file() for frame in frames_of(flight.out).values())
+        assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
 
 
 @pytest.mark.long

@@ -12,12 +12,15 @@ import sitl.flight
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.placement import Outcome
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
 from tests.rebuilt import assert_explained, painted_of
+from tests.sure import sure
 
 QUIET = Console(quiet=True)
 
@@ -28,7 +31,7 @@ def stitched(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Pat
     folder = tmp_path_factory.mktemp("frames")
     sitl.flight.make("survey", folder, (640, 480), cache=world_cache, route=Plan(frames=12))
     for path in folder.rglob("*.JPG"):
-        image = cv2.imread(str(path))
+        image = sure(cv2.imread(str(path)))
         image[-1:] = image[:, -1:] = 0
         cv2.imwrite(str(path), image)
     cv2.imwrite(str(folder / "DCIM" / "black.png"), np.zeros((480, 640, 3), np.uint8))
@@ -51,7 +54,7 @@ def test_the_originals_are_kept_as_they_came(stitched: Path) -> None:
     with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
         kept = [frame for frame in ledger.frames() if frame.original]
     assert len(kept) == 13
-    assert all((stitched / frame.original).stat().st_size == frame.size for frame in kept)
+    assert all((stitched / sure(frame.original)).stat().st_size == frame.size for frame in kept)
 
 
 def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched: Path, tmp_path: Path) -> None:
@@ -92,7 +95,7 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(
     """A surprise inside one frame's work costs that frame, not the flight."""
     place = Mosaic.place
 
-    def break_on_the_third(self, features, name, order):
+    def break_on_the_third(self: Mosaic, features: Features, name: str, order: int) -> Outcome:
         if "0003" in name:
             raise RuntimeError("surprise")
         return place(self, features, name, order)
@@ -103,4 +106,4 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(
         rejected = ledger.frames(FrameState.REJECTED)
         assert ledger.accounts().frames.placed == 11
     assert [frame.name for frame in rejected] == ["IMG_0003.JPG"]
-    assert "surprise" in rejected[0].reason
+    assert "surprise" in sure(rejected[0].reason)

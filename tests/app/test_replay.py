@@ -38,8 +38,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Runnin
 
 
 def flown_again(flown: Running, out: Path, *words: str, frames: Path | None = None) -> Path:
-    words = ("replay", flown.out / "flight.tlog", "--frames", frames or flown.watch, "--out", out, *words)
-    assert main([str(word) for word in words]) == 0
+    asked = ["replay", flown.out / "flight.tlog", "--frames", frames or flown.watch, "--out", out, *words]
+    assert main([str(word) for word in asked]) == 0
     return out
 
 
@@ -81,7 +81,7 @@ def test_the_flight_comes_out_as_it_was(flown: Running, again: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("words", [(), ("--speed", "8")], ids=["as fast as it goes", "eight times as fast"])
-def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path: Path, words) -> None:
+def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
     third = flown_again(flown, tmp_path / "mosaic", *words)
     assert files(third) == files(again)
     assert {"mosaic.json", "placements.json"} < set(files(third))
@@ -117,7 +117,12 @@ def test_what_it_is_doing_is_said(again: Path) -> None:
     ],
 )
 def test_what_cannot_be_flown_again_is_told_in_one_sentence(
-    flown: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words, said
+    flown: Running,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    said: str,
 ) -> None:
     (tmp_path / "text.tlog").write_bytes(b"no recording at all\n" * 99)
     (tmp_path / "empty").mkdir()

@@ -10,7 +10,7 @@ import pytest
 from gcs_mosaic.app.replay_timing import Arrivals, arrivals
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink
-from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Notice, Source, TriggerEvent
 from gcs_mosaic.triggers.shots import Shots, ShotSettings
 
 BEGAN = 1_750_000_000.0
@@ -26,7 +26,7 @@ def event(received: float, sequence: int | None = None, hint: str | None = None,
 
 
 def link(events: Sequence[TriggerEvent], began: float | None = BEGAN) -> RecordedLink:
-    heard = [(one.received, one) for one in events]
+    heard: list[tuple[float, TriggerEvent | Notice]] = [(one.received, one) for one in events]
     return RecordedLink(heard=heard, seconds=100.0, packets=len(heard), began_utc=began)
 
 

@@ -90,6 +90,6 @@ def test_every_text_fits_into_one_message(announcements: Announcements, ear: Ear
     for state in (PLACED, WAITING, PLACED):
         announcements.frame(state)
     for level in ("warning", "error"):
-        announcements.notice(Notice(source="disk", level=level, text="", topic=Topic.DISK))  # type: ignore[arg-type]
+        announcements.notice(Notice(source="disk", level=level, text="", topic=Topic.DISK))
     assert all(len(announcement.text) <= 50 for announcement in ear.heard)
     assert len(ear.heard) == 5

@@ -64,7 +64,7 @@ class Flown:
 
 
 @pytest.mark.parametrize("rate", [1, 2, 3])
-def test_the_newest_is_on_the_map_while_steps_overlap(rate) -> None:
+def test_the_newest_is_on_the_map_while_steps_overlap(rate: int) -> None:
     flown = Flown(NewestFirst(), frames=90, rate=rate, overlap=3)
     assert sorted(flown.worked) == list(range(90))
     assert max(flown.late) == 0
@@ -77,7 +77,7 @@ def test_what_was_passed_over_is_filled_in_from_the_newest_back() -> None:
 
 
 @pytest.mark.parametrize("overlap", [1, 2])
-def test_where_a_step_is_too_far_the_map_grows_towards_the_newest(overlap) -> None:
+def test_where_a_step_is_too_far_the_map_grows_towards_the_newest(overlap: int) -> None:
     """A frame's way or two overlap, three come meanwhile: the map stays some frames behind, but no more and more."""
     flown = Flown(NewestFirst(), frames=300, rate=3, overlap=overlap)
     assert sorted(flown.worked) == list(range(300))

@@ -39,7 +39,7 @@ def test_where_the_pictures_agree_the_seam_stays() -> None:
 
 
 @pytest.mark.parametrize(("left", "right", "whole"), [(MIDDLE - 6, MIDDLE + 2, 1), (MIDDLE - 2, MIDDLE + 6, 2)])
-def test_a_thing_under_the_seam_is_taken_whole_or_not_at_all(left, right, whole) -> None:
+def test_a_thing_under_the_seam_is_taken_whole_or_not_at_all(left: int, right: int, whole: int) -> None:
     on_thing = shown(ACROSS, with_thing(left, right))[MIDDLE - 3 : MIDDLE + 3, left + 1 : right - 1]
     assert (on_thing == whole).all()
 
