@@ -20,25 +20,14 @@ from gcs_mosaic.stitch.camera.dead_border import FRAMES, NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Placement
+from tests.factories import placement
 from tests.sure import sure
 
 APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
 
 
-def placement(number: int, x: float, island: int = 0, gsd: float = 1.0) -> Placement:
-    pose = Pose(x, 0.0, log_gsd=float(np.log(gsd)))
-    return Placement(
-        name=str(number),
-        island=island,
-        pose=pose,
-        camera=SMALL,
-        relief=None,
-        inliers=99,
-        residual_px=0.5,
-        neighbours=(),
-        hops=1,
-        corner_deviation_px=0.1,
-    )
+def placed(number: int, x: float, island: int = 0, gsd: float = 1.0) -> Placement:
+    return placement(str(number), Pose(x, 0.0, log_gsd=float(np.log(gsd))), SMALL, island=island)
 
 
 @pytest.fixture
@@ -67,7 +56,7 @@ def repainted(painter: Painter) -> list[set[TileKey]]:
 
 
 def test_the_most_displaced_frame_is_repainted_first(painter: Painter) -> None:
-    there = [placement(k, k * APART) for k in range(4)]
+    there = [placed(k, k * APART) for k in range(4)]
     paint(painter, there)
     by = [3.0, 40.0, 0.5, 12.0]
     painter.follow(replace(p, pose=replace(p.pose, x=p.pose.x + off)) for p, off in zip(there, by, strict=True))
@@ -77,7 +66,7 @@ def test_the_most_displaced_frame_is_repainted_first(painter: Painter) -> None:
 
 
 def test_a_frame_of_another_island_comes_before_all_others(painter: Painter) -> None:
-    there = [placement(0, 0.0), placement(1, APART)]
+    there = [placed(0, 0.0), placed(1, APART)]
     paint(painter, there)
     painter.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
     islands = [{island for island, _ in change} for change in repainted(painter)]
@@ -85,9 +74,9 @@ def test_a_frame_of_another_island_comes_before_all_others(painter: Painter) -> 
 
 
 def test_frames_that_moved_back_are_left_alone(painter: Painter, recorded: list[Painted]) -> None:
-    there = [placement(0, 0.0)]
+    there = [placed(0, 0.0)]
     paint(painter, there)
-    painter.follow([placement(0, 30.0)])
+    painter.follow([placed(0, 30.0)])
     painter.follow(there)
     assert painter.has_repaints
     assert repainted(painter) == []
@@ -104,7 +93,7 @@ def test_no_call_looks_at_more_than_some_frames(painter: Painter, monkeypatch: p
         return displacement(painted, placement)
 
     monkeypatch.setattr(painter_module, "displacement", measure)
-    there = [placement(k, 400.0 * k) for k in range(CHECKED_AT_ONCE + 20)]
+    there = [placed(k, 400.0 * k) for k in range(CHECKED_AT_ONCE + 20)]
     paint(painter, there)
     painter.follow(there)
     assert looked == 0
@@ -125,7 +114,7 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
 
     with closing(Painter(seen, recorded.append, PaintSettings())) as painter:
         names = [str(k) for k in range(6)]
-        there = [replace(placement(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
+        there = [replace(placed(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
         for order, one in enumerate(there):
             painter.paint_new(seen(one.name), seen(one.name), one, order)
         list(painter.repaint_all(there))
@@ -144,7 +133,7 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
 
 def test_frames_of_about_one_height_are_painted_at_one_level(painter: Painter, recorded: list[Painted]) -> None:
     """Those of finer levels would hide the others, and whoever only those have seen."""
-    flown = [placement(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
+    flown = [placed(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
     paint(painter, flown)
     assert [painted.level for painted in recorded] == [16, 15, 15, 15, 15, 16]
     for _ in painter.repaint_all(flown):
@@ -166,7 +155,7 @@ def black_lined(recorded: list[Painted]) -> Iterator[Painter]:
 
 
 def paint_black_lined(painter: Painter, count: int) -> list[Placement]:
-    there = [placement(k, k * 400.0) for k in range(count)]
+    there = [placed(k, k * 400.0) for k in range(count)]
     for order, one in enumerate(there):
         image = seen_with_black_lines(order)
         painter.paint_new(image, image[::4, ::4], one, order)
@@ -222,7 +211,7 @@ def test_brightness_is_not_told_from_bars(recorded: list[Painted], pair: tuple[i
         return image
 
     one, other = pair
-    there = [placement(k, k * APART) for k in range(FRAMES + 2)]
+    there = [placed(k, k * APART) for k in range(FRAMES + 2)]
     there[other] = replace(there[other], pose=Pose(one * APART, 40.0), neighbours=(str(one),))
     with closing(Painter(barred, recorded.append, PaintSettings())) as painter:
         for order, at in enumerate(there):
@@ -244,5 +233,5 @@ def test_only_frames_in_false_colour_keep_their_tones(
     for number, brightness in enumerate([1.0, 0.5]):
         image = np.repeat((grey * brightness).astype(np.uint8), 3, axis=2)
         shown = image if palette is None else cv2.applyColorMap(image, palette)
-        painter.paint_new(shown, shown[::4, ::4], replace(placement(number, 0.0), neighbours=("0",) * number), number)
+        painter.paint_new(shown, shown[::4, ::4], replace(placed(number, 0.0), neighbours=("0",) * number), number)
     assert ((recorded[-1].gain, recorded[-1].vignetting) == ((1.0, 1.0, 1.0), FLAT)) == (palette is not None)
