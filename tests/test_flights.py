@@ -5,11 +5,13 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sitl.score import Score, score
 from sitl.truth import read
+from tests.ports import free_port
 
 TIMEOUT_S = 240
 SIZE = "800x600"
@@ -20,20 +22,22 @@ class Flown:
     said: str
     out: Path
     score: Score
-    mosaic: dict
-    status: dict
+    mosaic: dict[str, Any]
+    status: dict[str, Any]
 
     def closes(self, frames: int) -> bool:
         """Whether both accounts are complete and nothing is left open."""
-        accounts = self.mosaic["frames"], self.mosaic["events"]
-        return sum(accounts[0].values()) == frames and accounts[0]["pending"] == accounts[1]["pending"] == 0
+        of_frames: dict[str, int] = self.mosaic["frames"]
+        of_events: dict[str, int] = self.mosaic["events"]
+        return sum(of_frames.values()) == frames and of_frames["pending"] == of_events["pending"] == 0
 
 
 def fly(tmp_path: Path, *options: str) -> Flown:
     """Fly with `python -m sitl` and return what became of it."""
     out, truth = tmp_path / "mosaic", tmp_path / "truth.json"
     folders = ("--watch", str(tmp_path / "frames"), "--out", str(out), "--truth", str(truth))
-    command = [sys.executable, "-m", "sitl", "--size", SIZE, "--no-http", "--speed", "10", *folders, *options]
+    command = [sys.executable, "-m", "sitl", "--size", SIZE, "--no-http", "--speed", "10"]
+    command += ["--port", str(free_port()), *folders, *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     placements = json.loads(out.with_name("mosaic-placements.json").read_text())

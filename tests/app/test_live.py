@@ -21,8 +21,8 @@ from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.store.records import FrameRecord
-from sitl.__main__ import free_port
 from sitl.delivery import write_slowly
+from tests.ports import free_port
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures, until
 from tests.sure import sure
 

@@ -21,9 +21,10 @@ from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
-from sitl.__main__ import free_port
 from sitl.path import Plan
+from tests.ports import free_port
 from tests.running import PROGRAM, run, until
+from tests.sure import sure
 
 Refused = Callable[..., str]
 
@@ -111,7 +112,7 @@ def empty(tmp_path: Path) -> Path:
         (["--mavlink", "udpout:127.0.0.1:14550"], "calls out, but nothing is ever sent"),
     ],
 )
-def test_misuse_is_told_in_one_sentence(refused: Refused, words, sentence) -> None:
+def test_misuse_is_told_in_one_sentence(refused: Refused, words: list[str], sentence: str) -> None:
     live = "--mavlink" not in words and words[0] not in cli.COMMANDS
     assert sentence in refused(*words, *(listening() if live else ()))
 
@@ -222,14 +223,14 @@ def test_an_export_to_a_place_that_cannot_be_written_is_refused(refused: Refused
 
 
 @pytest.mark.parametrize("damage", ["", "[]", "{}", '{"islands": 3}'])
-def test_a_map_that_cannot_be_read_is_refused(refused: Refused, empty: Path, damage) -> None:
+def test_a_map_that_cannot_be_read_is_refused(refused: Refused, empty: Path, damage: str) -> None:
     (empty / "mosaic.json").write_text(damage)
     assert "is not a map that this gcs-mosaic can read" in refused("export", empty, "--format", "png")
 
 
 def test_a_flight_is_exported(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["export", str(flight), "--format", "png", "--to", str(tmp_path / "p.png")]) == 0
-    picture = cv2.imread(str(tmp_path / "p.png"), cv2.IMREAD_UNCHANGED)
+    picture = sure(cv2.imread(str(tmp_path / "p.png"), cv2.IMREAD_UNCHANGED))
     assert picture.shape[2] == 4
     assert min(picture.shape[:2]) > 480
     assert cli.main(["export", str(flight), "--format", "placements", "--to", str(tmp_path / "p.json")]) == 0

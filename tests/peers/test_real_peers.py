@@ -11,8 +11,8 @@ from pymavlink import mavutil
 
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog_reader import read_recording
-from sitl.__main__ import free_port
 from tests.peers.cameras import Camera, Station, forwarder, need_mavproxy, need_mavsdk
+from tests.ports import free_port
 from tests.running import Running, events_of, flying, frames_of, six_pictures
 
 SHOTS = 4

@@ -15,7 +15,7 @@ ROUTE = Plan(frames=4, height=60)
 
 def wall(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """A wall that runs north and south."""
-    return np.where(abs(x - WALL_EAST - WALL_WIDE / 2) < WALL_WIDE / 2, WALL_HIGH, 0.0) + 0 * y
+    return np.asarray(np.where(abs(x - WALL_EAST - WALL_WIDE / 2) < WALL_WIDE / 2, WALL_HIGH, 0.0) + 0 * y)
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ def wall(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     [(5.0, 5.0), (15.0, 15.0 * 28 / 40), (19.0, 19.0 * 28 / 40), (30.0, 30.0)],
     ids=["before the wall", "its top", "hidden behind it", "beyond"],
 )
-def test_a_view_ends_at_the_first_thing_it_meets(ground, seen) -> None:
+def test_a_view_ends_at_the_first_thing_it_meets(ground: float, seen: float) -> None:
     """From 40 m above the origin, along the view that would end at `ground` on the plane."""
     state = CameraState(time=0, x=0, y=0, height=40)
     x, _ = first_met(state, np.array([[[ground / 40, 0.0]]]), wall, WALL_HIGH)

@@ -10,6 +10,7 @@ import pytest
 import sitl.stream.camera
 from sitl.__main__ import main
 from sitl.stream.camera import NEEDED, python_with_gstreamer
+from tests.sure import sure
 
 FLY = ["--rtsp", "--count", "5", "--size", "640x480", "--interval", "0.8", "--no-http"]
 
@@ -23,7 +24,7 @@ def test_every_picture_of_a_flight_is_taken_from_the_stream(
     out = tmp_path / "mosaic"
     assert main([*FLY, "--watch", str(tmp_path / "frames"), "--out", str(out)]) == 0
     said = capfd.readouterr().out
-    flown = int(re.search(r"flying (\d+) pictures", said)[1])
+    flown = int(sure(re.search(r"flying (\d+) pictures", said))[1])
     assert f"frames: placed {flown}; events: matched {flown}" in said
     assert len(list((out / "frames" / "stream").iterdir())) == flown
     assert not (tmp_path / "frames").exists()
