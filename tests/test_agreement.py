@@ -11,7 +11,7 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app.flight_writer import estimate_of_placement
 from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.render.canvas import Canvas
@@ -93,6 +93,7 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(
         for frame in flight:
             pipeline.accept(frame)
             prepared = prepare(frame, pipeline.features_of)
+            assert isinstance(prepared, DecodedFrame)
             images[frame.name] = prepared.image
             pipeline.process(prepared)
             pipeline.save()

@@ -10,7 +10,7 @@ from gcs_mosaic.errors import UsageError
 DEFAULT_YAML = Path(__file__).parent.parent / "config" / "default.yaml"
 
 
-def written(tmp_path: Path, text):
+def written(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "settings.yaml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -44,7 +44,7 @@ def test_one_setting_deep_inside_is_changed(tmp_path: Path) -> None:
         ("watch: [", "is not YAML"),
     ],
 )
-def test_a_mistake_is_named(tmp_path: Path, text, said) -> None:
+def test_a_mistake_is_named(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(UsageError, match=r"settings\.yaml") as error:
         load_config(written(tmp_path, text))
     assert said in str(error.value)

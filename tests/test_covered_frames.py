@@ -17,6 +17,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
+from tests.sure import sure
 
 pytestmark = pytest.mark.long
 
@@ -33,7 +34,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     sitl.flight.make("survey", larger, (660, 500), cache=world_cache, route=Plan(frames=6))
     rng = np.random.default_rng(1)
     for number, path in enumerate(sorted(larger.rglob("*.JPG"))):
-        picture = cv2.imread(str(path)).astype(np.float32)
+        picture = sure(cv2.imread(str(path))).astype(np.float32)
         for again, (x, y) in enumerate(HOVER if number == STILL else HOVER[:1]):
             seen = picture[y : y + 480, x : x + 640] + rng.normal(0, 2, (480, 640, 3))
             cv2.imwrite(str(folder / f"{number}{again}.png"), np.clip(seen, 0, 255).astype(np.uint8))
@@ -53,7 +54,7 @@ def test_the_accounts_close_and_the_originals_are_kept(stitched: Path) -> None:
     assert (account.placed, account.covered, sum(asdict(account).values())) == (6, 3, 9)
     assert json.loads((stitched / "mosaic.json").read_bytes())["frames"]["covered"] == 3
     assert [frame.name for frame in covered] == ["31.png", "32.png", "33.png"]
-    assert all((stitched / frame.original).stat().st_size == frame.size for frame in covered)
+    assert all((stitched / sure(frame.original)).stat().st_size == frame.size for frame in covered)
     assert painted == {f"{number}0.png" for number in range(6)}
 
 

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,7 @@ FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 
-def imports(path):
+def imports(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -60,12 +61,12 @@ def imports(path):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def room(parts):
+def room(parts: Sequence[str]) -> str:
     """Of the parts of a module's name within the package."""
     return ".".join(parts[:2]) if parts[0] == "stitch" else parts[0]
 
 
-def parts_of(path):
+def parts_of(path: Path) -> tuple[str, ...]:
     parts = path.relative_to(PACKAGE).with_suffix("").parts
     return parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts
 
@@ -74,7 +75,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_a_room_imports_only_what_lies_below_it(path) -> None:
+def test_a_room_imports_only_what_lies_below_it(path: Path) -> None:
     here = room(parts_of(path))
     for name in imports(path):
         if name.startswith("gcs_mosaic."):
@@ -98,7 +99,7 @@ def test_the_root_holds_the_front_door_and_rooms() -> None:
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "stitch").rglob("*.py")), ids=str)
-def test_stitching_needs_only_numbers_and_pictures(path) -> None:
+def test_stitching_needs_only_numbers_and_pictures(path: Path) -> None:
     packages = {name.split(".")[0] for name in imports(path)} - {"gcs_mosaic"} - set(sys.stdlib_module_names)
     assert packages <= OUTSIDE_OF_STITCH
 
@@ -116,7 +117,7 @@ def test_what_numpy_reads_when_it_is_loaded_is_set_before() -> None:
     assert loaded_by("import gcs_mosaic.__main__", "numpy") == "[]"
 
 
-def loaded_by(statement, *packages):
+def loaded_by(statement: str, *packages: str) -> str:
     code = f"import sys; {statement}; print(sorted(set({packages}) & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     return done.stdout.strip()

@@ -23,6 +23,7 @@ import sitl.flight
 from gcs_mosaic.config.tree import load_config
 from sitl.path import Plan
 from tests import fresh
+from tests.sure import sure
 
 README, ARCHITECTURE, FIGURES = "README.md", "gcs_mosaic/README.md", "tests/benchmarks/README.md"
 PAGES = {
@@ -58,7 +59,7 @@ def test_every_block_is_of_a_kind_that_is_tested_here() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_what_it_links_to_exists(page) -> None:
+def test_what_it_links_to_exists(page: str) -> None:
     assert [link for link in links(page) if not leads_somewhere(page, link)] == []
 
 
@@ -94,7 +95,7 @@ def test_the_benchmarks_exist() -> None:
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
-def test_settings_are_settings(settings, tmp_path: Path) -> None:
+def test_settings_are_settings(settings: str, tmp_path: Path) -> None:
     file = tmp_path / "settings.yaml"
     file.write_text(settings, encoding="utf-8")
     load_config(file)
@@ -122,12 +123,12 @@ def test_the_first_command_flies_and_shows_the_map(tmp_path: Path) -> None:
             assert answer.status == 200
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(ENDING_S) == 0, said.read_text()
-    placed, frames = re.search(r"against the truth: placed (\d+)/(\d+) ", said.read_text()).groups()
+    placed, frames = sure(re.search(r"against the truth: placed (\d+)/(\d+) ", said.read_text())).groups()
     assert placed == frames
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_runs(example, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world_cache: Path) -> None:
+def test_an_example_runs(example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world_cache: Path) -> None:
     flight = sitl.flight.make("survey", tmp_path, (480, 360), cache=world_cache, route=Plan(frames=4))
     (tmp_path / flight.names[0]).parent.rename(tmp_path / "frames")
     monkeypatch.chdir(tmp_path)
@@ -184,12 +185,19 @@ def understood(line: str) -> bool:
 
 
 @contextmanager
-def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Popen, Path]]:
+def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
     """A line as typed in a terminal: Ctrl-C reaches all that it starts."""
     shell = ["env", "--default-signal", "bash", "-c", line]
     with said.open("wb") as file:
-        out = {"stdin": subprocess.DEVNULL, "stdout": file, "stderr": subprocess.STDOUT}
-        process = subprocess.Popen(shell, cwd=folder, env=fresh.environment(), start_new_session=True, **out)
+        process = subprocess.Popen(
+            shell,
+            cwd=folder,
+            env=fresh.environment(),
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+        )
     try:
         yield process, said
     finally:
@@ -198,7 +206,7 @@ def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Pope
         process.wait(ENDING_S)
 
 
-def wait_for(pattern: str, process: subprocess.Popen, said: Path) -> str:
+def wait_for(pattern: str, process: subprocess.Popen[bytes], said: Path) -> str:
     deadline = time.monotonic() + FLIGHT_S
     while not (found := re.search(pattern, said.read_text())):
         assert process.poll() is None, said.read_text()

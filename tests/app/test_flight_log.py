@@ -63,22 +63,31 @@ def surprise(*_: object) -> NoReturn:
     raise RuntimeError("surprise")
 
 
+def break_at(monkeypatch: pytest.MonkeyPatch, frame: str, error: Exception) -> None:
+    """Raise it where this frame is placed."""
+    place = Mosaic.place
+
+    def placing(self: Mosaic, features: Features, name: str, *more: Any) -> Outcome:
+        if name == frame:
+            raise error
+        return place(self, features, name, *more)
+
+    monkeypatch.setattr(Mosaic, "place", placing)
+
+
 # A whole flight
 
 
 def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_traceback_in_the_log(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    place = Mosaic.place
-    monkeypatch.setattr(
-        Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
-    )
+    break_at(monkeypatch, "3.jpg", RuntimeError("surprise"))
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.5"]) == 0
     said, log = capfd.readouterr(), log_of(tmp_path / "out")
     assert "error: 3.jpg: it could not be processed (RuntimeError('surprise'))" in said.out.replace("\n", " ")
     assert "Traceback" not in said.out + said.err
     assert "ERROR MainThread gcs_mosaic.app.pipeline: 3.jpg could not be processed\n  | Traceback (most recent" in log
-    assert re.search(r"  \|   File \".*test_flight_log\.py\", line \d+, in surprise\n", log)
+    assert re.search(r"  \|   File \".*test_flight_log\.py\", line \d+, in placing\n", log)
     assert "  | RuntimeError: surprise\n" in log
 
 
@@ -106,10 +115,7 @@ def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames: Path, t
 def test_verbose_tells_the_terminal_and_never_a_traceback(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    place = Mosaic.place
-    monkeypatch.setattr(
-        Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
-    )
+    break_at(monkeypatch, "3.jpg", RuntimeError("surprise"))
     said = {}
     for out, more in (("a", []), ("b", ["--verbose"])):
         assert cli.main(["stitch", str(frames), "--out", str(tmp_path / out), "--scale", "0.25", *more]) == 0
@@ -158,14 +164,7 @@ def test_brackets_in_names_and_errors_are_no_markup(
     (odd / "[").mkdir(parents=True)  # so that frames are called [/b]0.jpg
     for number in range(3):
         (odd / "[" / f"b]{number}.jpg").write_bytes((frames / f"{number}.jpg").read_bytes())
-    place = Mosaic.place
-
-    def fails(self: Mosaic, features: Features, name: str, *more: Any) -> Outcome:
-        if name == "[/b]2.jpg":
-            raise RuntimeError("[/bold] is no tag")
-        return place(self, features, name, *more)
-
-    monkeypatch.setattr(Mosaic, "place", fails)
+    break_at(monkeypatch, "[/b]2.jpg", RuntimeError("[/bold] is no tag"))
     words = ["stitch", str(odd), "--out", str(tmp_path / "[/o]"), "--scale", "0.25", "--debug", str(tmp_path / "[/d]")]
     assert cli.main(words) == 0
     said = capfd.readouterr().out.replace("\n", "")

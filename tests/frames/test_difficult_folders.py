@@ -11,6 +11,7 @@ import pytest
 
 from gcs_mosaic.frames import pending_file as candidate
 from gcs_mosaic.frames.directory import FolderWatch, Item
+from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, SourceReport
@@ -118,7 +119,7 @@ def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
     card.put("b.jpg", OTHER)
     read = candidate.read_whole
 
-    def gone(look: Look, settings: FolderSettings):
+    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
         if look.name == "a.jpg":
             look.path.unlink(missing_ok=True)
         return read(look, settings)

@@ -22,7 +22,8 @@ PLACE = (47.0, 8.0, 500.0, 50.0)  # degrees and metres
 
 
 def need_mavsdk() -> ModuleType:
-    return pytest.importorskip("mavsdk", reason="MAVSDK is not installed: pip install mavsdk")
+    mavsdk: ModuleType = pytest.importorskip("mavsdk", reason="MAVSDK is not installed: pip install mavsdk")
+    return mavsdk
 
 
 def need_mavproxy() -> Path:
