@@ -4,7 +4,6 @@ import json
 from contextlib import closing
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
@@ -37,7 +36,7 @@ FLIGHT = [
 
 @pytest.fixture
 def flight(tmp_path: Path) -> list[Frame]:
-    ground = cv2.cvtColor(textured_ground(1700, 1), cv2.COLOR_GRAY2BGR)
+    ground = np.dstack([textured_ground(1700, 1)] * 3)
     frames = []
     for k, (camera, x) in enumerate(FLIGHT):
         picture = photograph(ground, Pose(x, 600, 0.02 * (k % 3), 0.02 * k), camera)

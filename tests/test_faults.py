@@ -7,6 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from faults import Event, Fault, chosen, counted, raising
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
@@ -40,7 +41,7 @@ CONFIG = Config(paint=PaintSettings(canvas=CanvasSettings(memory_mb=1)))  # near
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     """Two frames, three of an island that has to be founded first, and two between that join them."""
-    folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
+    folder, ground = tmp_path_factory.mktemp("frames"), np.dstack([textured_ground(1500, 1)] * 3)
     found = []
     for k, x in enumerate((300, 430, 950, 1050, 1150, 560, 690, 820)):
         picture = photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA)

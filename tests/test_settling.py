@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
+import numpy as np
 import pytest
 from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
@@ -35,7 +35,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     """Three frames that overlap, and five of five other places, which are compared with them at the end."""
     folder, found = tmp_path_factory.mktemp("frames"), []
     for k, (seed, x) in enumerate([(1, 300), (1, 420), (1, 540), (2, 400), (3, 400), (4, 400), (5, 400), (6, 400)]):
-        ground = cv2.cvtColor(textured_ground(900, seed), cv2.COLOR_GRAY2BGR)
+        ground = np.dstack([textured_ground(900, seed)] * 3)
         found.append(decoded(folder / f"{k}.png", photograph(ground, Pose(x, 400), SMALL_CAMERA)))
     return found
 
