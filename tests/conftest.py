@@ -29,7 +29,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session")
-def world_cache(tmp_path_factory) -> Path:
+def world_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where painted worlds of the simulated flights are kept during one run of the tests."""
     return tmp_path_factory.mktemp("worlds")
 

@@ -45,6 +45,6 @@ def _followed(document: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
 
 def _lay(covered: dict[str, Any], keyframe: dict[str, Any] | None) -> None:
     """A covered frame goes where its keyframe goes."""
-    place = keyframe and np.array(keyframe["canvas_from_frame"]) @ covered["keyframe_from_frame"]
+    place = None if keyframe is None else np.array(keyframe["canvas_from_frame"]) @ covered["keyframe_from_frame"]
     covered["island"] = keyframe and keyframe["island"]
     covered["canvas_from_frame"] = None if place is None else (place / place[2, 2]).tolist()

@@ -5,12 +5,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.messages import Frame, content_hash
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 
 
 def written(path: Path, picture: np.ndarray) -> Frame:
     """Write a picture (h, w[, bands]) and take it for a frame of the file's name."""
     cv2.imwrite(str(path), picture)
     data = path.read_bytes()
-    known = {"content_hash": content_hash(data), "size": len(data), "received": 0.0, "modified": 0.0}
-    return Frame(name=path.name, path=path, **known)
+    return Frame(name=path.name, path=path, content_hash=content_hash(data), size=len(data), received=0.0, modified=0.0)
+
+
+def decoded(path: Path, picture: np.ndarray) -> DecodedFrame:
+    """The same, with its features."""
+    found = prepare(written(path, picture), lambda image, reduction: extract(image, FeatureSettings(), reduction))
+    assert isinstance(found, DecodedFrame)
+    return found

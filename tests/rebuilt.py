@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gcs_mosaic.frames.decode import load_image
+from gcs_mosaic.frames.decode import Unreadable, load_image
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
@@ -19,13 +20,19 @@ def painted_of(out: Path) -> Sequence[Painted]:
         return ledger.painted(0)
 
 
+def original(path: Path) -> Bands:
+    image = load_image(path)
+    assert not isinstance(image, Unreadable)
+    return image
+
+
 def assert_explained(out: Path, scratch: Path) -> None:
     """The tiles and masks of a flight are byte for byte what its ledger and originals say; `scratch` is an empty folder."""
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         originals = {frame.name: out / frame.original for frame in ledger.frames() if frame.original}
-    canvas, writer = Canvas(lambda name: load_image(originals[name])), TileWriter(scratch, TileSettings())
+    canvas, writer = Canvas(lambda name: original(originals[name])), TileWriter(scratch, TileSettings())
     for one in painted_of(out):
-        writer.write(canvas.paint(load_image(originals[one.name]), one), canvas.tile_later)
+        writer.write(canvas.paint(original(originals[one.name]), one), canvas.tile_later)
     canvas.close()
     writer.close()
     assert len(list((out / "tiles").rglob("*.jpg"))) > 20

@@ -17,11 +17,11 @@ from typing import Any
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameRecord
-from sitl.__main__ import free_port
 from sitl.flight import plan
 from sitl.messages import Capture
 from sitl.path import Plan
 from sitl.vehicle import Vehicle
+from tests.ports import free_port
 
 LONGEST_WAIT_S = 40.0  # for anything at all on a busy machine
 POLL_S = 0.05

@@ -4,15 +4,12 @@ import json
 from contextlib import closing
 from pathlib import Path
 
-import cv2
-import documents
 import numpy as np
 import pytest
-from frame_files import written
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.app.prefetch import DecodedFrame, prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.render.canvas import Canvas
@@ -20,6 +17,8 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements
 from gcs_mosaic.store.flight_store import estimate_of_placement
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
+from tests import documents
+from tests.frame_files import written
 
 pytestmark = pytest.mark.long
 
@@ -36,8 +35,8 @@ FLIGHT = [
 
 
 @pytest.fixture
-def flight(tmp_path) -> list[Frame]:
-    ground = cv2.cvtColor(textured_ground(1700, 1), cv2.COLOR_GRAY2BGR)
+def flight(tmp_path: Path) -> list[Frame]:
+    ground = np.dstack([textured_ground(1700, 1)] * 3)
     frames = []
     for k, (camera, x) in enumerate(FLIGHT):
         picture = photograph(ground, Pose(x, 600, 0.02 * (k % 3), 0.02 * k), camera)
@@ -81,7 +80,9 @@ def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarra
         assert here == there
 
 
-def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_path, monkeypatch):
+def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(
+    flight: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(placements, "WHOLE_EACH_S", 60.0)  # so that the journal has its part, however slow this is
     out = tmp_path / "out"
     out.mkdir()
@@ -91,6 +92,7 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(flight, tmp_p
         for frame in flight:
             pipeline.accept(frame)
             prepared = prepare(frame, pipeline.features_of)
+            assert isinstance(prepared, DecodedFrame)
             images[frame.name] = prepared.image
             pipeline.process(prepared)
             pipeline.save()

@@ -10,21 +10,21 @@ from gcs_mosaic.errors import UsageError
 DEFAULT_YAML = Path(__file__).parent.parent / "config" / "default.yaml"
 
 
-def written(tmp_path, text):
+def written(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "settings.yaml"
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def test_the_shipped_configuration_equals_the_defaults():
+def test_the_shipped_configuration_equals_the_defaults() -> None:
     assert load_config(DEFAULT_YAML) == Config()
 
 
-def test_an_empty_file_changes_nothing(tmp_path):
+def test_an_empty_file_changes_nothing(tmp_path: Path) -> None:
     assert load_config(written(tmp_path, "")) == Config()
 
 
-def test_one_setting_deep_inside_is_changed(tmp_path):
+def test_one_setting_deep_inside_is_changed(tmp_path: Path) -> None:
     config = load_config(written(tmp_path, "stitch: {search: {neighbours: 8}}"))
     assert config.stitch.search.neighbours == 8
     assert config.stitch.features == Config().stitch.features
@@ -44,12 +44,12 @@ def test_one_setting_deep_inside_is_changed(tmp_path):
         ("watch: [", "is not YAML"),
     ],
 )
-def test_a_mistake_is_named(tmp_path, text, said):
+def test_a_mistake_is_named(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(UsageError, match=r"settings\.yaml") as error:
         load_config(written(tmp_path, text))
     assert said in str(error.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be read"):
         load_config(tmp_path / "none.yaml")

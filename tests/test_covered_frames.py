@@ -17,6 +17,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
+from tests.sure import sure
 
 pytestmark = pytest.mark.long
 
@@ -27,13 +28,13 @@ STILL = 3  # the frame of the flight over which the aircraft hovers
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory, world_cache) -> Path:
+def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """Six frames, one of them taken four times with a pixel or two and fresh noise between them."""
     larger, folder = tmp_path_factory.mktemp("larger"), tmp_path_factory.mktemp("frames")
     sitl.flight.make("survey", larger, (660, 500), cache=world_cache, route=Plan(frames=6))
     rng = np.random.default_rng(1)
     for number, path in enumerate(sorted(larger.rglob("*.JPG"))):
-        picture = cv2.imread(str(path)).astype(np.float32)
+        picture = sure(cv2.imread(str(path))).astype(np.float32)
         for again, (x, y) in enumerate(HOVER if number == STILL else HOVER[:1]):
             seen = picture[y : y + 480, x : x + 640] + rng.normal(0, 2, (480, 640, 3))
             cv2.imwrite(str(folder / f"{number}{again}.png"), np.clip(seen, 0, 255).astype(np.uint8))
@@ -41,11 +42,11 @@ def frames(tmp_path_factory, world_cache) -> Path:
 
 
 @pytest.fixture(scope="module")
-def stitched(frames, tmp_path_factory) -> Path:
+def stitched(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return stitch([frames], tmp_path_factory.mktemp("out") / "flight", Config(), QUIET)
 
 
-def test_the_accounts_close_and_the_originals_are_kept(stitched):
+def test_the_accounts_close_and_the_originals_are_kept(stitched: Path) -> None:
     with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
         account = ledger.accounts().frames
         covered = ledger.frames(FrameState.COVERED)
@@ -53,11 +54,11 @@ def test_the_accounts_close_and_the_originals_are_kept(stitched):
     assert (account.placed, account.covered, sum(asdict(account).values())) == (6, 3, 9)
     assert json.loads((stitched / "mosaic.json").read_bytes())["frames"]["covered"] == 3
     assert [frame.name for frame in covered] == ["31.png", "32.png", "33.png"]
-    assert all((stitched / frame.original).stat().st_size == frame.size for frame in covered)
+    assert all((stitched / sure(frame.original)).stat().st_size == frame.size for frame in covered)
     assert painted == {f"{number}0.png" for number in range(6)}
 
 
-def test_covered_frames_are_listed_where_they_lie(stitched):
+def test_covered_frames_are_listed_where_they_lie(stitched: Path) -> None:
     document = json.loads((stitched / "placements.json").read_bytes())
     keyframe = next(frame for frame in document["frames"] if frame["name"] == "30.png")
     assert len(document["frames"]) == 6
@@ -70,13 +71,13 @@ def test_covered_frames_are_listed_where_they_lie(stitched):
     assert not (stitched / "placements.jsonl").exists(), "nothing is left to be told"
 
 
-def test_an_export_lists_them_too(stitched, tmp_path):
+def test_an_export_lists_them_too(stitched: Path, tmp_path: Path) -> None:
     export_placements(stitched, tmp_path / "placements.json")
     document = json.loads((tmp_path / "placements.json").read_bytes())
     assert (len(document["frames"]), len(document["covered"])) == (6, 3)
 
 
-def test_the_map_is_that_of_the_flight_without_the_hover(stitched, frames, tmp_path):
+def test_the_map_is_that_of_the_flight_without_the_hover(stitched: Path, frames: Path, tmp_path: Path) -> None:
     """Nothing of the map knows of the covered frames, to the bit."""
     once = [frames / f"{number}0.png" for number in range(6)]
     without = stitch(once, tmp_path / "without", Config(), QUIET)
@@ -89,7 +90,7 @@ def test_the_map_is_that_of_the_flight_without_the_hover(stitched, frames, tmp_p
     assert tiles[0] == tiles[1]
 
 
-def test_the_configuration_switches_covering_off(frames, tmp_path):
+def test_the_configuration_switches_covering_off(frames: Path, tmp_path: Path) -> None:
     (tmp_path / "off.yaml").write_text("stitch: {cover: {enabled: false}}")
     config = replace(load_config(tmp_path / "off.yaml"), scale=0.5)
     out = stitch([frames], tmp_path / "flight", config, QUIET)

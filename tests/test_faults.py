@@ -2,26 +2,33 @@
 
 import random
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
-from faults import Fault, chosen, counted, raising
-from frame_files import written
+from faults import Event, Fault, chosen, counted, raising
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare
+from gcs_mosaic.app.pipeline import Done, Pipeline
+from gcs_mosaic.app.prefetch import DecodedFrame
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.pixels import FramePicture
 from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
 from gcs_mosaic.stitch.bundle import schedule as upkeep
+from gcs_mosaic.stitch.bundle.island import adjust_island
+from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.records import Estimate, FrameState
+from tests.frame_files import decoded
 
 pytestmark = pytest.mark.long
 
@@ -32,32 +39,37 @@ CONFIG = Config(paint=PaintSettings(canvas=CanvasSettings(memory_mb=1)))  # near
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory) -> list[DecodedFrame]:
+def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     """Two frames, three of an island that has to be founded first, and two between that join them."""
-    folder, ground = tmp_path_factory.mktemp("frames"), cv2.cvtColor(textured_ground(1500, 1), cv2.COLOR_GRAY2BGR)
+    folder, ground = tmp_path_factory.mktemp("frames"), np.dstack([textured_ground(1500, 1)] * 3)
     found = []
     for k, x in enumerate((300, 430, 950, 1050, 1150, 560, 690, 820)):
-        frame = written(folder / f"{k}.png", photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA))
-        found.append(prepare(frame, lambda image, reduction: extract(image, FeatureSettings(), reduction)))
+        picture = photograph(ground, Pose(x, 600, 0.0, 0.02 * k), SMALL_CAMERA)
+        found.append(decoded(folder / f"{k}.png", picture))
     return found
+
+
+# What became of each frame, where it is painted, where it lies, and the files of the map.
+Map = tuple[list[tuple[str, FrameState, str | None]], list[Painted], list[Estimate], dict[Path, bytes]]
+Undisturbed = tuple[Map, list[Counter[Event]]]
 
 
 class Flown:
     """A pipeline, and what it has said."""
 
-    def __init__(self, out: Path):
-        self.said = []
+    def __init__(self, out: Path) -> None:
+        self.said: list[Notice] = []
         self.pipeline = Pipeline(out, CONFIG, self.said.append, punctual=True, utc=lambda: 0.0)
 
-    def process(self, prepared):
+    def process(self, prepared: DecodedFrame) -> Done:
         return self.pipeline.process(prepared)
 
-    def finish(self):
+    def finish(self) -> None:
         for _ in self.pipeline.finish():
             self.pipeline.save()
         self.pipeline.save()
 
-    def map(self):
+    def map(self) -> Map:
         """What became of each frame, where it is painted, and the files of the map."""
         out, ledger = self.pipeline.store.out, self.pipeline.store.ledger
         files = {
@@ -69,7 +81,7 @@ class Flown:
 
 
 @pytest.fixture
-def flown(tmp_path):
+def flown(tmp_path: Path) -> Iterator[Flown]:
     (tmp_path / "out").mkdir()
     flown = Flown(tmp_path / "out")
     yield flown
@@ -77,9 +89,10 @@ def flown(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(flight, tmp_path_factory):
+def undisturbed(flight: list[DecodedFrame], tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     """The map without any fault, and what was called for each frame."""
-    flown, calls = Flown(tmp_path_factory.mktemp("out")), []
+    flown = Flown(tmp_path_factory.mktemp("out"))
+    calls: list[Counter[Event]] = []
     with closing(flown.pipeline):
         for prepared in flight:
             flown.pipeline.accept(prepared.frame)
@@ -91,7 +104,7 @@ def undisturbed(flight, tmp_path_factory):
         return flown.map(), calls
 
 
-def test_the_flight_has_islands_and_frames_that_wait(undisturbed):
+def test_the_flight_has_islands_and_frames_that_wait(undisturbed: Undisturbed) -> None:
     (states, painted, _, files), calls = undisturbed
     assert {state for _, state, _ in states} == {FrameState.PLACED}
     assert len(painted) == 8
@@ -100,9 +113,12 @@ def test_the_flight_has_islands_and_frames_that_wait(undisturbed):
     assert {"stitch/mapping/islands.py:Bridges.join", "app/painting.py:Painting._paint_other"} <= called
 
 
-def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight, undisturbed, flown):
+def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(
+    flight: list[DecodedFrame], undisturbed: Undisturbed, flown: Flown
+) -> None:
     """Each frame comes again and again, and something raises; then it comes once more."""
-    (expected, calls), rng, met = undisturbed, random.Random(3), Counter()
+    (expected, calls), rng = undisturbed, random.Random(3)
+    met: Counter[str] = Counter()
     for prepared, counts in zip(flight, calls, strict=True):
         flown.pipeline.accept(prepared.frame)
         for event, at in chosen(counts, FAULTS_PER_FRAME, rng, but="Pipeline.process"):
@@ -116,7 +132,7 @@ def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(flight,
     assert met["unsaid"] < 0.2 * met.total(), met
 
 
-def meet(flown, prepared, event, at, kind):
+def meet(flown: Flown, prepared: DecodedFrame, event: Event, at: int, kind: type[BaseException]) -> str:
     """Work a frame off while something raises; whatever it led to, all is as it was afterwards."""
     pipeline, name = flown.pipeline, prepared.frame.name
     before, snapshot, said = digest(pipeline), pipeline.snapshot(), len(flown.said)
@@ -137,9 +153,10 @@ def meet(flown, prepared, event, at, kind):
     return result
 
 
-def assert_taken_in(pipeline, name, state):
+def assert_taken_in(pipeline: Pipeline, name: str, state: FrameState) -> None:
     """The frame did not pay for what was raised, and the mosaic and what is to be written agree about it."""
     placed = {placement.name for placement in pipeline.mosaic.placements()}
+    assert isinstance(pipeline.mosaic, Mosaic)
     waiting = {waiting.name for waiting in pipeline.mosaic.waiting()}
     assert state in (FrameState.PLACED, FrameState.WAITING)
     assert name in (placed if state is FrameState.PLACED else waiting)
@@ -149,10 +166,10 @@ def assert_taken_in(pipeline, name, state):
 class Unpaintable:
     """A painter that cannot paint a frame, so many times."""
 
-    def __init__(self, monkeypatch, name, times):
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str, times: int) -> None:
         self.left, paint_new = times, Painter.paint_new
 
-        def failing(painter, image, thumbnail, placement, order):
+        def failing(painter: Painter, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
             changed = paint_new(painter, image, thumbnail, placement, order)
             if placement.name == name and self.left:
                 self.left -= 1
@@ -162,7 +179,7 @@ class Unpaintable:
         monkeypatch.setattr(Painter, "paint_new", failing)
 
 
-def processed(flown, flight):
+def processed(flown: Flown, flight: list[DecodedFrame]) -> dict[str, FrameState]:
     done = []
     for prepared in flight:
         flown.pipeline.accept(prepared.frame)
@@ -172,14 +189,18 @@ def processed(flown, flight):
     return {one.name: one.state for one in done}
 
 
-def test_a_frame_that_cannot_be_painted_is_not_placed_either(flight, flown, monkeypatch):
+def test_a_frame_that_cannot_be_painted_is_not_placed_either(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     Unpaintable(monkeypatch, "1.png", 1)
     assert processed(flown, flight)["1.png"] is FrameState.REJECTED
     assert "1.png" not in {placement.name for placement in flown.pipeline.mosaic.placements()}
     assert "no memory" in flown.said[0].text
 
 
-def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, undisturbed, flown, monkeypatch):
+def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(
+    flight: list[DecodedFrame], undisturbed: Undisturbed, flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A frame that had waited is painted with the next ones, and the map is what it would have been."""
     Unpaintable(monkeypatch, "2.png", 2)
     assert processed(flown, flight)["3.png"] is FrameState.PLACED
@@ -189,7 +210,9 @@ def test_another_frame_that_cannot_be_painted_costs_the_new_one_nothing(flight, 
     assert {one.name for one in flown.map()[1]} == {one.name for one in painted}
 
 
-def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypatch):
+def test_what_can_never_be_painted_is_said_and_given_up(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     unpaintable = Unpaintable(monkeypatch, "2.png", 99)
     processed(flown, flight)
     assert unpaintable.left == 96
@@ -197,17 +220,25 @@ def test_what_can_never_be_painted_is_said_and_given_up(flight, flown, monkeypat
     assert {one.name for one in flown.map()[1]} == {prepared.frame.name for prepared in flight} - {"2.png"}
 
 
-def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown, monkeypatch):
+def painter_of(flown: Flown) -> Painter:
+    painter = flown.pipeline._painter
+    assert isinstance(painter, Painter)
+    return painter
+
+
+def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for prepared in flight[:2]:
         flown.pipeline.accept(prepared.frame)
         flown.process(prepared)
-    painter = flown.pipeline._painter
+    painter = painter_of(flown)
     everything = {key for name in ("0.png", "1.png") for key in painter.canvas._frames.tiles_of(name)}
     painter.canvas._fall_behind(everything)
     gallery = painter.canvas._gallery
     picture = gallery.picture
 
-    def fails(painted):
+    def fails(painted: Painted) -> FramePicture | None:
         if painted.name == "1.png":
             raise cv2.error("broken")
         return picture(painted)
@@ -219,13 +250,18 @@ def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(flight, flown
     assert not flown.pipeline.has_repaints
     (notice,) = flown.said
     assert notice.text.startswith("a part of the map could not be repainted and stays as it is")
-    assert not [key for key in painter.canvas._store._held if key[1] in ("fresh", "fresh cells", "piece")]
+    kept = [key[1] for key in painter.canvas._store._held if isinstance(key, tuple)]
+    assert kept
+    assert not {"fresh", "fresh cells", "piece"} & set(kept)
 
 
-def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeypatch):
-    repaint, failed = Canvas.repaint_step, []
+def test_one_step_that_fails_at_the_end_leaves_the_others(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    repaint = Canvas.repaint_step
+    failed: list[int] = []
 
-    def failing(canvas, block):
+    def failing(canvas: Canvas, block: int) -> set[TileKey]:
         changed = repaint(canvas, block)
         if not failed:
             failed.append(block)
@@ -235,15 +271,17 @@ def test_one_step_that_fails_at_the_end_leaves_the_others(flight, flown, monkeyp
     monkeypatch.setattr(Painter, "_take_final_looks", lambda painter: 1 / 0)
     monkeypatch.setattr(Canvas, "repaint_step", failing)
     processed(flown, flight)
-    assert flown.pipeline._painter.canvas.behind == 0
+    assert painter_of(flown).canvas.behind == 0
     assert failed
     assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
 
 
-def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, flown, monkeypatch):
-    answers = [MemoryError(), MemoryError(), True, False]
+def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers: list[Exception | bool] = [MemoryError(), MemoryError(), True, False]
 
-    def connect_some(mosaic):
+    def connect_some(mosaic: Mosaic) -> bool:
         answer = answers.pop(0)
         if isinstance(answer, Exception):
             raise answer
@@ -256,7 +294,9 @@ def test_frames_that_cannot_be_compared_end_nothing_and_are_said_once(flight, fl
     assert notice.text == "some frames could not be compared with those that look like them (MemoryError())"
 
 
-def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypatch):
+def test_what_could_not_be_saved_is_saved_the_next_time(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
     flown.pipeline.accept(flight[0].frame)
     flown.process(flight[0])
     recorder = flown.pipeline.store
@@ -274,11 +314,12 @@ def test_what_could_not_be_saved_is_saved_the_next_time(flight, flown, monkeypat
     assert files
 
 
-def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(flight, flown, monkeypatch, caplog):
+def test_a_fault_of_an_adjustment_is_said_and_traced_once_until_it_is_over(
+    flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     """It comes again with every frame, since the island is still due."""
-    plain = upkeep.adjust_island
     for prepared, broken in zip(flight[:2] + flight[5:], (False, True, True, False, True), strict=True):
-        monkeypatch.setattr(upkeep, "adjust_island", (lambda *_: 1 / 0) if broken else plain)
+        monkeypatch.setattr(upkeep, "adjust_island", (lambda *_: 1 / 0) if broken else adjust_island)
         flown.pipeline.accept(prepared.frame)
         assert flown.process(prepared).state is FrameState.PLACED
     assert [notice.text for notice in flown.said] == [

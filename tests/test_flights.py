@@ -5,11 +5,13 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sitl.score import Score, score
 from sitl.truth import read
+from tests.ports import free_port
 
 TIMEOUT_S = 240
 SIZE = "800x600"
@@ -20,20 +22,22 @@ class Flown:
     said: str
     out: Path
     score: Score
-    mosaic: dict
-    status: dict
+    mosaic: dict[str, Any]
+    status: dict[str, Any]
 
     def closes(self, frames: int) -> bool:
         """Whether both accounts are complete and nothing is left open."""
-        accounts = self.mosaic["frames"], self.mosaic["events"]
-        return sum(accounts[0].values()) == frames and accounts[0]["pending"] == accounts[1]["pending"] == 0
+        of_frames: dict[str, int] = self.mosaic["frames"]
+        of_events: dict[str, int] = self.mosaic["events"]
+        return sum(of_frames.values()) == frames and of_frames["pending"] == of_events["pending"] == 0
 
 
 def fly(tmp_path: Path, *options: str) -> Flown:
     """Fly with `python -m sitl` and return what became of it."""
     out, truth = tmp_path / "mosaic", tmp_path / "truth.json"
     folders = ("--watch", str(tmp_path / "frames"), "--out", str(out), "--truth", str(truth))
-    command = [sys.executable, "-m", "sitl", "--size", SIZE, "--no-http", "--speed", "10", *folders, *options]
+    command = [sys.executable, "-m", "sitl", "--size", SIZE, "--no-http", "--speed", "10"]
+    command += ["--port", str(free_port()), *folders, *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     placements = json.loads(out.with_name("mosaic-placements.json").read_text())
@@ -41,7 +45,7 @@ def fly(tmp_path: Path, *options: str) -> Flown:
     return Flown(done.stdout + done.stderr, out, score(read(truth), placements), *documents)
 
 
-def test_a_level_survey(tmp_path):
+def test_a_level_survey(tmp_path: Path) -> None:
     flown = fly(tmp_path, "--scenario", "survey", "--manner", "px4,camera", "--count", "24")
     assert flown.score.placed == 24
     assert flown.score.islands == 1
@@ -54,7 +58,7 @@ def test_a_level_survey(tmp_path):
 
 
 @pytest.mark.long
-def test_a_climb_to_three_times_the_height(tmp_path):
+def test_a_climb_to_three_times_the_height(tmp_path: Path) -> None:
     flown = fly(tmp_path, "--scenario", "climb", "--manner", "ardupilot", "--count", "20")
     assert flown.score.placed == 20
     assert flown.score.islands == 1
@@ -67,7 +71,7 @@ def test_a_climb_to_three_times_the_height(tmp_path):
 
 
 @pytest.mark.long
-def test_lost_overlap_that_comes_back(tmp_path):
+def test_lost_overlap_that_comes_back(tmp_path: Path) -> None:
     """A part of the flight is an island until the gap is flown; two frames of elsewhere never belong."""
     flown = fly(tmp_path, "--scenario", "lost", "--manner", "camera", "--count", "30", "--strangers", "2")
     frames = flown.mosaic["frames"]
@@ -80,7 +84,7 @@ def test_lost_overlap_that_comes_back(tmp_path):
 
 
 @pytest.mark.long
-def test_frames_that_see_the_horizon(tmp_path):
+def test_frames_that_see_the_horizon(tmp_path: Path) -> None:
     """Oblique frames may be left out, but they spoil nothing."""
     flown = fly(tmp_path, "--scenario", "oblique", "--manner", "px4", "--count", "30")
     assert flown.score.placed >= 28
@@ -92,7 +96,7 @@ def test_frames_that_see_the_horizon(tmp_path):
 
 
 @pytest.mark.long
-def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path):
+def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path: Path) -> None:
     faults = ("--drop", "0.1", "--duplicate", "0.1", "--reorder", "0.1")
     flown = fly(tmp_path, "--scenario", "survey", "--relief", "1", "--manner", "px4,camera", "--count", "20", *faults)
     assert flown.score.placed == 20

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -53,7 +54,7 @@ FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 
-def imports(path):
+def imports(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -61,12 +62,12 @@ def imports(path):
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def room(parts):
+def room(parts: Sequence[str]) -> str:
     """Of the parts of a module's name within the package."""
     return ".".join(parts[:2]) if parts[0] == "stitch" else parts[0]
 
 
-def parts_of(path):
+def parts_of(path: Path) -> tuple[str, ...]:
     parts = path.relative_to(PACKAGE).with_suffix("").parts
     return parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts
 
@@ -75,7 +76,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_a_room_imports_only_what_lies_below_it(path):
+def test_a_room_imports_only_what_lies_below_it(path: Path) -> None:
     here = room(parts_of(path))
     for name in imports(path):
         if name.startswith("gcs_mosaic."):
@@ -85,39 +86,39 @@ def test_a_room_imports_only_what_lies_below_it(path):
             assert only is None or set(there) & only
 
 
-def test_no_two_rooms_need_each_other():
+def test_no_two_rooms_need_each_other() -> None:
     assert not [(one, other) for one in ALLOWED for other in ALLOWED[one] if one in ALLOWED[other]]
 
 
-def test_each_room_says_what_it_is_for():
+def test_each_room_says_what_it_is_for() -> None:
     rooms = [path for path in MODULES if path.name == "__init__.py"]
     assert all(ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) for path in rooms)
 
 
-def test_the_root_holds_the_front_door_and_rooms():
+def test_the_root_holds_the_front_door_and_rooms() -> None:
     assert {path.stem for path in PACKAGE.glob("*.py")} == FRONT_DOOR
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "stitch").rglob("*.py")), ids=str)
-def test_stitching_needs_only_numbers_and_pictures(path):
+def test_stitching_needs_only_numbers_and_pictures(path: Path) -> None:
     packages = {name.split(".")[0] for name in imports(path)} - {"gcs_mosaic"} - set(sys.stdlib_module_names)
     assert packages <= OUTSIDE_OF_STITCH
 
 
-def test_importing_the_package_loads_neither_the_link_nor_a_server():
+def test_importing_the_package_loads_neither_the_link_nor_a_server() -> None:
     assert loaded_by("import gcs_mosaic; gcs_mosaic.Mosaic", "pymavlink", "aiohttp", "yaml", "rich") == "[]"
 
 
-def test_links_are_opened_before_the_stitching_and_a_server_are_loaded():
+def test_links_are_opened_before_the_stitching_and_a_server_are_loaded() -> None:
     """They take a second or two, in which camera messages would be lost (`tests/benchmarks/start.py` tells how long)."""
     assert loaded_by("import gcs_mosaic.cli.main, gcs_mosaic.app.links", "scipy", "aiohttp", "tifffile") == "[]"
 
 
-def test_what_numpy_reads_when_it_is_loaded_is_set_before():
+def test_what_numpy_reads_when_it_is_loaded_is_set_before() -> None:
     assert loaded_by("import gcs_mosaic.__main__", "numpy") == "[]"
 
 
-def loaded_by(statement, *packages):
+def loaded_by(statement: str, *packages: str) -> str:
     code = f"import sys; {statement}; print(sorted(set({packages}) & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     return done.stdout.strip()

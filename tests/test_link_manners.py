@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, run
 
 from sitl.vehicle import SYSTEM
+from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, run
 
 PASSPHRASE = "a passphrase that nobody may see"
 LINK = "link: {signing_key: key.txt, recover: true}\npairing: {missing_after_s: 1}\n"

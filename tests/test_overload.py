@@ -8,10 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from documents import placements
-from rebuilt import assert_explained
 from rich.console import Console
-from running import frames_of, until
 
 from gcs_mosaic.app import links as listening
 from gcs_mosaic.app import live as daemon
@@ -23,9 +20,12 @@ from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
-from sitl.__main__ import free_port
 from sitl.flight import plan
 from sitl.path import Plan
+from tests.documents import placements
+from tests.ports import free_port
+from tests.rebuilt import assert_explained
+from tests.running import frames_of, until
 
 pytestmark = pytest.mark.long
 
@@ -93,8 +93,8 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
     with pytest.MonkeyPatch.context() as patched, ExitStack() as stack:
         patched.setattr(Pipeline, "process", processed)
         patched.setattr(Inbox, "_put", found)
-        paths = {"watch": str(flown.watch), "out": str(flown.out)}
-        config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, finish_s=600.0, **paths)
+        link = f"udp:127.0.0.1:{free_port()}"
+        config = Config(mavlink=(link,), http=None, finish_s=600.0, watch=str(flown.watch), out=str(flown.out))
         links = listening.listen(config, flown.ending.stop, stack)
         flown.watch.mkdir()
         camera = threading.Timer(1.0, flown.bring, args=[1])

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NoReturn
 from urllib.request import urlopen
 
-import fresh
 import pytest
 
 import gcs_mosaic.cli.main
@@ -23,6 +22,8 @@ import sitl.__main__
 import sitl.flight
 from gcs_mosaic.config.tree import load_config
 from sitl.path import Plan
+from tests import fresh
+from tests.sure import sure
 
 README, ARCHITECTURE, FIGURES = "README.md", "gcs_mosaic/README.md", "tests/benchmarks/README.md"
 PAGES = {
@@ -46,38 +47,38 @@ PROGRAMS = {("gcs-mosaic",): gcs_mosaic.cli.main.main, ("python", "-m", "sitl"):
 FLIGHT_S, ENDING_S, OTHERS_S = 480, 200, 120
 
 
-def test_the_operators_page_is_short():
+def test_the_operators_page_is_short() -> None:
     lines = PAGES[README].splitlines()
     assert len(lines) <= MOST_LINES
     assert [line for line in lines if len(line) > LONGEST_LINE] == []
 
 
-def test_every_block_is_of_a_kind_that_is_tested_here():
+def test_every_block_is_of_a_kind_that_is_tested_here() -> None:
     """Commands, examples and settings are; text shows what programs print."""
     assert {kind for kind, _ in BLOCKS} <= {"sh", "python", "yaml", "text"}
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_what_it_links_to_exists(page):
+def test_what_it_links_to_exists(page: str) -> None:
     assert [link for link in links(page) if not leads_somewhere(page, link)] == []
 
 
-def test_links_that_lead_nowhere_are_found():
+def test_links_that_lead_nowhere_are_found() -> None:
     assert leads_somewhere(ARCHITECTURE, "../README.md#start")
     assert not leads_somewhere(ARCHITECTURE, "../README.md#no-such-heading")
     assert not leads_somewhere(ARCHITECTURE, "no_such_file.py")
 
 
-def test_the_first_page_leads_to_all_others():
+def test_the_first_page_leads_to_all_others() -> None:
     assert PAGES.keys() - {README} <= {link.partition("#")[0] for link in links(README)}
 
 
-def test_every_picture_is_shown_somewhere():
+def test_every_picture_is_shown_somewhere() -> None:
     shown = {(fresh.ROOT / page).parent.joinpath(link).resolve() for page in PAGES for link in links(page)}
     assert set((fresh.ROOT / ".readme").iterdir()) <= shown
 
 
-def test_rooms_and_files_are_called_as_they_are():
+def test_rooms_and_files_are_called_as_they_are() -> None:
     """Bold names without a capital or a space, in the page of the architecture."""
     named = re.findall(r"\*\*([a-z_/]+)\*\*", PAGES[ARCHITECTURE])
     files = [path.with_suffix("") for path in (fresh.ROOT / "gcs_mosaic").rglob("*") if path.suffix in ("", ".py")]
@@ -85,7 +86,7 @@ def test_rooms_and_files_are_called_as_they_are():
     assert [name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in files)] == []
 
 
-def test_the_benchmarks_exist():
+def test_the_benchmarks_exist() -> None:
     listed = re.findall(r"^\* `(\w+)", PAGES[FIGURES], flags=re.MULTILINE)
     named = re.findall(r"python -m tests\.benchmarks\.([a-z]\w*)", ALL)
     assert listed
@@ -94,26 +95,26 @@ def test_the_benchmarks_exist():
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
-def test_settings_are_settings(settings, tmp_path):
+def test_settings_are_settings(settings: str, tmp_path: Path) -> None:
     file = tmp_path / "settings.yaml"
     file.write_text(settings, encoding="utf-8")
     load_config(file)
 
 
-def test_two_commands_set_up_one_flies_and_one_tests():
+def test_two_commands_set_up_one_flies_and_one_tests() -> None:
     fly, test = SET_UP
     assert fly.endswith("/gcs-mosaic demo --stay")
     assert test.endswith("/pytest")
     assert all(line in PAGES[README].splitlines() for line in SET_UP)
 
 
-def test_the_second_command_is_what_judges_changes():
+def test_the_second_command_is_what_judges_changes() -> None:
     """This very test is part of what that command runs."""
     assert SET_UP[1] in fresh.run(".ci/run", "--show").splitlines()
 
 
 @pytest.mark.long
-def test_the_first_command_flies_and_shows_the_map(tmp_path):
+def test_the_first_command_flies_and_shows_the_map(tmp_path: Path) -> None:
     fresh.need_packages(tmp_path)
     need_port(8470)
     with typed(SET_UP[0], fresh.clone(tmp_path / "gcs-mosaic"), tmp_path / "said") as (process, said):
@@ -122,12 +123,12 @@ def test_the_first_command_flies_and_shows_the_map(tmp_path):
             assert answer.status == 200
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(ENDING_S) == 0, said.read_text()
-    placed, frames = re.search(r"against the truth: placed (\d+)/(\d+) ", said.read_text()).groups()
+    placed, frames = sure(re.search(r"against the truth: placed (\d+)/(\d+) ", said.read_text())).groups()
     assert placed == frames
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_runs(example, tmp_path, monkeypatch, world_cache):
+def test_an_example_runs(example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world_cache: Path) -> None:
     flight = sitl.flight.make("survey", tmp_path, (480, 360), cache=world_cache, route=Plan(frames=4))
     (tmp_path / flight.names[0]).parent.rename(tmp_path / "frames")
     monkeypatch.chdir(tmp_path)
@@ -136,7 +137,7 @@ def test_an_example_runs(example, tmp_path, monkeypatch, world_cache):
     assert all(said.getvalue().count(Path(name).name) >= 2 for name in flight.names)  # once added, once placed
 
 
-def test_the_options_of_all_commands_exist(monkeypatch):
+def test_the_options_of_all_commands_exist(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", only_take_apart)
     assert [line for line in USAGE if not understood(line)] == []
     assert understood(".venv/bin/gcs-mosaic --mavlink udp:14550 --out somewhere  # with a comment")
@@ -184,12 +185,19 @@ def understood(line: str) -> bool:
 
 
 @contextmanager
-def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Popen, Path]]:
+def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Popen[bytes], Path]]:
     """A line as typed in a terminal: Ctrl-C reaches all that it starts."""
     shell = ["env", "--default-signal", "bash", "-c", line]
     with said.open("wb") as file:
-        out = {"stdin": subprocess.DEVNULL, "stdout": file, "stderr": subprocess.STDOUT}
-        process = subprocess.Popen(shell, cwd=folder, env=fresh.environment(), start_new_session=True, **out)
+        process = subprocess.Popen(
+            shell,
+            cwd=folder,
+            env=fresh.environment(),
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+        )
     try:
         yield process, said
     finally:
@@ -198,7 +206,7 @@ def typed(line: str, folder: Path, said: Path) -> Iterator[tuple[subprocess.Pope
         process.wait(ENDING_S)
 
 
-def wait_for(pattern: str, process: subprocess.Popen, said: Path) -> str:
+def wait_for(pattern: str, process: subprocess.Popen[bytes], said: Path) -> str:
     deadline = time.monotonic() + FLIGHT_S
     while not (found := re.search(pattern, said.read_text())):
         assert process.poll() is None, said.read_text()

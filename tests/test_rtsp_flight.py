@@ -7,16 +7,18 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from running import QUICK, Running, events_of, flying, frames_of, run, six_pictures
 
 from sitl.messages import CAMERA
 from sitl.stream.camera import NEEDED, StreamingCamera, python_with_gstreamer
 from sitl.world import make_world
+from tests.running import QUICK, Running, events_of, flying, frames_of, run, six_pictures
+from tests.sure import sure
 
 needs_gstreamer = pytest.mark.skipif(
     python_with_gstreamer() is None, reason=f"the streaming camera needs GStreamer: apt-get install {NEEDED}"
@@ -55,8 +57,11 @@ class Panning(Showing):
                 self.step()
 
 
+S = TypeVar("S", bound=Showing)
+
+
 @contextmanager
-def shown(kind: type[Showing], pictures: list[np.ndarray]) -> Iterator[Showing]:
+def shown(kind: type[S], pictures: list[np.ndarray]) -> Iterator[S]:
     """A camera that asks for a password shows the pictures."""
     camera = StreamingCamera(user=f"pilot:{SECRET}")
     camera.start()
@@ -73,13 +78,13 @@ def shown(kind: type[Showing], pictures: list[np.ndarray]) -> Iterator[Showing]:
 @pytest.fixture
 def slides(world_cache: Path) -> Iterator[Showing]:
     with shown(
-        Showing, [cv2.imdecode(np.frombuffer(data, np.uint8), 1) for data in six_pictures(world_cache)]
+        Showing, [sure(cv2.imdecode(np.frombuffer(data, np.uint8), 1)) for data in six_pictures(world_cache)]
     ) as slides:
         yield slides
 
 
 @pytest.fixture
-def panorama(world_cache: Path) -> Iterator[Showing]:
+def panorama(world_cache: Path) -> Iterator[Panning]:
     """The view moves over one long picture."""
     ground = make_world(3, 2048, cache=world_cache).levels[0]
     views = [np.ascontiguousarray(ground[700:1180, x : x + 640]) for x in range(0, 900, PAN_PX)]
@@ -99,7 +104,7 @@ def fly_over_all(flight: Running, slides: Showing) -> None:
 
 
 @needs_gstreamer
-def test_every_trigger_gets_its_frame_of_the_stream(tmp_path, slides):
+def test_every_trigger_gets_its_frame_of_the_stream(tmp_path: Path, slides: Showing) -> None:
     """... which is kept, placed and matched. Its address comes from the aircraft, and is believed only of hosts on the
     list; the password is nowhere."""
     with flying(tmp_path, config=AUTO) as flight:
@@ -111,7 +116,9 @@ def test_every_trigger_gets_its_frame_of_the_stream(tmp_path, slides):
         watch = reported["watch"]
         assert flight.end() == 0
     assert events_of(flight.out) == ["matched"] * len(slides.pictures)
-    kept = {name: cv2.imread(str(flight.out / frame.original)) for name, frame in frames_of(flight.out).items()}
+    kept = {
+        name: sure(cv2.imread(str(flight.out / sure(frame.original)))) for name, frame in frames_of(flight.out).items()
+    }
     for image, slide in zip([kept[name] for name in sorted(kept)], slides.pictures, strict=True):
         assert np.abs(image.astype(int) - slide).mean() < 12  # another slide is off by 30 and more
     assert (watch["kind"], watch["folder"]) == ("stream", f"rtsp://127.0.0.1:{slides.camera.port}/camera")
@@ -127,7 +134,7 @@ def test_every_trigger_gets_its_frame_of_the_stream(tmp_path, slides):
 
 @pytest.mark.long
 @needs_gstreamer
-def test_without_triggers_the_moving_view_is_mapped(tmp_path, panorama):
+def test_without_triggers_the_moving_view_is_mapped(tmp_path: Path, panorama: Panning) -> None:
     """A frame whenever 30 % of the view is new: of 640 px, after 192 each."""
     with flying(tmp_path, "--rtsp", panorama.camera.url, "--every", "overlap") as flight:
         flight.wait_for(lambda status: status["watch"]["taken"] == 1, "the first frame")
@@ -159,7 +166,9 @@ def stream_at(url: str) -> mavlink.MAVLink_message:
         (["--rtsp", "rtsp://camera/x", "--watch", "frames"], "not allowed with"),
     ],
 )
-def test_a_stream_that_cannot_be_is_refused_in_one_sentence_without_the_password(tmp_path, words, said):
+def test_a_stream_that_cannot_be_is_refused_in_one_sentence_without_the_password(
+    tmp_path: Path, words: list[str], said: str
+) -> None:
     done = run("--no-http", *words, cwd=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr

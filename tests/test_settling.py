@@ -5,22 +5,23 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
+import numpy as np
 import pytest
-from frame_files import written
 from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare
+from gcs_mosaic.app.prefetch import DecodedFrame
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
+from gcs_mosaic.messages import Notice
+from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.web.feed import Feed
+from tests.frame_files import decoded
 
 pytestmark = pytest.mark.long
 
@@ -30,14 +31,18 @@ CONFIG = Config(scale=1, stitch=replace(Config().stitch, upkeep=SELDOM))
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory) -> list[DecodedFrame]:
+def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     """Three frames that overlap, and five of five other places, which are compared with them at the end."""
     folder, found = tmp_path_factory.mktemp("frames"), []
     for k, (seed, x) in enumerate([(1, 300), (1, 420), (1, 540), (2, 400), (3, 400), (4, 400), (5, 400), (6, 400)]):
-        ground = cv2.cvtColor(textured_ground(900, seed), cv2.COLOR_GRAY2BGR)
-        frame = written(folder / f"{k}.png", photograph(ground, Pose(x, 400), SMALL_CAMERA))
-        found.append(prepare(frame, lambda image, reduction: extract(image, FeatureSettings(), reduction)))
+        ground = np.dstack([textured_ground(900, seed)] * 3)
+        found.append(decoded(folder / f"{k}.png", photograph(ground, Pose(x, 400), SMALL_CAMERA)))
     return found
+
+
+def upkeep_of(pipeline: Pipeline) -> Upkeep:
+    assert isinstance(pipeline.mosaic, Mosaic)
+    return pipeline.mosaic._upkeep
 
 
 def process(pipeline: Pipeline, flight: list[DecodedFrame]) -> None:
@@ -46,18 +51,20 @@ def process(pipeline: Pipeline, flight: list[DecodedFrame]) -> None:
         pipeline.process(prepared)
         pipeline.save()
     assert pipeline.accounts().frames.waiting == 5
-    assert pipeline.mosaic._upkeep._grown
+    assert upkeep_of(pipeline)._grown
 
 
 def assert_settled(pipeline: Pipeline) -> None:
-    assert not pipeline.mosaic._upkeep._grown
-    assert pipeline.mosaic._upkeep._task is None
+    assert not upkeep_of(pipeline)._grown
+    assert upkeep_of(pipeline)._task is None
     frames = pipeline.accounts().frames
     assert (frames.placed, frames.rejected, frames.waiting) == (3, 5, 0)
 
 
-def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, tmp_path):
-    said = []
+def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(
+    flight: list[DecodedFrame], tmp_path: Path
+) -> None:
+    said: list[Notice] = []
     with closing(Pipeline(tmp_path, CONFIG, said.append, punctual=True)) as pipeline:
         process(pipeline, flight)
         next(pipeline.settle(lambda: False))
@@ -67,7 +74,9 @@ def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(flight, t
 
 
 @pytest.mark.parametrize("hurry", [True, False])
-def test_a_flight_that_is_ended_without_time_is_settled(flight, tmp_path, monkeypatch, hurry):
+def test_a_flight_that_is_ended_without_time_is_settled(
+    flight: list[DecodedFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hurry: bool
+) -> None:
     """Asked to end at once, or after all the time at the end went into the last frames."""
     ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
     with closing(open_flight_folder(tmp_path / "out")) as folder:

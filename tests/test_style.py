@@ -3,9 +3,11 @@
 import ast
 import re
 import sys
+from pathlib import Path
 
-import fresh
 import pytest
+
+from tests import fresh
 
 TOP_LEVEL = {"LICENSE", "README.md", "config", "gcs_mosaic", "pyproject.toml", "sitl", "tests"}
 LONGEST_FUNCTION = 40  # lines; half of them have no more than six
@@ -15,7 +17,7 @@ CHECKS = {"faults": ["ruff", "check"], "format": ["ruff", "format", "--check"], 
 
 
 @pytest.fixture(scope="module")
-def known():
+def known() -> list[Path]:
     """The files that git knows, except those that are gone."""
     if not (fresh.ROOT / ".git").exists():
         pytest.skip("this is no clone: nobody knows which files belong to it")
@@ -24,21 +26,21 @@ def known():
 
 
 @pytest.mark.parametrize("check", CHECKS)
-def test_style(check):
+def test_style(check: str) -> None:
     fresh.run(sys.executable, "-m", *CHECKS[check])
 
 
-def test_the_top_level_is_what_it_was_meant_to_be(known):
+def test_the_top_level_is_what_it_was_meant_to_be(known: list[Path]) -> None:
     top = {path.relative_to(fresh.ROOT).parts[0] for path in known}
     assert {name for name in top if not name.startswith(".")} == TOP_LEVEL
 
 
-def test_no_path_of_one_machine(known):
+def test_no_path_of_one_machine(known: list[Path]) -> None:
     texts = {path: path.read_bytes().decode(errors="replace") for path in known}
     assert not [path for path, text in texts.items() if PLACES_OF_ONE_MACHINE.search(text)]
 
 
-def test_no_function_is_too_long_to_read(known):
+def test_no_function_is_too_long_to_read(known: list[Path]) -> None:
     trees = {path: ast.parse(path.read_bytes()) for path in known if path.suffix == ".py"}
     functions = [(path, node) for path, tree in trees.items() for node in ast.walk(tree) if isinstance(node, FUNCTIONS)]
     lengths = {(path, node.name): (node.end_lineno or 0) - node.lineno + 1 for path, node in functions}

@@ -2,6 +2,7 @@
 
 import ast
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -36,24 +37,26 @@ SILENT = {
 }
 
 
-def catchers(tree, where=""):
+def catchers(tree: ast.AST, where: str = "") -> Iterator[tuple[str, ast.AST]]:
     """(Class.function, node) of each place that catches something broad."""
     for node in ast.iter_child_nodes(tree):
-        named = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        inside = f"{where}.{node.name}".lstrip(".") if named else where
+        inside = where
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            inside = f"{where}.{node.name}".lstrip(".")
         if catches_broadly(node):
             yield inside, node
         yield from catchers(node, inside)
 
 
-def catches_broadly(node):
+def catches_broadly(node: ast.AST) -> bool:
     if isinstance(node, ast.ExceptHandler):
         return bool(BROAD & kinds([node.type]))
-    called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
-    return called in ("suppress", "contextlib.suppress") and bool(BROAD & kinds(node.args))
+    if not isinstance(node, ast.Call) or ast.unparse(node.func) not in ("suppress", "contextlib.suppress"):
+        return False
+    return bool(BROAD & kinds(node.args))
 
 
-def kinds(caught):
+def kinds(caught: Sequence[ast.expr | None]) -> set[str]:
     return {
         "" if one is None else ast.unparse(one)
         for kind in caught
@@ -61,7 +64,7 @@ def kinds(caught):
     }
 
 
-def leaves_a_trace(node):
+def leaves_a_trace(node: ast.AST) -> bool:
     """Whether it raises or logs the traceback; what the system says of a file may also be told in words."""
     if not isinstance(node, ast.ExceptHandler):
         return False
@@ -76,7 +79,7 @@ def leaves_a_trace(node):
     return any(isinstance(part, ast.Raise) for part in inside) or logged or (of_the_system and told)
 
 
-def test_nothing_is_caught_without_a_trace():
+def test_nothing_is_caught_without_a_trace() -> None:
     silent = Counter(
         (path.relative_to(PACKAGE).as_posix(), function)
         for path in PACKAGE.rglob("*.py")
@@ -86,14 +89,14 @@ def test_nothing_is_caught_without_a_trace():
     assert silent == {place: count for place, (count, _) in SILENT.items()}
 
 
-def test_methods_of_one_name_and_nested_ones_are_told_apart():
+def test_methods_of_one_name_and_nested_ones_are_told_apart() -> None:
     body = "with suppress(OSError):\n   pass\n  try:\n   pass\n  except Exception:\n   pass\n"
     code = f"class A:\n def f(self):\n  {body}class B:\n def f(self):\n  def g():\n   try: 1\n   except: 2\n"
     assert [name for name, _ in catchers(ast.parse(code))] == ["A.f", "A.f", "B.f.g"]
 
 
 @pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_whoever_logs_does_so_under_its_own_name(path):
+def test_whoever_logs_does_so_under_its_own_name(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     if "logger." in text and path.name != "log.py":  # which is given loggers
         assert "logger = logging.getLogger(__name__)" in text

@@ -5,14 +5,15 @@ import sys
 import zipfile
 from pathlib import Path
 
-import fresh
 import pytest
+
+from tests import fresh
 
 pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     fresh.need_packages(folder)
     clone = fresh.clone(folder / "clone")
@@ -22,7 +23,7 @@ def wheel(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory) -> Path:
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of its programs, in an environment of its own."""
     folder = tmp_path_factory.mktemp("installed") / "venv"
     fresh.run(sys.executable, "-m", "venv", str(folder))
@@ -30,19 +31,19 @@ def installed(wheel, tmp_path_factory) -> Path:
     return folder / "bin"
 
 
-def test_nothing_but_the_package_is_at_the_top(wheel):
+def test_nothing_but_the_package_is_at_the_top(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"gcs_mosaic"}
     for needed in ("py.typed", "default.yaml", "web/viewer/index.html", "sitl/stream/server.py"):
         assert f"gcs_mosaic/{needed}" in names
 
 
-def test_the_defaults_are_told(installed, tmp_path):
+def test_the_defaults_are_told(installed: Path, tmp_path: Path) -> None:
     told = fresh.run(str(installed / "gcs-mosaic"), "config", cwd=tmp_path)
     assert told == (fresh.ROOT / "config" / "default.yaml").read_text()
 
 
-def test_a_simulated_flight_is_flown(installed, tmp_path):
+def test_a_simulated_flight_is_flown(installed: Path, tmp_path: Path) -> None:
     words = ["demo", "--count", "5", "--size", "640x480", "--speed", "8", "--no-http"]
     done = subprocess.run(
         [installed / "gcs-mosaic", *words],

@@ -6,7 +6,6 @@ import random
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +18,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FrameState
 from gcs_mosaic.triggers import PairingSettings
 from gcs_mosaic.triggers.shots import Shots, ShotSettings
+from tests.factories import frame, trigger_event
 
 NAMES = ("IMG_0.JPG", "IMG_1.JPG", "img_1.jpg", "IMG_65535.JPG", "a.jpg", "b.jpg")
 WHAT = ("event", "event", "event", "frame", "frame", "copy", "tick", "save", "end of a frame")
@@ -67,24 +67,17 @@ class Paper:
 
 def event(now: float, move: Any) -> TriggerEvent:
     _, _, count, boot, name, result, source, camera = move
-    return TriggerEvent(
-        vehicle=1,
+    return trigger_event(
+        count,
+        now,
         component=100 if source is Source.IMAGE_CAPTURED_BY_CAMERA else 1,
         camera=camera % 2,
         source=source,
-        sequence=count,
-        received=now,
         source_time=boot,
         clock="none" if boot is None else "boot",
-        utc=None,
         result=result,
         file_hint=name,
-        position=None,
     )
-
-
-def frame(now: float, name: str, number: int) -> Frame:
-    return Frame(name=f"{name}#{number}", path=Path(name), content_hash=f"{number}", size=1, received=now, modified=0.0)
 
 
 def fly(flight: list[Any], ledger: Any, record_frame: Any, settle_frame: Any) -> tuple[int, int]:
@@ -98,7 +91,7 @@ def fly(flight: list[Any], ledger: Any, record_frame: Any, settle_frame: Any) ->
             event_log.message(shots.hear(event(now, move)), now)
             told += 1
         elif what in ("frame", "copy"):
-            came.append(frame(now, move[4] or "y.png", len(came)))
+            came.append(frame(f"{move[4] or 'y.png'}#{len(came)}", now))
             record_frame(came[-1], FrameState.DUPLICATE if what == "copy" else FrameState.PENDING)
             event_log.frame(came[-1], now, fresh=what == "frame")
         elif what == "tick":

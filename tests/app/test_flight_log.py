@@ -8,12 +8,14 @@ import re
 import sys
 import threading
 import warnings
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn
 
 import pytest
 from rich.console import Console
-from running import six_pictures
 
 from gcs_mosaic.app.batch import progress_on, stitch
 from gcs_mosaic.app.flight_log import flight_log
@@ -25,17 +27,21 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.messages import LinkReport
 from gcs_mosaic.render.repaint_queue import Painter
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.placement import Outcome
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.store.folder import LEDGER_NAME, open_flight_folder
+from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder, open_flight_folder
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import LogSettings
 from gcs_mosaic.store.records import FlightRecord
+from tests.running import six_pictures
 
 QUIET = Console(quiet=True)
 
 
 @pytest.fixture(scope="module")
-def frames(tmp_path_factory, world_cache):
+def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     folder = tmp_path_factory.mktemp("frames")
     for number, data in enumerate(six_pictures(world_cache)):
         (folder / f"{number}.jpg").write_bytes(data)
@@ -43,40 +49,49 @@ def frames(tmp_path_factory, world_cache):
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Iterator[FlightFolder]:
     folder = open_flight_folder(tmp_path / "out")
     yield folder
     folder.close()
 
 
-def log_of(out):
+def log_of(out: Path) -> str:
     return (out / "flight.log").read_text(encoding="utf-8")
 
 
-def surprise(*arguments):
+def surprise(*_: object) -> NoReturn:
     raise RuntimeError("surprise")
+
+
+def break_at(monkeypatch: pytest.MonkeyPatch, frame: str, error: Exception) -> None:
+    """Raise it where this frame is placed."""
+    place = Mosaic.place
+
+    def placing(self: Mosaic, features: Features, name: str, *more: Any) -> Outcome:
+        if name == frame:
+            raise error
+        return place(self, features, name, *more)
+
+    monkeypatch.setattr(Mosaic, "place", placing)
 
 
 # A whole flight
 
 
 def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_traceback_in_the_log(
-    frames, tmp_path, monkeypatch, capfd
-):
-    place = Mosaic.place
-    monkeypatch.setattr(
-        Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
-    )
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    break_at(monkeypatch, "3.jpg", RuntimeError("surprise"))
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.5"]) == 0
     said, log = capfd.readouterr(), log_of(tmp_path / "out")
     assert "error: 3.jpg: it could not be processed (RuntimeError('surprise'))" in said.out.replace("\n", " ")
     assert "Traceback" not in said.out + said.err
     assert "ERROR MainThread gcs_mosaic.app.pipeline: 3.jpg could not be processed\n  | Traceback (most recent" in log
-    assert re.search(r"  \|   File \".*test_flight_log\.py\", line \d+, in surprise\n", log)
+    assert re.search(r"  \|   File \".*test_flight_log\.py\", line \d+, in placing\n", log)
     assert "  | RuntimeError: surprise\n" in log
 
 
-def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path):
+def test_every_refusal_is_in_the_log_with_its_numbers(frames: Path, tmp_path: Path) -> None:
     registration = Config().stitch.registration
     strict = replace(Config().stitch, registration=replace(registration, least_evidence=1e6))
     out = stitch([frames], tmp_path / "out", replace(Config(), stitch=strict), QUIET)
@@ -90,18 +105,17 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames, tmp_path):
     assert log.endswith("the flight has ended\n")
 
 
-def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames, tmp_path):
+def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames: Path, tmp_path: Path) -> None:
     out = stitch([frames], tmp_path / "out", replace(Config(), log=LogSettings(level="debug")), QUIET)
     assert re.search(
         r"DEBUG \S+ gcs_mosaic\.stitch\.mapping\.journal: 1\.jpg and 0\.jpg agree: \d+ independent inliers", log_of(out)
     )
 
 
-def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monkeypatch, capfd):
-    place = Mosaic.place
-    monkeypatch.setattr(
-        Mosaic, "place", lambda self, f, name, *more: surprise() if name == "3.jpg" else place(self, f, name, *more)
-    )
+def test_verbose_tells_the_terminal_and_never_a_traceback(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    break_at(monkeypatch, "3.jpg", RuntimeError("surprise"))
     said = {}
     for out, more in (("a", []), ("b", ["--verbose"])):
         assert cli.main(["stitch", str(frames), "--out", str(tmp_path / out), "--scale", "0.25", *more]) == 0
@@ -116,7 +130,9 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(frames, tmp_path, monk
         assert twice not in said["b"].err
 
 
-def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path, capfd):
+def test_all_that_is_said_at_the_end_is_in_the_log(
+    frames: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 0
     log = log_of(tmp_path / "out")
     assert re.search(r"gcs_mosaic\.app\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
@@ -124,29 +140,31 @@ def test_all_that_is_said_at_the_end_is_in_the_log(frames, tmp_path, capfd):
     assert re.search(r"gcs_mosaic\.app\.batch: paint: median \d\.\d{3} s, longest \d\.\d{3} s, total \d\.\d s\n", log)
 
 
-def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(folder, tmp_path, capfd):
-    console = Console(file=io.StringIO(), width=200)
-    reporter = Reporter(tmp_path, FlightRecord(name="flight", started_utc=0.0), None, console)
-    with flight_log(folder, replace(Config(), log=LogSettings(verbose=True))):
+def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(
+    folder: FlightFolder, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    said = io.StringIO()
+    with (
+        Ledger(tmp_path / LEDGER_NAME) as ledger,
+        flight_log(folder, replace(Config(), log=LogSettings(verbose=True))),
+    ):
+        reporter = Reporter(
+            tmp_path, FlightRecord(name="flight", started_utc=0.0), ledger, Console(file=said, width=200)
+        )
         reporter.judge({0: HeldOut(matches=50, median_px=1.25, p95_px=6.5)})
-    (line,) = (line for line in console.file.getvalue().splitlines() if "6.5 px" in line)
+    (line,) = (line for line in said.getvalue().splitlines() if "6.5 px" in line)
     assert line.partition(" ")[2] in log_of(folder.path)
     assert "6.5 px" not in capfd.readouterr().err
 
 
-def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatch, capfd):
+def test_brackets_in_names_and_errors_are_no_markup(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     odd = tmp_path / "frames"
     (odd / "[").mkdir(parents=True)  # so that frames are called [/b]0.jpg
     for number in range(3):
         (odd / "[" / f"b]{number}.jpg").write_bytes((frames / f"{number}.jpg").read_bytes())
-    place = Mosaic.place
-
-    def fails(self, features, name, *more):
-        if name == "[/b]2.jpg":
-            raise RuntimeError("[/bold] is no tag")
-        return place(self, features, name, *more)
-
-    monkeypatch.setattr(Mosaic, "place", fails)
+    break_at(monkeypatch, "[/b]2.jpg", RuntimeError("[/bold] is no tag"))
     words = ["stitch", str(odd), "--out", str(tmp_path / "[/o]"), "--scale", "0.25", "--debug", str(tmp_path / "[/d]")]
     assert cli.main(words) == 0
     said = capfd.readouterr().out.replace("\n", "")
@@ -155,29 +173,35 @@ def test_brackets_in_names_and_errors_are_no_markup(frames, tmp_path, monkeypatc
     assert "[/d]" in said
     with progress_on(Console(file=io.StringIO(), force_terminal=True)) as progress:
         progress.add_task("stitching [/b]2.jpg", total=1)
-        assert "stitching [/b]2.jpg" in str(progress.columns[0](progress.tasks[0]))
+        column = progress.columns[0]
+        assert callable(column)
+        assert "stitching [/b]2.jpg" in str(column(progress.tasks[0]))
 
 
-def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(frames, tmp_path, monkeypatch):
-    folder, said = tmp_path / "frames", Console(file=io.StringIO(), width=300)
+def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, said = tmp_path / "frames", io.StringIO()
     (folder / "closed").mkdir(parents=True)
     data = (frames / "0.jpg").read_bytes()
     (folder / "a.jpg").write_bytes(data[:2] + b"\xff\xe1\x00\x10Exif\0\0MM\0*\0\0\0\x60" + data[2:])
     listing = os.scandir
 
-    def refusing(path):
+    def refusing(path: Path) -> Any:
         if str(path).endswith("closed"):
             raise PermissionError(13, "Permission denied")
         return listing(path)
 
     monkeypatch.setattr(os, "scandir", refusing)
-    log = log_of(stitch([folder], tmp_path / "out", replace(Config(), scale=0.25), said))
-    assert "closed cannot be looked at (Permission denied): it is passed over" in said.file.getvalue()
+    log = log_of(stitch([folder], tmp_path / "out", replace(Config(), scale=0.25), Console(file=said, width=300)))
+    assert "closed cannot be looked at (Permission denied): it is passed over" in said.getvalue()
     assert "WARNING MainThread gcs_mosaic.app.batch: frames: " in log
     assert "gcs_mosaic.app.batch: a.jpg: when it was taken cannot be read: damaged: EXIF points beyond its end\n" in log
 
 
-def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(frames, tmp_path, monkeypatch, capfd):
+def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(Painter, "final_steps", surprise)
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 1
     (said,) = capfd.readouterr().err.splitlines()
@@ -187,7 +211,9 @@ def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(frames, 
     assert "gcs_mosaic.app.flight_log: the flight has failed\n  | Traceback" in log_of(tmp_path / "out")
 
 
-def test_a_full_disk_under_the_log_does_not_end_the_flight(frames, tmp_path, tiny_disk, capfd):
+def test_a_full_disk_under_the_log_does_not_end_the_flight(
+    frames: Path, tmp_path: Path, tiny_disk: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     """The log is the only thing on a disk that is full."""
     out = tmp_path / "out"
     out.mkdir()
@@ -207,7 +233,9 @@ def test_a_full_disk_under_the_log_does_not_end_the_flight(frames, tmp_path, tin
 # What Python would print on the terminal
 
 
-def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd):
+def test_a_thread_that_dies_is_one_sentence_and_a_traceback(
+    folder: FlightFolder, capfd: pytest.CaptureFixture[str]
+) -> None:
     hooks = threading.excepthook, sys.unraisablehook
     with flight_log(folder, Config()):
         thread = threading.Thread(target=surprise, name="web")
@@ -219,7 +247,7 @@ def test_a_thread_that_dies_is_one_sentence_and_a_traceback(folder, capfd):
     assert hooks == (threading.excepthook, sys.unraisablehook)
 
 
-def test_what_is_thrown_away_is_logged(folder, capfd):
+def test_what_is_thrown_away_is_logged(folder: FlightFolder, capfd: pytest.CaptureFixture[str]) -> None:
     class Fragile:
         __del__ = surprise
 
@@ -230,7 +258,7 @@ def test_what_is_thrown_away_is_logged(folder, capfd):
     assert "  | RuntimeError: surprise\n" in log_of(folder.path)
 
 
-def test_warnings_and_other_libraries_are_logged(folder, capfd):
+def test_warnings_and_other_libraries_are_logged(folder: FlightFolder, capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         with flight_log(folder, Config()):
@@ -245,8 +273,8 @@ def test_warnings_and_other_libraries_are_logged(folder, capfd):
     assert "small talk" not in log
 
 
-def test_a_source_that_fails_leaves_its_traceback(folder):
-    def items():
+def test_a_source_that_fails_leaves_its_traceback(folder: FlightFolder) -> None:
+    def items() -> Iterator[NoReturn]:
         yield from ()
         surprise()
 
@@ -260,7 +288,7 @@ def test_a_source_that_fails_leaves_its_traceback(folder):
 # Beginning and end
 
 
-def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path):
+def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
     with pytest.raises(UsageError), flight_log(folder, Config()):
         raise UsageError("the port is taken")
@@ -268,7 +296,7 @@ def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_fault_before_the_flight_began_is_kept(tmp_path):
+def test_a_fault_before_the_flight_began_is_kept(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
     with pytest.raises(FlightFailed), flight_log(folder, Config()):
         surprise()
@@ -277,13 +305,13 @@ def test_a_fault_before_the_flight_began_is_kept(tmp_path):
     assert not (tmp_path / "out" / LEDGER_NAME).exists()
 
 
-def test_an_interruption_goes_on_and_is_written_down(folder):
+def test_an_interruption_goes_on_and_is_written_down(folder: FlightFolder) -> None:
     with pytest.raises(KeyboardInterrupt), flight_log(folder, Config()):
         raise KeyboardInterrupt
     assert "the flight is interrupted (KeyboardInterrupt())" in log_of(folder.path)
 
 
-def test_afterwards_everything_is_as_it_was(folder):
+def test_afterwards_everything_is_as_it_was(folder: FlightFolder) -> None:
     root, ours = logging.getLogger(), logging.getLogger("gcs_mosaic")
     before = list(root.handlers), ours.level, logging.raiseExceptions
     with flight_log(folder, replace(Config(), log=LogSettings(level="debug", verbose=True))):
@@ -291,14 +319,14 @@ def test_afterwards_everything_is_as_it_was(folder):
     assert (root.handlers, ours.level, logging.raiseExceptions) == before
 
 
-def test_the_password_in_the_settings_is_not_written(folder):
+def test_the_password_in_the_settings_is_not_written(folder: FlightFolder) -> None:
     with flight_log(folder, replace(Config(), rtsp="rtsp://user:secret@camera/main")):
         logging.getLogger("gcs_mosaic.x").error("rtsp://user:secret@camera/main is gone")
     assert "secret" not in log_of(folder.path)
     assert "rtsp='…'" in log_of(folder.path)
 
 
-def test_the_log_of_another_flight_is_left_alone(tmp_path):
+def test_the_log_of_another_flight_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "flight.log").write_text("mine")
     folder = open_flight_folder(tmp_path / "out")

@@ -10,19 +10,19 @@ from pathlib import Path
 from gcs_mosaic.app.inbox import FILES, PICTURES, Inbox
 from gcs_mosaic.app.links import Source
 from gcs_mosaic.messages import DroppedFrame, Frame, SourceReport
+from tests.factories import frame
 
 FAILED = SourceReport(kind="stream", name="rtsp://camera/x", state="ended")
 
 
-def frame(number: int, data: bytes | None) -> Frame:
-    path = Path(f"{number}.jpg")
-    return Frame(name=path.name, path=path, content_hash="", size=4, received=0.0, modified=0.0, data=data)
+def picture(number: int, data: bytes | None) -> Frame:
+    return frame(f"{number}.jpg", size=4, data=data)
 
 
 def brought(count: int, data: bytes | None) -> tuple[list[object], Inbox]:
     """What an inbox holds of so many frames that came while nobody took them."""
     inbox = Inbox(threading.Event())
-    inbox.fill([Source(iter([frame(number, data) for number in range(count)]), FAILED)])
+    inbox.fill([Source(iter([picture(number, data) for number in range(count)]), FAILED)])
     deadline = time.monotonic() + 20
     while len(inbox) < count:
         assert time.monotonic() < deadline
@@ -35,9 +35,9 @@ def test_frames_of_a_stream_that_nobody_takes_are_dropped_one_by_one_and_lose_th
     assert [type(item) for item in items] == [Frame] * PICTURES + [DroppedFrame] * 3
     dropped = items[-1]
     assert isinstance(dropped, DroppedFrame)
-    assert dropped.frame == frame(PICTURES + 2, None)
+    assert dropped.frame == picture(PICTURES + 2, None)
     assert "too slow" in dropped.reason
-    inbox.fill([Source(iter([frame(0, b"jpeg")]), FAILED)])  # there is room again
+    inbox.fill([Source(iter([picture(0, b"jpeg")]), FAILED)])  # there is room again
     assert isinstance(inbox.next(20.0), Frame)
 
 
@@ -47,7 +47,7 @@ def test_frames_of_a_folder_are_never_dropped() -> None:
 
 
 def test_of_a_folder_only_some_files_stay_in_memory(tmp_path: Path) -> None:
-    frames = [replace(frame(number, b"jpeg"), path=tmp_path / f"{number}.jpg") for number in range(FILES + 3)]
+    frames = [replace(picture(number, b"jpeg"), path=tmp_path / f"{number}.jpg") for number in range(FILES + 3)]
     for one in frames:
         one.path.write_bytes(b"jpeg")
     inbox = Inbox(threading.Event())

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console
-from running import Running, events_of, flying, frames_of, run, six_pictures, until
 
 from gcs_mosaic.app import inbox as sources
 from gcs_mosaic.app import links as listening
@@ -22,8 +21,10 @@ from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.store.records import FrameRecord
-from sitl.__main__ import free_port
 from sitl.delivery import write_slowly
+from tests.ports import free_port
+from tests.running import Running, events_of, flying, frames_of, run, six_pictures, until
+from tests.sure import sure
 
 GOOD = 4
 
@@ -43,19 +44,21 @@ def pictures(world_cache: Path) -> list[bytes]:
 
 
 @pytest.fixture(scope="module")
-def elsewhere(world_cache) -> bytes:
+def elsewhere(world_cache: Path) -> bytes:
     """A picture of ground that no other picture shows."""
     return six_pictures(world_cache, seed=4)[0]
 
 
 @pytest.fixture(scope="module")
-def other_camera(world_cache) -> bytes:
+def other_camera(world_cache: Path) -> bytes:
     """The same ground through another camera."""
     return six_pictures(world_cache, size=(520, 400))[1]
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory, pictures, elsewhere, other_camera) -> Running:
+def flown(
+    tmp_path_factory: pytest.TempPathFactory, pictures: list[bytes], elsewhere: bytes, other_camera: bytes
+) -> Running:
     """A flight with every kind of bad picture, ended by SIGTERM."""
     with flying(tmp_path_factory.mktemp("flown")) as flight:
         for k in range(GOOD):
@@ -80,7 +83,7 @@ def flown(tmp_path_factory, pictures, elsewhere, other_camera) -> Running:
 
 
 @pytest.fixture(scope="module")
-def ledger(flown) -> dict[str, FrameRecord]:
+def ledger(flown: Running) -> dict[str, FrameRecord]:
     return frames_of(flown.out)
 
 
@@ -100,13 +103,15 @@ def ledger(flown) -> dict[str, FrameRecord]:
         ("sub/copy.jpg", "duplicate", "the same picture as DCIM/IMG_0002.JPG"),
     ],
 )
-def test_every_frame_ends_in_the_right_account_with_a_reason(ledger, name, state, reason):
+def test_every_frame_ends_in_the_right_account_with_a_reason(
+    ledger: dict[str, FrameRecord], name: str, state: str, reason: str | None
+) -> None:
     assert ledger[name].state == state
     assert (reason or "") in (ledger[name].reason or "")
     assert (ledger[name].reason is None) == (reason is None)
 
 
-def test_both_accounts_close(flown, ledger):
+def test_both_accounts_close(flown: Running, ledger: dict[str, FrameRecord]) -> None:
     mosaic, status = flown.document("mosaic.json"), flown.status()
     assert mosaic["frames"] == status["frames"]
     assert mosaic["events"] == status["events"]
@@ -116,14 +121,16 @@ def test_both_accounts_close(flown, ledger):
     assert mosaic["events"]["missing"] == 2  # the triggers of the pictures that never became whole
 
 
-def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(flown, ledger, pictures):
+def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(
+    flown: Running, ledger: dict[str, FrameRecord], pictures: list[bytes]
+) -> None:
     whole = {name: frame for name, frame in ledger.items() if frame.state not in ("damaged", "duplicate")}
-    assert all((flown.out / frame.original).stat().st_size == frame.size for frame in whole.values())
-    assert (flown.out / ledger["DCIM/IMG_0000.JPG"].original).read_bytes() == pictures[0]
+    assert all((flown.out / sure(frame.original)).stat().st_size == frame.size for frame in whole.values())
+    assert (flown.out / sure(ledger["DCIM/IMG_0000.JPG"].original)).read_bytes() == pictures[0]
     assert (flown.watch / "sub" / "text.jpg").exists()
 
 
-def test_how_good_the_map_is_is_told_everywhere(flown):
+def test_how_good_the_map_is_is_told_everywhere(flown: Running) -> None:
     islands = {str(one["id"]): one["held_out_px"] for one in flown.document("mosaic.json")["islands"]}
     known = {island: found for island, found in islands.items() if found}
     assert known["0"]["median"] < 2
@@ -133,7 +140,7 @@ def test_how_good_the_map_is_is_told_everywhere(flown):
     assert line in run("status", flown.out, cwd=flown.home).stdout
 
 
-def test_what_happened_is_said(flown):
+def test_what_happened_is_said(flown: Running) -> None:
     assert flown.status()["state"] == "stopped"
     assert "made the folder frames, which was not there" in flown.said
     assert "sub/cut.jpg is damaged: truncated" in flown.said
@@ -141,7 +148,7 @@ def test_what_happened_is_said(flown):
     assert "Traceback" not in flown.said
 
 
-def test_what_happened_is_in_the_log(flown):
+def test_what_happened_is_in_the_log(flown: Running) -> None:
     log = (flown.out / "flight.log").read_text()
     assert "gcs_mosaic.app.status: frames: sub/cut.jpg is damaged: truncated" in log
     assert "gcs_mosaic.store.flight_store: sub/copy.jpg: duplicate, the same picture as DCIM/IMG_0002.JPG" in log
@@ -150,7 +157,7 @@ def test_what_happened_is_in_the_log(flown):
     assert log.endswith("gcs_mosaic.app.flight_log: the flight has ended\n")
 
 
-def test_the_status_is_told_of_an_ended_flight(flown):
+def test_the_status_is_told_of_an_ended_flight(flown: Running) -> None:
     told = run("status", flown.out, cwd=flown.home)
     assert told.returncode == 0
     assert "mosaic: stopped" in told.stdout
@@ -158,7 +165,7 @@ def test_the_status_is_told_of_an_ended_flight(flown):
     assert json.loads(run("status", flown.out, "--json", cwd=flown.home).stdout) == flown.status()
 
 
-def test_a_half_written_file_is_waited_for(tmp_path, pictures):
+def test_a_half_written_file_is_waited_for(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         flight.trigger("later/IMG_1.JPG")
         write_slowly(flight.watch / "later" / "IMG_1.JPG", pictures[0], seconds=2.0)
@@ -168,7 +175,7 @@ def test_a_half_written_file_is_waited_for(tmp_path, pictures):
         assert events_of(flight.out) == ["matched"]
 
 
-def test_hostile_words_on_the_link_do_no_harm(tmp_path, pictures):
+def test_hostile_words_on_the_link_do_no_harm(tmp_path: Path, pictures: list[bytes]) -> None:
     """URLs that lead elsewhere, noise and another program's commands; nothing is ever answered."""
     with flying(tmp_path) as flight:
         for url in ("../../../etc/passwd", "/etc/shadow", "..\\..\\x.jpg", "\x1b[31m/%00%2e%2e", "a/../IMG_7.JPG"):
@@ -183,7 +190,7 @@ def test_hostile_words_on_the_link_do_no_harm(tmp_path, pictures):
         assert "\x1b" not in flight.said
 
 
-def test_nothing_is_ever_sent(tmp_path, pictures):
+def test_nothing_is_ever_sent(tmp_path: Path, pictures: list[bytes]) -> None:
     """A ground station asks for everything; not one byte comes back."""
     with flying(tmp_path) as flight:
         for k in range(3):
@@ -206,7 +213,7 @@ def questions() -> Iterator[mavlink.MAVLink_message]:
     yield mavlink.MAVLink_timesync_message(0, 1)
 
 
-def test_nothing_but_a_link_need_be_named(tmp_path):
+def test_nothing_but_a_link_need_be_named(tmp_path: Path) -> None:
     with flying(tmp_path, config=None) as flight:
         assert flight.end() == 0
     assert {path.name for path in tmp_path.iterdir()} == {"frames", "mosaic", "said.txt"}
@@ -215,7 +222,7 @@ def test_nothing_but_a_link_need_be_named(tmp_path):
 
 
 @pytest.mark.long
-def test_a_watched_folder_that_goes_and_comes_back(tmp_path, pictures):
+def test_a_watched_folder_that_goes_and_comes_back(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         flight.take("IMG_0.JPG", pictures[0])
         flight.wait_for_frames(placed=1)
@@ -229,7 +236,7 @@ def test_a_watched_folder_that_goes_and_comes_back(tmp_path, pictures):
 
 
 @pytest.mark.long
-def test_an_output_folder_that_goes_and_comes_back(tmp_path, pictures):
+def test_an_output_folder_that_goes_and_comes_back(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         flight.take("IMG_0.JPG", pictures[0])
         flight.wait_for_frames(placed=1)
@@ -243,14 +250,20 @@ def test_an_output_folder_that_goes_and_comes_back(tmp_path, pictures):
 
 
 @pytest.mark.parametrize(("part", "told"), [("watch", "the watching of "), ("triggers", "the link udpin:127.0.0.1:")])
-def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, part, told):
+def test_a_thread_that_dies_is_told_and_the_rest_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str, told: str
+) -> None:
     def dying(*_: object) -> Iterator[Notice]:
         yield Notice(source="", level="info", text="still well")
         raise RuntimeError("a fault")
 
     monkeypatch.setattr(listening if part == "triggers" else sources, part, dying)
-    paths = {"watch": str(tmp_path / "frames"), "out": str(tmp_path / "mosaic")}
-    config = Config(mavlink=(f"udp:127.0.0.1:{free_port()}",), http=None, **paths)
+    config = Config(
+        mavlink=(f"udp:127.0.0.1:{free_port()}",),
+        http=None,
+        watch=str(tmp_path / "frames"),
+        out=str(tmp_path / "mosaic"),
+    )
     stop = threading.Event()
     threading.Timer(1.5, stop.set).start()
     with ExitStack() as stack:
@@ -263,7 +276,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(tmp_path, monkeypatch, 
 
 
 @pytest.mark.long
-def test_a_second_program_goes_beside_the_first(tmp_path, pictures):
+def test_a_second_program_goes_beside_the_first(tmp_path: Path, pictures: list[bytes]) -> None:
     out = tmp_path / "mosaic"
     with flying(tmp_path / "one", out=out) as first, flying(tmp_path / "two", out=out) as second:
         assert "this flight is written to" in second.said

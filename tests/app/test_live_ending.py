@@ -14,12 +14,13 @@ from pathlib import Path
 
 import cv2
 import pytest
-from documents import placements
-from running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
 
 from gcs_mosaic.app.live import RETRY_S
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
+from tests.documents import placements
+from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
+from tests.sure import sure
 
 COPY_ALL = "\noriginals: {reserve_gb: 0}\n"
 
@@ -70,7 +71,7 @@ def numbered(picture: bytes, number: int) -> bytes:
 
 
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
-def test_asked_to_end_it_finishes_in_order(tmp_path, pictures, sign):
+def test_asked_to_end_it_finishes_in_order(tmp_path: Path, pictures: list[bytes], sign: signal.Signals) -> None:
     with flying(tmp_path) as flight:
         for k in range(3):
             flight.take(f"IMG_{k}.JPG", pictures[k])
@@ -81,7 +82,7 @@ def test_asked_to_end_it_finishes_in_order(tmp_path, pictures, sign):
         assert_accounts_close(flight, frames=3)
 
 
-def test_it_ends_before_the_first_frame(tmp_path):
+def test_it_ends_before_the_first_frame(tmp_path: Path) -> None:
     with flying(tmp_path) as flight:
         assert flight.document("mosaic.json")["islands"] == []
         flight.trigger("IMG_0.JPG")
@@ -92,7 +93,7 @@ def test_it_ends_before_the_first_frame(tmp_path):
 
 
 @pytest.mark.long
-def test_asked_twice_it_ends_quickly(tmp_path, pictures):
+def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> None:
     """What is not processed stays pending; its original is kept."""
     with flying(tmp_path) as flight:
         for k in range(60):
@@ -108,10 +109,10 @@ def test_asked_twice_it_ends_quickly(tmp_path, pictures):
         assert left > 10
         assert f"{left} frames are not on the map" in flight.said
         assert_accounts_close(flight, frames=60, open_ones=True)
-        assert all((flight.out / frame.original).is_file() for frame in frames_of(flight.out).values())
+        assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
 
 
-def test_killed_in_flight_everything_written_is_whole(tmp_path, pictures):
+def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         for k in range(6):
             flight.take(f"IMG_{k}.JPG", pictures[k])
@@ -121,7 +122,7 @@ def test_killed_in_flight_everything_written_is_whole(tmp_path, pictures):
     assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
     tiles = [path for kind in ("tiles", "masks") for path in (flight.out / kind).rglob("*.[jp]*g")]
     assert len(tiles) > 4
-    assert all(cv2.imread(str(path)).shape == (256, 256, 3) for path in tiles)
+    assert all(sure(cv2.imread(str(path))).shape == (256, 256, 3) for path in tiles)
     counted = flight.document("mosaic.json")
     assert counted["frames"]["placed"] >= 1
     told = placements(flight.out)  # of which the last revision may have been on its way
@@ -141,7 +142,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
 
 
 @pytest.mark.long
-def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path, pictures, small_disk):
+def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path: Path, pictures: list[bytes], small_disk: Path) -> None:
     with flying(tmp_path, out=small_disk / "mosaic", config=QUICK + COPY_ALL) as flight:
         flight.take("IMG_0.JPG", pictures[0])
         flight.wait_for_frames(placed=1)
@@ -158,11 +159,11 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path, pictures, small_
         assert flight.end() == 0
         assert_accounts_close(flight, frames=5)
         assert events_of(flight.out) == ["matched"] * 5
-        assert all((flight.out / frame.original).is_file() for frame in frames_of(flight.out).values())
+        assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
 
 
 @pytest.mark.long
-def test_it_can_be_ended_on_a_full_disk(tmp_path, pictures, small_disk):
+def test_it_can_be_ended_on_a_full_disk(tmp_path: Path, pictures: list[bytes], small_disk: Path) -> None:
     config = QUICK.replace("finish_s: 30", "finish_s: 3") + COPY_ALL
     with flying(tmp_path, out=small_disk / "mosaic", config=config) as flight:
         flight.take("IMG_0.JPG", pictures[0])
@@ -179,7 +180,7 @@ def test_it_can_be_ended_on_a_full_disk(tmp_path, pictures, small_disk):
 
 
 @pytest.mark.long
-def test_a_terminal_that_goes_ends_no_flight(tmp_path, pictures):
+def test_a_terminal_that_goes_ends_no_flight(tmp_path: Path, pictures: list[bytes]) -> None:
     """The program that reads what is said dies, then the window is closed."""
     reading, writing = os.pipe()
     with flying(tmp_path, terminal=writing) as flight:

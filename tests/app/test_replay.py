@@ -9,10 +9,10 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from running import Running, events_of, flying, frames_of, run, six_pictures
 
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.store.folder import LEDGER_NAME
+from tests.running import Running, events_of, flying, frames_of, run, six_pictures
 
 LONG_AGO = 1.6e9  # seconds since 1970
 TABLES = "events", "frames", "estimates", "painted", "islands", "cameras"
@@ -38,8 +38,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Runnin
 
 
 def flown_again(flown: Running, out: Path, *words: str, frames: Path | None = None) -> Path:
-    words = ("replay", flown.out / "flight.tlog", "--frames", frames or flown.watch, "--out", out, *words)
-    assert main([str(word) for word in words]) == 0
+    asked = ["replay", flown.out / "flight.tlog", "--frames", frames or flown.watch, "--out", out, *words]
+    assert main([str(word) for word in asked]) == 0
     return out
 
 
@@ -73,7 +73,7 @@ def outcome(out: Path) -> tuple[object, ...]:
     return states, events_of(out)
 
 
-def test_the_flight_comes_out_as_it_was(flown, again):
+def test_the_flight_comes_out_as_it_was(flown: Running, again: Path) -> None:
     assert outcome(again) == outcome(flown.out)
     assert sorted(events_of(again)) == ["duplicate", *["matched"] * 7, *["missing"] * 2]
     assert sorted(frame.state for frame in frames_of(again).values()) == ["damaged", "duplicate", *["placed"] * 6]
@@ -81,7 +81,7 @@ def test_the_flight_comes_out_as_it_was(flown, again):
 
 @pytest.mark.long
 @pytest.mark.parametrize("words", [(), ("--speed", "8")], ids=["as fast as it goes", "eight times as fast"])
-def test_the_result_is_the_same_every_time(flown, again, tmp_path, words):
+def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
     third = flown_again(flown, tmp_path / "mosaic", *words)
     assert files(third) == files(again)
     assert {"mosaic.json", "placements.json"} < set(files(third))
@@ -89,13 +89,13 @@ def test_the_result_is_the_same_every_time(flown, again, tmp_path, words):
 
 
 @pytest.mark.long
-def test_copies_that_lost_their_times_come_out_the_same(flown, tmp_path):
+def test_copies_that_lost_their_times_come_out_the_same(flown: Running, tmp_path: Path) -> None:
     for path in shutil.copytree(flown.watch, tmp_path / "copies").rglob("*.*"):
         os.utime(path, (LONG_AGO, LONG_AGO))
     assert outcome(flown_again(flown, tmp_path / "mosaic", frames=tmp_path / "copies")) == outcome(flown.out)
 
 
-def test_what_it_is_doing_is_said(again):
+def test_what_it_is_doing_is_said(again: Path) -> None:
     said = " ".join((again.parent / "said").read_text().split())
     assert "8 files, which came as told by the files' times" in said
     assert "6 of 8 frames placed" in said
@@ -116,7 +116,14 @@ def test_what_it_is_doing_is_said(again):
         (("FLIGHT",), "the following arguments are required: --frames"),
     ],
 )
-def test_what_cannot_be_flown_again_is_told_in_one_sentence(flown, tmp_path, monkeypatch, capsys, words, said):
+def test_what_cannot_be_flown_again_is_told_in_one_sentence(
+    flown: Running,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    said: str,
+) -> None:
     (tmp_path / "text.tlog").write_bytes(b"no recording at all\n" * 99)
     (tmp_path / "empty").mkdir()
     known = {"FRAMES": flown.watch, "FLIGHT": flown.out / "flight.tlog"}

@@ -10,23 +10,29 @@ import pytest
 from gcs_mosaic.app.replay_timing import Arrivals, arrivals
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink
-from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Notice, Source, TriggerEvent
 from gcs_mosaic.triggers.shots import Shots, ShotSettings
+from tests.factories import trigger_event
 
 BEGAN = 1_750_000_000.0
 FOUND_AFTER = 0.4
 
 
 def event(received: float, sequence: int | None = None, hint: str | None = None, failed: bool = False) -> TriggerEvent:
-    return TriggerEvent(
-        vehicle=1, component=100, camera=0, source=Source.IMAGE_CAPTURED_BY_CAMERA, sequence=sequence,
-        received=received, source_time=received + 50, clock="boot", utc=None,
-        result=CaptureResult.FAILED if failed else CaptureResult.TAKEN, file_hint=hint, position=None,
-    )  # fmt: skip
+    return trigger_event(
+        sequence,
+        received,
+        component=100,
+        source=Source.IMAGE_CAPTURED_BY_CAMERA,
+        source_time=received + 50,
+        clock="boot",
+        result=CaptureResult.FAILED if failed else CaptureResult.TAKEN,
+        file_hint=hint,
+    )
 
 
 def link(events: Sequence[TriggerEvent], began: float | None = BEGAN) -> RecordedLink:
-    heard = [(one.received, one) for one in events]
+    heard: list[tuple[float, TriggerEvent | Notice]] = [(one.received, one) for one in events]
     return RecordedLink(heard=heard, seconds=100.0, packets=len(heard), began_utc=began)
 
 

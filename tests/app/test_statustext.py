@@ -6,9 +6,10 @@ import pytest
 
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.mavlink.announcements import Announcement
-from gcs_mosaic.messages import CaptureResult, Notice, Source, Topic, TriggerEvent
+from gcs_mosaic.messages import Notice, Topic
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.triggers import Missing
+from tests.factories import trigger_event
 
 PLACED, WAITING, REJECTED, DAMAGED = FrameState.PLACED, FrameState.WAITING, FrameState.REJECTED, FrameState.DAMAGED
 
@@ -38,21 +39,7 @@ def announcements(ear: Any) -> Announcements:
 
 
 def missing(sequence: int | None) -> Missing:
-    event = TriggerEvent(
-        vehicle=1,
-        component=1,
-        camera=0,
-        source=Source.CAMERA_TRIGGER,
-        sequence=sequence,
-        received=0.0,
-        source_time=None,
-        clock="none",
-        utc=None,
-        result=CaptureResult.UNKNOWN,
-        file_hint=None,
-        position=None,
-    )
-    return Missing(1, event)
+    return Missing(1, trigger_event(sequence))
 
 
 def test_overlap_that_is_lost_and_comes_back_is_told_once_each(announcements: Announcements, ear: Ear) -> None:
@@ -90,6 +77,6 @@ def test_every_text_fits_into_one_message(announcements: Announcements, ear: Ear
     for state in (PLACED, WAITING, PLACED):
         announcements.frame(state)
     for level in ("warning", "error"):
-        announcements.notice(Notice(source="disk", level=level, text="", topic=Topic.DISK))  # type: ignore[arg-type]
+        announcements.notice(Notice(source="disk", level=level, text="", topic=Topic.DISK))
     assert all(len(announcement.text) <= 50 for announcement in ear.heard)
     assert len(ear.heard) == 5

@@ -7,23 +7,11 @@ from dataclasses import replace
 from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
-from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer
 from gcs_mosaic.triggers.shots import CameraMessage, Shots, ShotSettings
+from tests.factories import trigger_event
 
-EVENT = TriggerEvent(
-    vehicle=1,
-    component=1,
-    camera=0,
-    source=Source.CAMERA_TRIGGER,
-    sequence=7,
-    received=100.2,
-    source_time=50.0,
-    clock="boot",
-    utc=None,
-    result=CaptureResult.UNKNOWN,
-    file_hint=None,
-    position=None,
-)
+EVENT = trigger_event(7, 100.2, source_time=50.0, clock="boot")
 LATER = replace(EVENT, sequence=8, received=104.9, source_time=54.0)
 
 

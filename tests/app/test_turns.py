@@ -64,20 +64,20 @@ class Flown:
 
 
 @pytest.mark.parametrize("rate", [1, 2, 3])
-def test_the_newest_is_on_the_map_while_steps_overlap(rate):
+def test_the_newest_is_on_the_map_while_steps_overlap(rate: int) -> None:
     flown = Flown(NewestFirst(), frames=90, rate=rate, overlap=3)
     assert sorted(flown.worked) == list(range(90))
     assert max(flown.late) == 0
     assert not flown.waits
 
 
-def test_what_was_passed_over_is_filled_in_from_the_newest_back():
+def test_what_was_passed_over_is_filled_in_from_the_newest_back() -> None:
     flown = Flown(NewestFirst(), frames=12, rate=3, overlap=3)
     assert flown.worked == [2, 5, 8, 11, 10, 9, 7, 6, 4, 3, 1, 0]
 
 
 @pytest.mark.parametrize("overlap", [1, 2])
-def test_where_a_step_is_too_far_the_map_grows_towards_the_newest(overlap):
+def test_where_a_step_is_too_far_the_map_grows_towards_the_newest(overlap: int) -> None:
     """A frame's way or two overlap, three come meanwhile: the map stays some frames behind, but no more and more."""
     flown = Flown(NewestFirst(), frames=300, rate=3, overlap=overlap)
     assert sorted(flown.worked) == list(range(300))
@@ -85,14 +85,14 @@ def test_where_a_step_is_too_far_the_map_grows_towards_the_newest(overlap):
     assert max(flown.late) <= 18
 
 
-def test_after_a_burst_the_newest_soon_has_its_place():
+def test_after_a_burst_the_newest_soon_has_its_place() -> None:
     """Forty frames at once after the first: halving the way finds how far a step may go."""
     flown = Flown(NewestFirst(), frames=40, rate=39, overlap=10)
     assert len(flown.on_map) == 40
     assert flown.worked.index(39) < 8
 
 
-def test_behind_a_gap_in_the_flight_the_newest_is_first_again():
+def test_behind_a_gap_in_the_flight_the_newest_is_first_again() -> None:
     flown = Flown(NewestFirst(), frames=90, rate=3, overlap=4, torn=frozenset({31}))
     assert sorted(flown.worked) == list(range(90))
     assert not flown.waits
@@ -101,13 +101,13 @@ def test_behind_a_gap_in_the_flight_the_newest_is_first_again():
     assert flown.late[-10:] == [0] * 10
 
 
-def test_without_a_backlog_frames_are_worked_off_as_they_came():
+def test_without_a_backlog_frames_are_worked_off_as_they_came() -> None:
     torn = frozenset({5, 9})
     assert Flown(NewestFirst(), frames=30, rate=1, overlap=1, torn=torn).worked == list(range(30))
     assert Flown(AsTheyCame(), frames=30, rate=3, overlap=3).worked == list(range(30))
 
 
-def test_who_is_next_is_known_ahead():
+def test_who_is_next_is_known_ahead() -> None:
     turns = NewestFirst()
     for frame in range(6):
         turns.add(frame)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.baseline.blending import BOOST, blend, border_distance, edge_boost
-from gcs_mosaic.baseline.raster import Image
+from gcs_mosaic.stitch.arrays import ImageBGR
 
 
-def flat(value: int, shape: tuple[int, int] = (60, 80)) -> Image:
+def flat(value: int, shape: tuple[int, int] = (60, 80)) -> ImageBGR:
     return np.full((*shape, 3), value, np.uint8)
 
 

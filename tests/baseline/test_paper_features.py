@@ -7,14 +7,14 @@ import pytest
 
 from gcs_mosaic.baseline import features as paper_features
 from gcs_mosaic.baseline.features import frame_features, region_features
-from gcs_mosaic.baseline.raster import Image
+from gcs_mosaic.stitch.arrays import ImageBGR
 
 
-def colour(grey: Image) -> Image:
+def colour(grey: ImageBGR) -> ImageBGR:
     return np.repeat(grey[..., None], 3, axis=2)
 
 
-def test_blocks_find_what_the_whole_picture_shows(ground: Image, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_find_what_the_whole_picture_shows(ground: ImageBGR, monkeypatch: pytest.MonkeyPatch) -> None:
     picture, everywhere = colour(ground[:700, :900]), np.full((700, 900), 255, np.uint8)
     whole = region_features(picture, everywhere, "sift")
     monkeypatch.setattr(paper_features, "BLOCK", 256)
@@ -34,7 +34,7 @@ def test_blocks_cover_a_side_without_gap_or_overlap(side: int, monkeypatch: pyte
     assert max(end - start for start, end in spans) <= 384
 
 
-def test_what_the_mosaic_does_not_show_has_no_features(ground: Image) -> None:
+def test_what_the_mosaic_does_not_show_has_no_features(ground: ImageBGR) -> None:
     coverage = np.full((400, 600), 255, np.uint8)
     coverage[:, 300:] = 0
     found = region_features(colour(ground[:400, :600]), coverage, "sift")
@@ -42,7 +42,7 @@ def test_what_the_mosaic_does_not_show_has_no_features(ground: Image) -> None:
     assert found.points[:, 0].max() < 300
 
 
-def test_points_of_a_reduced_frame_are_in_full_pixels(ground: Image) -> None:
+def test_points_of_a_reduced_frame_are_in_full_pixels(ground: ImageBGR) -> None:
     picture = colour(ground[:360, :480])
     once, twice = (frame_features(picture, "orb", reduction) for reduction in (1, 2))
     assert np.allclose(twice.points, once.points * 2 + 0.5)

@@ -8,7 +8,8 @@ import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
 from gcs_mosaic.baseline.mosaic import PaperMosaic, PaperSettings, footprint_window
-from gcs_mosaic.baseline.raster import Image, Window
+from gcs_mosaic.baseline.raster import Window
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixel_grid, similarity_between
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.stitch.graph.placement import Placement, Rejection
@@ -16,12 +17,12 @@ from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 LINE = [Pose(600.0 + 90 * k, 700.0 + 20 * k, 0.0, 0.1 * k) for k in range(5)]
 
 
-def frame(ground: Image, pose: Pose) -> Image:
+def frame(ground: ImageBGR, pose: Pose) -> ImageBGR:
     return np.asarray(cv2.cvtColor(photograph(ground, pose, SMALL_CAMERA), cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def flown(
-    ground: Image, poses: Iterable[Pose], settings: PaperSettings | None = None
+    ground: ImageBGR, poses: Iterable[Pose], settings: PaperSettings | None = None
 ) -> tuple[PaperMosaic, list[Placement | Rejection]]:
     mosaic = PaperMosaic(settings)
     return mosaic, [mosaic.add(frame(ground, pose), str(k)) for k, pose in enumerate(poses)]
@@ -38,7 +39,7 @@ def laid_error(placements: Sequence[Placement], poses: Sequence[Pose]) -> float:
 
 
 @pytest.mark.parametrize("kind", ["sift", "orb", "surf"])
-def test_a_short_flight_lies_where_it_was_taken(ground: Image, kind: FeatureKind) -> None:
+def test_a_short_flight_lies_where_it_was_taken(ground: ImageBGR, kind: FeatureKind) -> None:
     if kind == "surf":
         pytest.importorskip("mahotas")
     mosaic, outcomes = flown(ground, LINE, PaperSettings(features=kind))
@@ -49,7 +50,7 @@ def test_a_short_flight_lies_where_it_was_taken(ground: Image, kind: FeatureKind
     assert all(one.inliers >= mosaic.settings.least_inliers for one in placed[1:])
 
 
-def test_the_picture_shows_the_ground_where_the_placements_say(ground: Image) -> None:
+def test_the_picture_shows_the_ground_where_the_placements_say(ground: ImageBGR) -> None:
     mosaic, _ = flown(ground, LINE)
     there = Window(0, 0, 480, 360)  # the first frame, which later ones were laid on
     colour, coverage = mosaic.raster.part(there)
@@ -58,7 +59,7 @@ def test_the_picture_shows_the_ground_where_the_placements_say(ground: Image) ->
     assert np.abs(colour[20:-20, 20:-20].astype(int) - taken[20:-20, 20:-20]).mean() < 8
 
 
-def test_a_reduced_flight_has_placements_in_full_pixels(ground: Image) -> None:
+def test_a_reduced_flight_has_placements_in_full_pixels(ground: ImageBGR) -> None:
     mosaic = PaperMosaic(reduction=2)
     for k, pose in enumerate(LINE[:3]):
         small = cv2.resize(frame(ground, pose), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -68,7 +69,7 @@ def test_a_reduced_flight_has_placements_in_full_pixels(ground: Image) -> None:
     assert mosaic.raster.level == 15
 
 
-def test_a_stranger_is_rejected_and_changes_nothing(ground: Image, other_ground: Image) -> None:
+def test_a_stranger_is_rejected_and_changes_nothing(ground: ImageBGR, other_ground: ImageBGR) -> None:
     mosaic, _ = flown(ground, LINE[:2])
     before = [array.copy() for array in mosaic.raster.part(mosaic.raster.window)]
     outcome = mosaic.add(frame(other_ground, Pose(600.0, 600.0)), "stranger")
@@ -78,14 +79,14 @@ def test_a_stranger_is_rejected_and_changes_nothing(ground: Image, other_ground:
     assert isinstance(mosaic.add(frame(ground, LINE[2]), "2"), Placement)
 
 
-def test_a_flight_does_not_begin_with_a_frame_that_shows_nothing(ground: Image) -> None:
+def test_a_flight_does_not_begin_with_a_frame_that_shows_nothing(ground: ImageBGR) -> None:
     mosaic = PaperMosaic()
     outcome = mosaic.add(np.full((360, 480, 3), 90, np.uint8), "nothing")
     assert outcome == Rejection("nothing", "too little to see: 0 features")
     assert isinstance(mosaic.add(frame(ground, LINE[0]), "0"), Placement)
 
 
-def test_ground_outside_the_region_of_interest_is_not_found_again(ground: Image) -> None:
+def test_ground_outside_the_region_of_interest_is_not_found_again(ground: ImageBGR) -> None:
     """The one thing that keeps the cost of a frame constant: what is farther off than a frame's width is not looked at."""
     away = [Pose(400.0 + 200 * k, 500.0) for k in range(8)]
     mosaic, outcomes = flown(ground, away)
@@ -93,7 +94,7 @@ def test_ground_outside_the_region_of_interest_is_not_found_again(ground: Image)
     assert isinstance(mosaic.add(frame(ground, away[0]), "again"), Rejection)
 
 
-def test_a_mosaic_that_outgrows_its_bound_is_stopped_with_a_reason(ground: Image) -> None:
+def test_a_mosaic_that_outgrows_its_bound_is_stopped_with_a_reason(ground: ImageBGR) -> None:
     _, outcomes = flown(
         ground, [Pose(400.0 + 150 * k, 500.0 + 20 * k) for k in range(6)], PaperSettings(most_megapixels=0.6)
     )
@@ -101,7 +102,7 @@ def test_a_mosaic_that_outgrows_its_bound_is_stopped_with_a_reason(ground: Image
     assert outcomes[4] == Rejection("4", "the mosaic would have 0.655 megapixels, 0.6 allowed")
 
 
-def test_frames_that_grow_and_grow_are_stopped_with_a_reason(ground: Image) -> None:
+def test_frames_that_grow_and_grow_are_stopped_with_a_reason(ground: ImageBGR) -> None:
     climb = [Pose(1200.0, 1200.0, 0.35 * k) for k in range(5)]
     mosaic, outcomes = flown(ground, climb, PaperSettings(largest_growth=5.0))
     assert [isinstance(one, Placement) for one in outcomes] == [True, True, True, False, False]
@@ -128,7 +129,7 @@ def test_a_footprint_holds_whole_pixels() -> None:
     assert footprint_window(-shifted, 480, 360) == Window(10, -3, 491, 357)
 
 
-def test_sixteen_bits_of_one_band_are_stitched_as_a_person_sees_them(ground: Image) -> None:
+def test_sixteen_bits_of_one_band_are_stitched_as_a_person_sees_them(ground: ImageBGR) -> None:
     mosaic = PaperMosaic()
     for k, pose in enumerate(LINE[:3]):
         thermal = photograph(ground, pose, SMALL_CAMERA).astype(np.uint16) * 4 + 7000

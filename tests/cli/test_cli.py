@@ -15,21 +15,22 @@ from pathlib import Path
 import cv2
 import pytest
 from rich.console import Console
-from running import PROGRAM, run, until
 
 import sitl.flight
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
-from sitl.__main__ import free_port
 from sitl.path import Plan
+from tests.ports import free_port
+from tests.running import PROGRAM, run, until
+from tests.sure import sure
 
 Refused = Callable[..., str]
 
 
 @pytest.fixture
-def refused(tmp_path, monkeypatch, capfd) -> Refused:
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Refused:
     """Runs the program in an empty folder; it must exit with 2, say one line, and leave the folder as it was."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cli, "_end_on_signals", lambda stop, hurry: None)  # they are pytest's here
@@ -59,7 +60,7 @@ def taken() -> Iterator[socket.socket]:
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory, world_cache) -> Path:
+def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """A finished flight of three frames."""
     frames = tmp_path_factory.mktemp("given")
     route = Plan(frames=3, height=60)
@@ -68,7 +69,7 @@ def flight(tmp_path_factory, world_cache) -> Path:
 
 
 @pytest.fixture
-def empty(tmp_path) -> Path:
+def empty(tmp_path: Path) -> Path:
     """A flight that ended before its first frame."""
     (tmp_path / "mosaic.json").write_text('{"format": 1, "islands": []}')
     return tmp_path
@@ -111,12 +112,14 @@ def empty(tmp_path) -> Path:
         (["--mavlink", "udpout:127.0.0.1:14550"], "calls out, but nothing is ever sent"),
     ],
 )
-def test_misuse_is_told_in_one_sentence(refused, words, sentence):
+def test_misuse_is_told_in_one_sentence(refused: Refused, words: list[str], sentence: str) -> None:
     live = "--mavlink" not in words and words[0] not in cli.COMMANDS
     assert sentence in refused(*words, *(listening() if live else ()))
 
 
-def test_a_stitch_without_any_map_says_so_and_ends_with_a_code_of_its_own(tmp_path, capfd):
+def test_a_stitch_without_any_map_says_so_and_ends_with_a_code_of_its_own(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     frames, out = tmp_path / "frames", tmp_path / "mosaic"
     frames.mkdir()
     (frames / "a.jpg").write_bytes(b"\xff\xd8 no picture")
@@ -126,21 +129,21 @@ def test_a_stitch_without_any_map_says_so_and_ends_with_a_code_of_its_own(tmp_pa
     assert "no island" in said.out
 
 
-def test_the_version_is_told(capfd):
+def test_the_version_is_told(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(["--version"])
     assert ended.value.code == 0
     assert re.fullmatch(r"gcs-mosaic \d+\.\d+\.\d+\n", capfd.readouterr().out)
 
 
-def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path):
+def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path: Path) -> None:
     file = tmp_path / "settings.yaml"
     file.write_text("paint: {canvas: {blend: first, threads: 1}}")
     canvas = choices.config_of(options.parse(["--config", str(file), "--blend", "newest"])).paint.canvas
     assert (canvas.blend, canvas.threads) == ("newest", 1)
 
 
-def test_each_option_of_the_table_reaches_its_setting(tmp_path):
+def test_each_option_of_the_table_reaches_its_setting(tmp_path: Path) -> None:
     words = (
         "--watch w --every overlap --from 30m --vehicle 3 --announce --recover --record --no-http --verbose --scale 0.5"
     )
@@ -154,14 +157,16 @@ def test_each_option_of_the_table_reaches_its_setting(tmp_path):
     assert (config.scale, config.features, config.method) == (0.5, "orb", "paper")
 
 
-def test_the_defaults_are_told_as_a_file_that_can_be_given_back(tmp_path, capsys):
+def test_the_defaults_are_told_as_a_file_that_can_be_given_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert cli.main(["config"]) == 0
     (tmp_path / "c.yaml").write_text(told := capsys.readouterr().out)
     assert "# " in told
     assert choices.config_of(options.parse(["--config", str(tmp_path / "c.yaml")])) == Config()
 
 
-def test_an_unknown_setting_is_told_with_the_nearest_known_one(refused, tmp_path):
+def test_an_unknown_setting_is_told_with_the_nearest_known_one(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text("frames: {poll: 1}")
     assert "c.yaml: frames: 'poll' is not a setting (did you mean 'poll_s'?)" in refused("--config", "c.yaml")
     (tmp_path / "c.yaml").write_text("vehicle: 3")
@@ -170,13 +175,13 @@ def test_an_unknown_setting_is_told_with_the_nearest_known_one(refused, tmp_path
     assert "c.yaml is not YAML" in refused("--config", "c.yaml")
 
 
-def test_a_port_that_is_taken_names_who_has_it_and_how_to_share(refused, taken):
+def test_a_port_that_is_taken_names_who_has_it_and_how_to_share(refused: Refused, taken: socket.socket) -> None:
     said = refused("--mavlink", f"udp:127.0.0.1:{taken.getsockname()[1]}", "--no-http")
     assert "is taken by py" in said
     assert "Enable forwarding" in said
 
 
-def test_a_page_that_cannot_be_served_leaves_no_folder_behind(refused):
+def test_a_page_that_cannot_be_served_leaves_no_folder_behind(refused: Refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         page = f"127.0.0.1:{other.getsockname()[1]}"
         said = refused(*listening(), "--http", page)
@@ -184,20 +189,20 @@ def test_a_page_that_cannot_be_served_leaves_no_folder_behind(refused):
     assert "--no-http" in said
 
 
-def test_folders_that_can_be_none_leave_no_other_behind(refused, tmp_path):
+def test_folders_that_can_be_none_leave_no_other_behind(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     out, watch = ("--out", "file/mosaic", "--no-http"), ("--watch", "file/frames", "--no-http")
     assert "cannot be written (Not a directory): choose another --out" in refused(*listening(), *out)
     assert "can be no folder (Not a directory)" in refused(*listening(), *watch)
 
 
-def test_an_old_flight_is_not_watched(refused, tmp_path):
+def test_an_old_flight_is_not_watched(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "flight.sqlite").write_bytes(b"")
     assert "old holds a flight" in refused(*listening(), "--watch", "old", "--out", "new")
 
 
-def test_the_folder_beside_is_not_the_watched_one(refused, tmp_path):
+def test_the_folder_beside_is_not_the_watched_one(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "mosaic").mkdir()
     (tmp_path / "mosaic" / "flight.sqlite").write_bytes(b"")
     (tmp_path / "mosaic-2").mkdir()
@@ -205,27 +210,27 @@ def test_the_folder_beside_is_not_the_watched_one(refused, tmp_path):
     assert "the output folder mosaic-2 and the watched folder mosaic-2 overlap" in said
 
 
-def test_an_export_of_what_is_not_there_is_refused(refused, flight, empty):
+def test_an_export_of_what_is_not_there_is_refused(refused: Refused, flight: Path, empty: Path) -> None:
     export = ("export", flight, "--format", "png")
     assert f"There is no island 7 in {flight}; there are: 0." in refused(*export, "--island", "7")
     assert "give a lower --zoom" in refused(*export, "--zoom", "30")
     assert "no frame was placed in this flight" in refused("export", empty, "--format", "png")
 
 
-def test_an_export_to_a_place_that_cannot_be_written_is_refused(refused, flight):
+def test_an_export_to_a_place_that_cannot_be_written_is_refused(refused: Refused, flight: Path) -> None:
     for format_name in ("png", "placements"):
         assert "give another file with --to" in refused("export", flight, "--format", format_name, "--to", "no/where")
 
 
 @pytest.mark.parametrize("damage", ["", "[]", "{}", '{"islands": 3}'])
-def test_a_map_that_cannot_be_read_is_refused(refused, empty, damage):
+def test_a_map_that_cannot_be_read_is_refused(refused: Refused, empty: Path, damage: str) -> None:
     (empty / "mosaic.json").write_text(damage)
     assert "is not a map that this gcs-mosaic can read" in refused("export", empty, "--format", "png")
 
 
-def test_a_flight_is_exported(flight, tmp_path, capsys):
+def test_a_flight_is_exported(flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["export", str(flight), "--format", "png", "--to", str(tmp_path / "p.png")]) == 0
-    picture = cv2.imread(str(tmp_path / "p.png"), cv2.IMREAD_UNCHANGED)
+    picture = sure(cv2.imread(str(tmp_path / "p.png"), cv2.IMREAD_UNCHANGED))
     assert picture.shape[2] == 4
     assert min(picture.shape[:2]) > 480
     assert cli.main(["export", str(flight), "--format", "placements", "--to", str(tmp_path / "p.json")]) == 0
@@ -233,7 +238,7 @@ def test_a_flight_is_exported(flight, tmp_path, capsys):
     assert "3 placements written" in capsys.readouterr().out
 
 
-def test_help_and_misuse_of_the_installed_program(tmp_path):
+def test_help_and_misuse_of_the_installed_program(tmp_path: Path) -> None:
     for words in (["--help"], ["stitch", "--help"], ["demo", "--help"]):
         helped = run(*words, cwd=tmp_path)
         assert (helped.returncode, helped.stderr) == (0, "")
@@ -241,7 +246,7 @@ def test_help_and_misuse_of_the_installed_program(tmp_path):
     assert run("--fly", cwd=tmp_path).returncode == 2
 
 
-def test_a_finished_flight_is_served(flight, tmp_path):
+def test_a_finished_flight_is_served(flight: Path, tmp_path: Path) -> None:
     """The page, its documents and a tile; SIGTERM ends it."""
     command = [*PROGRAM, "serve", str(flight), "--http", "127.0.0.1:0"]
     with subprocess.Popen(command, cwd=Path(__file__).parents[2], stdout=subprocess.PIPE, text=True) as server:

@@ -11,8 +11,8 @@ import sitl.flight
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.debug.pictures import MOST_LINES, DebugPictures
-from gcs_mosaic.debug.sheet import Image
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
 from sitl.path import Plan
@@ -28,7 +28,7 @@ def refusal(count: int) -> NotRegistered:
     return NotRegistered("evidence 3.0, 8.0 needed", count, pixels, pixels)
 
 
-def image(_name: str) -> Image:
+def image(_name: str) -> ImageBGR:
     return np.full((300, 400, 3), 128, np.uint8)
 
 

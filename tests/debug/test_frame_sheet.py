@@ -12,14 +12,14 @@ from gcs_mosaic.debug.frame_sheet import (
     draw_matches,
     draw_relief,
 )
-from gcs_mosaic.debug.sheet import Image
+from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.graph.placement import Placement
 
 GREY = np.full((300, 400, 3), 128, np.uint8)
 STARTS, ENDS = np.array([[100.0, 50], [300, 200]]), np.array([[50.0, 60], [250, 210]])
 
 
-def off_grey(picture: Image, x: int, y: int) -> bool:
+def off_grey(picture: ImageBGR, x: int, y: int) -> bool:
     return bool((np.abs(picture[y - 1 : y + 2, x - 1 : x + 2].astype(int) - 128) > 20).any())
 
 

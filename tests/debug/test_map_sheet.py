@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.debug.map_sheet import HEAD, LONGER_SIDE, MARGIN, MapSheet, draw_footprints, draw_residuals
-from gcs_mosaic.debug.sheet import PAPER, Image
-from gcs_mosaic.stitch.camera.geometry import Array
+from gcs_mosaic.debug.sheet import PAPER
+from gcs_mosaic.stitch.arrays import Array, ImageBGR
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
 
 
-def ink(picture: Image, places: Array) -> list[bool]:
+def ink(picture: ImageBGR, places: Array) -> list[bool]:
     """Whether there is ink within two pixels of places (n, 2) on the sheet."""
     dark = np.asarray((np.abs(picture.astype(int) - PAPER) > 25).any(axis=2))
     return [bool(dark[y - 2 : y + 3, x - 2 : x + 3].any()) for x, y in np.rint(places).astype(int).tolist()]

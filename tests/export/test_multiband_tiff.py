@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -25,6 +25,7 @@ from sitl.flight import Flight
 from sitl.path import Plan
 from sitl.score import islands_of, lay, score
 from sitl.sensor import Sensor
+from tests.sure import sure
 
 QUIET = Console(quiet=True)
 WINDOW = 384  # px of the map that are compared with the ground
@@ -33,38 +34,46 @@ WINDOW = 384  # px of the map that are compared with the ground
 class Flown(NamedTuple):
     flight: Flight
     out: Path
-    placements: dict
+    placements: dict[str, Any]
 
 
-def flown(tmp_path_factory, world_cache, exposure_step: float = 1.0, **sensor: int) -> Flown:
+def flown(
+    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, exposure_step: float = 1.0, **sensor: int
+) -> Flown:
     """A small flight of a camera with hardly a fault, stitched."""
     folder = tmp_path_factory.mktemp("flight")
     camera = Camera(vignetting=0.0, noise=0.5, exposure_step=exposure_step, step_every=2, sensor=Sensor(**sensor))
-    options = {"cache": world_cache, "route": Plan(frames=8), "camera": camera}
-    flight = sitl.flight.make("survey", folder / "frames", (480, 360), **options)
+    route = Plan(frames=8)
+    flight = sitl.flight.make("survey", folder / "frames", (480, 360), cache=world_cache, route=route, camera=camera)
     out = stitch([folder / "frames" / "DCIM"], folder / "out", Config(), QUIET)
     assert main(["export", str(out), "--format", "placements", "--to", str(folder / "placements.json")]) == 0
     return Flown(flight, out, json.loads((folder / "placements.json").read_text()))
 
 
 @pytest.fixture(scope="module")
-def five(tmp_path_factory, world_cache) -> Flown:
+def five(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     return flown(tmp_path_factory, world_cache, bands=5, depth=16)
 
 
 @pytest.fixture(scope="module")
-def thermal(tmp_path_factory, world_cache) -> Flown:
+def thermal(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     return flown(tmp_path_factory, world_cache, bands=1, depth=16)
 
 
-def exported(one: Flown, tmp_path: Path, **options) -> tuple[np.ndarray, dict, str]:
+def page_of(file: tifffile.TiffFile) -> tifffile.TiffPage:
+    page = file.pages[0]
+    assert isinstance(page, tifffile.TiffPage)
+    return page
+
+
+def exported(one: Flown, tmp_path: Path, **options: Any) -> tuple[np.ndarray, dict[str, Any], str]:
     """The map (h, w, bands and coverage), what it tells of itself, and what was said."""
     said = export_tiff(one.out, tmp_path / "map.tif", **options)
     with tifffile.TiffFile(tmp_path / "map.tif") as file:
-        return file.asarray(), json.loads(file.pages[0].description), said
+        return file.asarray(), json.loads(page_of(file).description), said
 
 
-def truth(one: Flown, about: dict, columns: slice, rows: slice) -> np.ndarray:
+def truth(one: Flown, about: dict[str, Any], columns: slice, rows: slice) -> np.ndarray:
     """The counts (h, w, bands) that the ground has under a window of the map."""
     laid = lay(islands_of(one.flight.truth(), one.placements)[0][0])
     ground_from_canvas, canvas_from_edges = laid[0].ground_from_canvas, np.array(about["canvas_from_pixel_edges"])
@@ -88,7 +97,7 @@ def middle(image: np.ndarray, side: int = WINDOW) -> tuple[slice, slice]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "thermal"])
-def test_every_frame_finds_its_place(kind: str, request) -> None:
+def test_every_frame_finds_its_place(kind: str, request: pytest.FixtureRequest) -> None:
     one = request.getfixturevalue(kind)
     judged = score(one.flight.truth(), one.placements)
     assert (judged.placed, judged.islands) == (8, 1)
@@ -97,7 +106,7 @@ def test_every_frame_finds_its_place(kind: str, request) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", "thermal"])
-def test_every_band_shows_the_ground_at_its_depth(kind: str, request, tmp_path) -> None:
+def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Above 255, in the same place in all bands, and off by what interpolation and noise do."""
     one = request.getfixturevalue(kind)
     image, about, _ = exported(one, tmp_path, gains=False)
@@ -120,17 +129,17 @@ def test_every_band_shows_the_ground_at_its_depth(kind: str, request, tmp_path) 
         assert np.corrcoef(ours[..., k].ravel(), wanted[..., k].ravel())[0, 1] > 0.97
 
 
-def test_where_nothing_was_seen_the_map_is_transparent(five, tmp_path) -> None:
+def test_where_nothing_was_seen_the_map_is_transparent(five: Flown, tmp_path: Path) -> None:
     image, _, _ = exported(five, tmp_path)
     assert image[..., -1].max() == 65_535
     assert 0.2 < (image[..., -1] == 0).mean() < 0.9
     assert (image[image[..., -1] == 0] == 0).all()
 
 
-def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_path) -> None:
+def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five: Flown, tmp_path: Path) -> None:
     exported(five, tmp_path)
     with tifffile.TiffFile(tmp_path / "map.tif") as file:
-        page = file.pages[0]
+        page = page_of(file)
         assert page.is_tiled
         assert page.compression == tifffile.COMPRESSION.ADOBE_DEFLATE
         assert tuple(page.extrasamples) == (0, 0, 0, 0, 2)
@@ -139,7 +148,9 @@ def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five, tmp_p
 
 
 @pytest.mark.long
-def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cache, tmp_path) -> None:
+def test_gains_take_out_what_automatic_exposure_did(
+    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
+) -> None:
     one = flown(tmp_path_factory, world_cache, exposure_step=1.5, bands=3, depth=16)
     off = {}
     for gains in (True, False):
@@ -155,19 +166,21 @@ def test_gains_take_out_what_automatic_exposure_did(tmp_path_factory, world_cach
 
 
 @pytest.mark.long
-def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(tmp_path_factory, world_cache, tmp_path) -> None:
+def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(
+    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
+) -> None:
     one = flown(tmp_path_factory, world_cache)
     image, _, _ = exported(one, tmp_path)
-    assert (image.dtype, image.shape[2]) == (np.uint8, 4)
+    assert (image.dtype, image.shape[2]) == (np.dtype(np.uint8), 4)
     assert main(["export", str(one.out), "--format", "png", "--to", str(tmp_path / "map.png")]) == 0
-    shown = cv2.cvtColor(cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_UNCHANGED), cv2.COLOR_BGRA2RGBA)
+    shown = cv2.cvtColor(sure(cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_UNCHANGED)), cv2.COLOR_BGRA2RGBA)
     assert shown.shape == image.shape
     covered = (shown[..., 3] == 255) & (image[..., 3] == 255)
     assert covered.mean() > 0.2
     assert np.abs(shown[covered].astype(int) - image[covered]).mean() < 3  # JPEG, and tones at seams
 
 
-def test_a_coarser_level_shows_the_same_ground(five, tmp_path) -> None:
+def test_a_coarser_level_shows_the_same_ground(five: Flown, tmp_path: Path) -> None:
     image, about, said = exported(five, tmp_path, level=15)
     assert "--zoom 16 is the finest" in said
     columns, rows = middle(image, WINDOW // 2)
@@ -176,15 +189,15 @@ def test_a_coarser_level_shows_the_same_ground(five, tmp_path) -> None:
     assert np.corrcoef(ours.ravel(), wanted.ravel())[0, 1] > 0.95
 
 
-def test_an_island_that_is_not_there_is_told(five, tmp_path) -> None:
+def test_an_island_that_is_not_there_is_told(five: Flown, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no island 7"):
         export_tiff(five.out, tmp_path / "map.tif", island=7)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_originals_that_are_gone_are_told(five, tmp_path) -> None:
+def test_originals_that_are_gone_are_told(five: Flown, tmp_path: Path) -> None:
     with Ledger(five.out / LEDGER_NAME, read_only=True) as ledger:
-        last = five.out / ledger.frames()[-1].original
+        last = five.out / sure(ledger.frames()[-1].original)
     hidden = last.with_name("hidden")
     last.rename(hidden)
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,24 +12,24 @@ import tifffile
 from numpy.typing import NDArray
 
 
-def picture(width: int = 160, height: int = 120, seed: int = 0, kind: type = np.uint8) -> NDArray[np.uint8]:
+def picture(width: int = 160, height: int = 120, seed: int = 0, kind: type = np.uint8) -> NDArray[Any]:
     """Smooth colours, so that lossy files stay close to them."""
-    coarse = np.random.default_rng(seed).integers(0, np.iinfo(kind).max, (6, 8, 3)).astype(kind)
+    coarse: NDArray[Any] = np.random.default_rng(seed).integers(0, np.iinfo(kind).max, (6, 8, 3)).astype(kind)
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
-def encoded(suffix: str, image: NDArray[np.uint8] | None = None, *options: int) -> bytes:
+def encoded(suffix: str, image: NDArray[Any] | None = None, *options: int) -> bytes:
     done, data = cv2.imencode(suffix, picture() if image is None else image, options)
     assert done
     return data.tobytes()
 
 
-def counts(bands: int, kind: type = np.uint16, seed: int = 0) -> NDArray:
+def counts(bands: int, kind: type = np.uint16, seed: int = 0) -> NDArray[Any]:
     """(120, 160, bands), every band its own picture."""
     return np.dstack([picture(seed=seed + band, kind=kind)[..., 0] for band in range(bands)])
 
 
-def many_bands(bands: int, kind: type = np.uint16, **options) -> bytes:
+def many_bands(bands: int, kind: type = np.uint16, **options: Any) -> bytes:
     """A TIFF of `counts`; `options` are those of `tifffile.imwrite`."""
     image, file = counts(bands, kind), io.BytesIO()
     image = image[..., 0] if bands == 1 else image

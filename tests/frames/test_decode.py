@@ -4,6 +4,7 @@ import io
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,17 +12,23 @@ import pytest
 import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from image_files import counts, encoded, many_bands, picture, turned
+from numpy.typing import NDArray
 
 from gcs_mosaic.frames.decode import Unreadable, decode_image, load_frame, load_image
 from gcs_mosaic.frames.tiff import first_page
 from gcs_mosaic.messages import Frame, content_hash
+from tests.frames.image_files import counts, encoded, many_bands, picture, turned
+
+
+def decoded(data: bytes, reduction: int = 1) -> NDArray[Any]:
+    image = decode_image(data, reduction=reduction)
+    assert isinstance(image, np.ndarray)
+    return image
 
 
 def difference(data: bytes, wanted: np.ndarray) -> float:
-    image = decode_image(data)
-    assert isinstance(image, np.ndarray)
-    assert (image.dtype, image.shape) == (np.uint8, wanted.shape)
+    image = decoded(data)
+    assert (image.dtype, image.shape) == (np.dtype(np.uint8), wanted.shape)
     return float(np.abs(image.astype(int) - wanted).max())
 
 
@@ -44,14 +51,14 @@ def test_sixteen_bits_come_back_as_they_were(suffix: str) -> None:
 @pytest.mark.parametrize("suffix", [".png", ".tiff"])
 def test_grey_stays_one_band(suffix: str, kind: type) -> None:
     grey = picture(kind=kind)[..., :1]
-    image = decode_image(encoded(suffix, grey))
+    image = decoded(encoded(suffix, grey))
     np.testing.assert_array_equal(image, grey)
     assert image.dtype == kind
 
 
 def test_a_grey_jpeg_is_one_band_at_every_size() -> None:
     data = encoded(".jpg", picture()[..., 0])
-    assert [decode_image(data, reduction=by).shape for by in (1, 2, 4)] == [(120, 160, 1), (60, 80, 1), (30, 40, 1)]
+    assert [decoded(data, reduction=by).shape for by in (1, 2, 4)] == [(120, 160, 1), (60, 80, 1), (30, 40, 1)]
 
 
 def test_transparency_is_no_band() -> None:
@@ -59,15 +66,15 @@ def test_transparency_is_no_band() -> None:
     np.testing.assert_array_equal(decode_image(encoded(".png", transparent)), picture())
 
 
-DEFLATE = {"compression": "zlib", "predictor": True}
+DEFLATE: dict[str, Any] = {"compression": "zlib", "predictor": True}
 
 
 @pytest.mark.parametrize("options", [{}, DEFLATE, {"tile": (64, 64)}, {"byteorder": ">"}, {"bigtiff": True}])
 @pytest.mark.parametrize("planar", ["contig", "separate"])
 @pytest.mark.parametrize("bands", [2, 4, 5, 9])
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-def test_every_band_of_a_tiff_comes_back(bands: int, kind: type, planar: str, options: dict) -> None:
-    image = decode_image(many_bands(bands, kind, planarconfig=planar, **options))
+def test_every_band_of_a_tiff_comes_back(bands: int, kind: type, planar: str, options: dict[str, Any]) -> None:
+    image = decoded(many_bands(bands, kind, planarconfig=planar, **options))
     np.testing.assert_array_equal(image, counts(bands, kind))
     assert image.dtype == kind
 
@@ -125,7 +132,7 @@ def test_a_reduced_picture_is_the_mean_of_squares(by: int) -> None:
     wide = counts(5)[:119, :157]
     file = io.BytesIO()
     tifffile.imwrite(file, wide, photometric="minisblack", planarconfig="contig")
-    image = decode_image(file.getvalue(), reduction=by)
+    image = decoded(file.getvalue(), reduction=by)
     padded = np.pad(wide, ((0, -119 % by), (0, -157 % by), (0, 0)), mode="edge").astype(float)
     mean = padded.reshape(padded.shape[0] // by, by, padded.shape[1] // by, by, 5).mean(axis=(1, 3))
     assert image.dtype == np.uint16
@@ -133,8 +140,7 @@ def test_a_reduced_picture_is_the_mean_of_squares(by: int) -> None:
 
 
 def test_orientation_is_not_applied() -> None:
-    image = decode_image(turned(encoded(".jpg")))
-    assert isinstance(image, np.ndarray)
+    image = decoded(turned(encoded(".jpg")))
     assert image.shape == (120, 160, 3)
 
 
@@ -143,9 +149,7 @@ def test_a_colour_profile_is_not_applied() -> None:
     jpeg = encoded(".jpg")
     profile = b"ICC_PROFILE\0\x01\x01" + bytes(range(256)) * 2
     with_profile = jpeg[:2] + b"\xff\xe2" + struct.pack(">H", 2 + len(profile)) + profile + jpeg[2:]
-    plain, profiled = decode_image(jpeg), decode_image(with_profile)
-    assert isinstance(plain, np.ndarray)
-    assert np.array_equal(profiled, plain)
+    assert np.array_equal(decoded(with_profile), decoded(jpeg))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])

@@ -8,13 +8,14 @@ import time
 from pathlib import Path
 
 import pytest
-from image_files import encoded, picture, with_thumbnail
 
 from gcs_mosaic.frames import pending_file as candidate
 from gcs_mosaic.frames.directory import FolderWatch, Item
+from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, SourceReport
+from tests.frames.image_files import encoded, picture, with_thumbnail
 
 JPEG, OTHER = with_thumbnail(encoded(".jpg")), encoded(".jpg", picture(seed=1))
 MOST_S = 5.0  # for a look at 10,000 files on a busy machine: a fortieth of that is usual
@@ -90,7 +91,9 @@ def test_a_file_that_is_preallocated_at_full_size_is_taken_when_its_end_is_writt
     assert card.names(40) == ["a.jpg"]
 
 
-def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(card: Card, monkeypatch) -> None:
+def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(
+    card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
     card.put("a.jpg")
     card.put("b.jpg", OTHER)
     read = Path.read_bytes
@@ -109,12 +112,14 @@ def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(card:
     assert card.names(150) == ["a.jpg"]
 
 
-def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(card: Card, monkeypatch) -> None:
+def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
+    card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
     card.put("a.jpg")
     card.put("b.jpg", OTHER)
     read = candidate.read_whole
 
-    def gone(look: Look, settings: FolderSettings):
+    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
         if look.name == "a.jpg":
             look.path.unlink(missing_ok=True)
         return read(look, settings)

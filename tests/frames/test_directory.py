@@ -6,13 +6,13 @@ import time
 from pathlib import Path
 
 import pytest
-from image_files import encoded, picture
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import AGAIN_S, FolderWatch, Item, watch
 from gcs_mosaic.frames.scan import Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
+from tests.frames.image_files import encoded, picture
 
 JPEG, OTHER = encoded(".jpg"), encoded(".jpg", picture(seed=1))
 
@@ -102,7 +102,7 @@ def test_frames_of_one_look_come_in_the_order_of_their_times_then_names(watched:
 
 
 def test_a_name_that_is_overwritten_is_a_new_frame(watched: Watched) -> None:
-    frames = []
+    frames: list[Frame] = []
     for data in (JPEG, OTHER, JPEG):
         watched.write("a.jpg", data, age_s=len(frames))
         frames += [item for item in watched.look() if isinstance(item, Frame)]

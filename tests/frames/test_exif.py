@@ -11,10 +11,10 @@ import pytest
 import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from image_files import counts, encoded, photographed, with_exif, with_thumbnail
 
 from gcs_mosaic.frames import exif
 from gcs_mosaic.frames.exif import capture_time
+from tests.frames.image_files import counts, encoded, photographed, with_exif, with_thumbnail
 
 DATE = b"2021:06:05 14:03:59\0"
 MOMENT = datetime(2021, 6, 5, 14, 3, 59)

@@ -4,11 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
-from image_files import encoded, photographed, with_exif
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.messages import DamagedFile, Frame
+from tests.frames.image_files import encoded, photographed, with_exif
 
 JPEG = encoded(".jpg")
 

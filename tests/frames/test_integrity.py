@@ -2,15 +2,17 @@ from __future__ import annotations
 
 import struct
 import zlib
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from image_files import encoded, many_bands, picture, with_thumbnail
 
-from gcs_mosaic.frames.integrity import NotWhole, Whole, image_size, is_whole
+from gcs_mosaic.frames.integrity import NotWhole, image_size, is_whole
+from gcs_mosaic.frames.structure import Whole
+from tests.frames.image_files import encoded, many_bands, picture, with_thumbnail
 
 JPEG = with_thumbnail(encoded(".jpg"))
 PROGRESSIVE = encoded(".jpg", None, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
@@ -112,7 +114,7 @@ def test_a_bomb_is_refused_by_its_header() -> None:
         ({"bands": 6, "kind": np.uint16}, "160 x 120 pixels of 6 bands and 16 bits: more than 0.07 million"),
     ],
 )
-def test_more_than_the_memory_for_it_is_refused_by_its_header(kind: dict, said: str) -> None:
+def test_more_than_the_memory_for_it_is_refused_by_its_header(kind: dict[str, Any], said: str) -> None:
     refused = is_whole(many_bands(**kind), max_pixels=70_000)
     assert isinstance(refused, NotWhole)
     assert refused.reason.startswith(said)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mavlink_peer import Message, heartbeat
-
 from gcs_mosaic.mavlink.parser import dialect
+from tests.mavlink.mavlink_peer import Message, heartbeat
 
 TARGETS = ((0, 0), (1, 1), (191, 191), (191, 0), (245, 190), (255, 190), (255, 0))
 COMMANDS = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import struct
 from typing import Any
 
@@ -50,12 +49,6 @@ def captured(image_index: int, **fields: Any) -> Message:
         "image_index": image_index, "capture_result": 1, "file_url": b"",
     }  # fmt: skip
     return dialect.MAVLink_camera_image_captured_message(**(values | fields))
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def signed(

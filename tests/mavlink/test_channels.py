@@ -2,17 +2,17 @@ from __future__ import annotations
 
 import select
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
-from mavlink_peer import free_udp_port, heartbeat, packet, trigger
 
-from gcs_mosaic.mavlink import channels
-from gcs_mosaic.mavlink.address import parse_address
+from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.channels import UdpChannel
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
+from tests.mavlink.mavlink_peer import heartbeat, packet, trigger
 
 
 def has_ipv6() -> bool:
@@ -33,9 +33,9 @@ class Many:
     """A channel and any number of peers that have spoken on it."""
 
     def __init__(self, stack: ExitStack) -> None:
-        port = free_udp_port()
-        self.stack, self.to = stack, ("127.0.0.1", port)
-        self.channel = UdpChannel(parse_address(f"udp:127.0.0.1:{port}"), LinkSettings())
+        self.stack = stack
+        self.channel = UdpChannel(LinkAddress(kind="udp", host="127.0.0.1"), LinkSettings())  # at any port
+        self.to = self.channel._socket.getsockname()
         stack.callback(self.channel.close)
 
     def peer(self, *data: bytes) -> socket.socket:
@@ -74,11 +74,11 @@ def test_who_sends_no_mavlink_is_not_sent_to(many: Many) -> None:
 
 
 def test_who_was_not_heard_for_a_while_is_not_sent_to(many: Many, monkeypatch: pytest.MonkeyPatch) -> None:
-    gone, there, now = many.peer(packet(trigger(1))), many.peer(), channels.time.monotonic()
-    monkeypatch.setattr(channels.time, "monotonic", lambda: now + 9.0)
+    gone, there, now = many.peer(packet(trigger(1))), many.peer(), time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 9.0)
     there.sendto(packet(trigger(2)), many.to)
     assert isinstance(many.channel.read(1.0)[0], Arrival)
-    monkeypatch.setattr(channels.time, "monotonic", lambda: now + 11.0)
+    monkeypatch.setattr(time, "monotonic", lambda: now + 11.0)
     assert many.channel.send(PACKET)
     assert (reached([gone]), reached([there])) == (0, 1)
 
@@ -96,7 +96,7 @@ def test_what_is_read_from_one_peer_is_not_mixed_with_what_another_sends(many: M
 @pytest.mark.skipif(not has_ipv6(), reason="IPv6 is switched off on this machine: nothing can be bound to ::1")
 def test_a_peer_is_heard_over_ipv6_and_answered() -> None:
     with ExitStack() as stack:
-        channel = UdpChannel(parse_address(f"[::1]:{free_udp_port()}"), LinkSettings())
+        channel = UdpChannel(LinkAddress(kind="udp", host="::1"), LinkSettings())
         stack.callback(channel.close)
         peer = stack.enter_context(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM))
         peer.bind(("::1", 0))

@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-from mavlink_peer import captured, received, trigger
-
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.flood import MOST_SOURCES, FloodGate, TriggerSource
 from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
 from gcs_mosaic.mavlink.settings import LinkSettings
-from gcs_mosaic.messages import Notice, TriggerEvent
+from gcs_mosaic.messages import Notice, StreamOffer, TriggerEvent
+from tests.mavlink.mavlink_peer import captured, received, trigger
 
 CAMERA = TriggerSource("", 1, 100, "CAMERA_IMAGE_CAPTURED")
 FORGER = TriggerSource("", 1, 1, "CAMERA_TRIGGER")
@@ -65,7 +64,7 @@ def test_a_source_that_has_gone_makes_room() -> None:
 
 def test_the_operator_hears_of_a_flood_once_and_of_its_end() -> None:
     listener = Listener(parse_address("udp:14550"), LinkSettings(), VehicleChoice(), 0.0, 0.0)
-    told: list[Notice | TriggerEvent] = []
+    told: list[TriggerEvent | StreamOffer | Notice] = []
     for k in range(3000):
         told += listener.hear(received(trigger(k)), k / 1000, "a")
     told += listener.hear(received(captured(1), component=100), 3.0, "b")

@@ -5,10 +5,10 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import received
 
 from gcs_mosaic.mavlink.announcements import Announcement, Announcer, heartbeat, status_text
 from gcs_mosaic.mavlink.parser import dialect
+from tests.mavlink.mavlink_peer import received
 
 
 def sent(announcer: Announcer, now: float) -> list[Any]:

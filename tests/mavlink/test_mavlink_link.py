@@ -6,13 +6,14 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from mavlink_peer import captured, feedback, free_udp_port, heartbeat, packet, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.link import triggers
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.messages import Notice, TriggerEvent
+from tests.mavlink.mavlink_peer import captured, feedback, heartbeat, packet, trigger
+from tests.ports import free_port
 
 QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 
@@ -21,7 +22,7 @@ class Vehicle:
     """A peer on a real UDP socket, and the daemon's ear on another."""
 
     def __init__(self) -> None:
-        self.port, self.stop = free_udp_port(), threading.Event()
+        self.port, self.stop = free_port(), threading.Event()
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.heard = triggers(parse_address(f"udp:127.0.0.1:{self.port}"), self.stop, QUICK)

@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, feedback, heartbeat, received, trigger
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_mosaic.mavlink.messages import base_name, decode, decode_offer
 from gcs_mosaic.messages import CaptureResult, Position, Source, TriggerEvent
+from tests.mavlink.mavlink_peer import captured, feedback, heartbeat, received, trigger
 
 
 def event_of(message: Any, component: int = 1) -> TriggerEvent:

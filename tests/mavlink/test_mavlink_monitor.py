@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-from mavlink_peer import heartbeat, received, trigger
-
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
 from gcs_mosaic.mavlink.parser import dialect
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.messages import LinkReport, Notice, Refusals, TriggerEvent
+from tests.mavlink.mavlink_peer import heartbeat, received, trigger
 
 SETTINGS = LinkSettings(silent_after_s=10, ground_station_after_s=20)
 

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, heartbeat, packet, trigger
 
 from gcs_mosaic.mavlink.parser import PacketReader
+from tests.mavlink.mavlink_peer import captured, heartbeat, packet, trigger
 
 WHOLE = packet(trigger(7, 1_000_000))
 LONG = packet(captured(9, file_url=b"IMG_0009.JPG"), component=100)

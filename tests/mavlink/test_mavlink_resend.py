@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, received, trigger
 
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.mavlink.parser import dialect
 from gcs_mosaic.mavlink.resend import Recovery
 from gcs_mosaic.messages import CaptureResult, TriggerEvent
+from tests.mavlink.mavlink_peer import captured, received, trigger
 
 OWN = 191
 

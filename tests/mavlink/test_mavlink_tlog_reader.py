@@ -3,13 +3,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mavlink_peer import captured, heartbeat, packet, recorded, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog import TIME
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import Notice
+from tests.mavlink.mavlink_peer import captured, heartbeat, packet, recorded, trigger
 
 BEGAN = 1.75e9
 
@@ -22,7 +22,8 @@ def read(path: Path, *packets: bytes) -> RecordedLink:
 def test_time_counts_from_the_first_packet(tmp_path: Path) -> None:
     link = read(tmp_path / "a.tlog", *(recorded(BEGAN + 2 * seq, seq) for seq in range(50)))
     assert [event.received for event in link.events] == pytest.approx([2 * seq for seq in range(50)])
-    assert (link.began_utc, link.seconds, link.packets) == (BEGAN, pytest.approx(98), 50)
+    assert (link.began_utc, link.packets) == (BEGAN, 50)
+    assert link.seconds == pytest.approx(98)
 
 
 @pytest.mark.parametrize("times", [(10, 12, 14), (BEGAN, BEGAN + 3600, BEGAN + 10), (1e12, 1e12 + 1, 1e12 + 2)])

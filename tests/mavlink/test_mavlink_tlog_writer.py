@@ -5,13 +5,14 @@ import time
 from pathlib import Path
 
 import pytest
-from mavlink_peer import captured, packet, received, trigger
 from pymavlink import mavutil
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.tlog import read_tlog
 from gcs_mosaic.mavlink.tlog_writer import FLUSH_S, Recording
+from gcs_mosaic.messages import Notice
+from tests.mavlink.mavlink_peer import captured, packet, received, trigger
 
 NOW = time.monotonic()
 
@@ -84,7 +85,8 @@ def test_a_full_disk_is_said_once_and_leaves_no_half_packet(tiny_disk: Path) -> 
     with pytest.raises(OSError, match="No space") as full:
         filler.write_bytes(bytes(2_000_000))
     assert full.value.errno == errno.ENOSPC
-    said, now = [], NOW
+    said: list[Notice] = []
+    now = NOW
     for seq in range(1, 2000):  # more than fits into the rest of the file's last page
         recording.record(arrival(seq))
         now += 1.0

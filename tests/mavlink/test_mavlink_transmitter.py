@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import pytest
-from mavlink_peer import signed, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.announcements import heartbeat
@@ -9,6 +8,7 @@ from gcs_mosaic.mavlink.parser import PacketReader, dialect
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing, SigningKey
 from gcs_mosaic.mavlink.transmitter import Transmitter, check_identity
+from tests.mavlink.mavlink_peer import signed, trigger
 
 SECRET = bytes(range(200, 232))
 

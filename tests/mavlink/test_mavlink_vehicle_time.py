@@ -5,12 +5,13 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, feedback, received, trigger
 
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.mavlink.parser import dialect
 from gcs_mosaic.mavlink.vehicle_time import VehicleTimes
 from gcs_mosaic.messages import TriggerEvent
+from tests.mavlink.mavlink_peer import captured, feedback, received, trigger
+from tests.sure import sure
 
 UTC = 1_750_000_000.0
 YEAR_S = 365.25 * 86400
@@ -22,9 +23,7 @@ def system_time(utc: float, boot: float, system: int = 1, component: int = 1) ->
 
 
 def event(message: Any, at: float, system: int = 1, component: int = 1) -> TriggerEvent:
-    decoded = decode(received(message, system, component), at)
-    assert decoded is not None
-    return decoded
+    return sure(decode(received(message, system, component), at))
 
 
 def dated(*heard: tuple[Any, float], message: Any = None, at: float = 60.0, component: int = 1) -> float | None:

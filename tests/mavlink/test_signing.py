@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import packet, signed, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.signing import Signing, SigningKey, load_key, secret_of
 from gcs_mosaic.messages import Refusals
+from tests.mavlink.mavlink_peer import packet, signed, trigger
 
 SECRET = bytes(range(200, 232))
 OTHER = bytes(range(1, 33))

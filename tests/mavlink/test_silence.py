@@ -9,14 +9,14 @@ import socket
 import threading
 from collections.abc import Iterable
 
-from hostile_peer import questions
-from mavlink_peer import captured, free_udp_port, packet, signed, trigger
-
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.link import Items, triggers
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing, SigningKey
 from gcs_mosaic.messages import LinkReport, TriggerEvent
+from tests.mavlink.hostile_peer import questions
+from tests.mavlink.mavlink_peer import captured, packet, signed, trigger
+from tests.ports import free_port
 
 QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))
@@ -48,7 +48,7 @@ def hostile(packets: Iterable[bytes] = PACKETS) -> list[bytes]:
 
 
 def test_a_udp_peer_gets_nothing() -> None:
-    port, stop = free_udp_port(), threading.Event()
+    port, stop = free_port(), threading.Event()
     heard = listening(f"udp:127.0.0.1:{port}", stop)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
         for data in hostile():
@@ -60,7 +60,7 @@ def test_a_udp_peer_gets_nothing() -> None:
 
 
 def test_a_peer_whose_packets_are_refused_gets_nothing() -> None:
-    port, stop = free_udp_port(), threading.Event()
+    port, stop = free_port(), threading.Event()
     heard = listening(f"udp:127.0.0.1:{port}", stop, signing=Signing(SigningKey(SECRET)))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
         for data in (*hostile(), signed(trigger(99), SECRET, 7)):
@@ -84,7 +84,7 @@ def test_a_tcp_server_gets_nothing() -> None:
 
 
 def test_a_tcp_caller_gets_nothing() -> None:
-    port, stop = free_udp_port(), threading.Event()
+    port, stop = free_port(), threading.Event()
     heard = listening(f"tcpin:127.0.0.1:{port}", stop)
     with socket.create_connection(("127.0.0.1", port)) as peer:
         peer.sendall(b"".join(hostile()))

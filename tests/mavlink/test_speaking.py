@@ -13,8 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 import pytest
-from hostile_peer import questions
-from mavlink_peer import Message, captured, free_udp_port, heartbeat, packet, signed, trigger
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.address import parse_address
@@ -27,7 +25,10 @@ from gcs_mosaic.mavlink.signing import Signing, SigningKey
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.streams import StreamChannel, opener
 from gcs_mosaic.mavlink.transmitter import Transmitter
-from gcs_mosaic.messages import LinkReport, Notice, Refusals, TriggerEvent
+from gcs_mosaic.messages import LinkReport, Notice, Refusals, StreamOffer, TriggerEvent
+from tests.mavlink.hostile_peer import questions
+from tests.mavlink.mavlink_peer import Message, captured, heartbeat, packet, signed, trigger
+from tests.ports import free_port
 
 LOUD = LinkSettings(announce=191, poll_s=0.02, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))
@@ -41,7 +42,7 @@ class Link:
     address: str
     signing: Signing | None = None
     recovery: Recovery | None = None
-    items: list[TriggerEvent | Notice | LinkReport] = field(default_factory=list)
+    items: list[TriggerEvent | StreamOffer | Notice | LinkReport] = field(default_factory=list)
     stop: threading.Event = field(default_factory=threading.Event)
 
     def __enter__(self) -> Link:
@@ -97,7 +98,12 @@ class Peer:
 @pytest.fixture
 def peers() -> Iterator[Callable[[int], Peer]]:
     made = list[Peer]()
-    yield lambda port: made.append(Peer(port)) or made[-1]  # type: ignore[func-returns-value]
+
+    def make(port: int) -> Peer:
+        made.append(Peer(port))
+        return made[-1]
+
+    yield make
     for peer in made:
         peer.socket.close()
 
@@ -114,7 +120,7 @@ def is_beat(message: Message) -> bool:
 
 
 def test_a_heartbeat_goes_to_whom_we_hear_and_to_nobody_else(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     aircraft, stranger = peers(port), peers(port)
     with Link(f"udp:127.0.0.1:{port}") as link:
         stranger.send(b"", b"hello", b"\xfd" + bytes(30))
@@ -130,7 +136,7 @@ def test_a_heartbeat_goes_to_whom_we_hear_and_to_nobody_else(peers: Callable[[in
 
 
 def test_nothing_but_heartbeats_answers_a_peer_that_asks_for_everything(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     aircraft = peers(port)
     with Link(f"udp:127.0.0.1:{port}", recovery=Recovery()):
         aircraft.send(*(packet(question) for question in questions()))
@@ -138,7 +144,7 @@ def test_nothing_but_heartbeats_answers_a_peer_that_asks_for_everything(peers: C
 
 
 def test_what_is_told_reaches_the_ground_station(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     station = peers(port)
     with Link(f"udp:127.0.0.1:{port}") as link:
         station.send(packet(heartbeat(kind=6), system=255))
@@ -151,7 +157,7 @@ def test_what_is_told_reaches_the_ground_station(peers: Callable[[int], Peer]) -
 
 
 def test_what_is_told_before_anybody_listens_is_said_when_somebody_does(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     station = peers(port)
     with Link(f"udp:127.0.0.1:{port}") as link:
         link.speaker.tell(Announcement("disk", "Mosaic: the disk is filling up"))
@@ -177,7 +183,7 @@ def test_calling_out_needs_a_name() -> None:
 
 
 def test_a_number_that_another_has_ends_all_sending(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     aircraft = peers(port)
     with Link(f"udp:127.0.0.1:{port}") as link:
         aircraft.send(packet(heartbeat(), system=191, component=191))  # our own, sent back by a router
@@ -189,7 +195,7 @@ def test_a_number_that_another_has_ends_all_sending(peers: Callable[[int], Peer]
 
 
 def test_a_camera_is_asked_for_what_was_lost_and_its_answer_is_an_event(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     camera = peers(port)
     with Link(f"udp:127.0.0.1:{port}", recovery=Recovery()) as link:
         camera.send(*(packet(captured(index, time_boot_ms=1000 * index), component=100) for index in (4, 6)))
@@ -201,7 +207,7 @@ def test_a_camera_is_asked_for_what_was_lost_and_its_answer_is_an_event(peers: C
 
 
 def test_a_camera_that_denies_is_asked_no_more_and_that_is_said(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     camera = peers(port)
     with Link(f"udp:127.0.0.1:{port}", recovery=Recovery()) as link:
         camera.send(*(packet(captured(index), component=100) for index in (4, 9)))
@@ -213,7 +219,7 @@ def test_a_camera_that_denies_is_asked_no_more_and_that_is_said(peers: Callable[
 
 
 def test_with_a_key_what_is_heard_must_be_signed_and_what_is_said_is(peers: Callable[[int], Peer]) -> None:
-    port = free_udp_port()
+    port = free_port()
     aircraft, forger = peers(port), peers(port)
     with Link(f"udp:127.0.0.1:{port}", signing=Signing(SigningKey(SECRET))) as link:
         forger.send(packet(trigger(1)), packet(trigger(2)), signed(trigger(3), bytes(range(32)), 9))

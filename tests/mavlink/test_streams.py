@@ -11,26 +11,25 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from mavlink_peer import free_udp_port, packet, trigger
 
 from gcs_mosaic.mavlink.address import LinkAddress, parse_address
-from gcs_mosaic.mavlink.link import triggers
+from gcs_mosaic.mavlink.link import Items, triggers
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.streams import StreamChannel, opener, serial
-from gcs_mosaic.messages import LinkReport, Notice, TriggerEvent
+from gcs_mosaic.messages import Notice, TriggerEvent
+from tests.mavlink.mavlink_peer import packet, trigger
+from tests.ports import free_port
 
 QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
 WAITS = (0.02, 0.04, 0.05, 0.05, 0.05)  # seconds between two tries
 
-Heard = Iterator[TriggerEvent | Notice | LinkReport]
-
 
 @pytest.fixture
-def listen() -> Iterator[Callable[[str], Heard]]:
-    stop, opened = threading.Event(), list[Heard]()
+def listen() -> Iterator[Callable[[str], Items]]:
+    stop, opened = threading.Event(), list[Items]()
 
-    def start(address: str) -> Heard:
+    def start(address: str) -> Items:
         opened.append(triggers(parse_address(address), stop, QUICK))
         return opened[-1]
 
@@ -40,15 +39,15 @@ def listen() -> Iterator[Callable[[str], Heard]]:
         list(heard)
 
 
-def sequence(heard: Heard) -> int | None:
+def sequence(heard: Items) -> int | None:
     return next(item.sequence for item in heard if isinstance(item, TriggerEvent))
 
 
-def said(heard: Heard, text: str) -> Notice:
+def said(heard: Items, text: str) -> Notice:
     return next(item for item in heard if isinstance(item, Notice) and text in item.text)
 
 
-def test_a_tcp_link_is_opened_again_when_it_is_lost(listen: Callable[[str], Heard]) -> None:
+def test_a_tcp_link_is_opened_again_when_it_is_lost(listen: Callable[[str], Items]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         heard = listen(f"tcp:127.0.0.1:{server.getsockname()[1]}")
         for seq in range(2):
@@ -86,16 +85,16 @@ def test_one_who_takes_the_call_and_hangs_up_is_called_at_growing_distances() ->
     others[-1].close()
 
 
-def test_a_tcp_link_waits_for_the_other_side(listen: Callable[[str], Heard]) -> None:
-    port = free_udp_port()
+def test_a_tcp_link_waits_for_the_other_side(listen: Callable[[str], Items]) -> None:
+    port = free_port()
     heard = listen(f"tcp:127.0.0.1:{port}")
     assert said(heard, "cannot be opened").level == "warning"
     with socket.create_server(("127.0.0.1", port)):
         said(heard, "is connected")
 
 
-def test_a_tcp_caller_is_taken_and_another_after_it(listen: Callable[[str], Heard]) -> None:
-    port = free_udp_port()
+def test_a_tcp_caller_is_taken_and_another_after_it(listen: Callable[[str], Items]) -> None:
+    port = free_port()
     heard = listen(f"tcpin:127.0.0.1:{port}")
     for seq in range(2):
         with socket.create_connection(("127.0.0.1", port)) as link:
@@ -103,7 +102,7 @@ def test_a_tcp_caller_is_taken_and_another_after_it(listen: Callable[[str], Hear
             assert sequence(heard) == seq
 
 
-def test_a_serial_line_is_read_raw(listen: Callable[[str], Heard]) -> None:
+def test_a_serial_line_is_read_raw(listen: Callable[[str], Items]) -> None:
     ours, theirs = pty.openpty()
     heard = listen(f"serial:{os.ttyname(theirs)}:115200")
     said(heard, "is connected")
@@ -116,7 +115,7 @@ def test_a_serial_line_is_read_raw(listen: Callable[[str], Heard]) -> None:
     assert "lost" in said(heard, "is lost").text
 
 
-def test_a_serial_line_that_another_program_reads_is_not_shared(listen: Callable[[str], Heard]) -> None:
+def test_a_serial_line_that_another_program_reads_is_not_shared(listen: Callable[[str], Items]) -> None:
     ours, theirs = pty.openpty()
     said(listen(os.ttyname(theirs)), "is connected")
     assert "cannot be opened" in said(listen(os.ttyname(theirs)), "cannot").text
@@ -124,7 +123,7 @@ def test_a_serial_line_that_another_program_reads_is_not_shared(listen: Callable
     os.close(theirs)
 
 
-def test_a_serial_device_that_is_not_there_is_said(listen: Callable[[str], Heard]) -> None:
+def test_a_serial_device_that_is_not_there_is_said(listen: Callable[[str], Items]) -> None:
     assert "No such file" in said(listen("/dev/ttyNOWHERE9"), "cannot be opened").text
 
 

@@ -4,12 +4,12 @@ import threading
 from pathlib import Path
 
 import pytest
-from mavlink_peer import recorded
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.link import triggers
 from gcs_mosaic.messages import TriggerEvent
+from tests.mavlink.mavlink_peer import recorded
 
 
 def replay(file: Path) -> list[TriggerEvent]:

@@ -12,8 +12,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import fresh
 import pytest
+
+from tests import fresh
 
 LONGEST_WAIT_S = 30.0
 MAVPROXY = fresh.ROOT / ".mavproxy" / "bin" / "mavproxy.py"
@@ -21,7 +22,8 @@ PLACE = (47.0, 8.0, 500.0, 50.0)  # degrees and metres
 
 
 def need_mavsdk() -> ModuleType:
-    return pytest.importorskip("mavsdk", reason="MAVSDK is not installed: pip install mavsdk")
+    mavsdk: ModuleType = pytest.importorskip("mavsdk", reason="MAVSDK is not installed: pip install mavsdk")
+    return mavsdk
 
 
 def need_mavproxy() -> Path:

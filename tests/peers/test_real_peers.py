@@ -7,13 +7,13 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
-from cameras import Camera, Station, forwarder, need_mavproxy, need_mavsdk
 from pymavlink import mavutil
-from running import Running, events_of, flying, frames_of, six_pictures
 
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog_reader import read_recording
-from sitl.__main__ import free_port
+from tests.peers.cameras import Camera, Station, forwarder, need_mavproxy, need_mavsdk
+from tests.ports import free_port
+from tests.running import Running, events_of, flying, frames_of, six_pictures
 
 SHOTS = 4
 
@@ -51,14 +51,14 @@ def assert_every_shot_matched(flight: Running, taken: list[str]) -> None:
 
 
 @pytest.mark.long
-def test_every_shot_of_a_camera_of_mavsdk_is_matched(tmp_path, pictures):
+def test_every_shot_of_a_camera_of_mavsdk_is_matched(tmp_path: Path, pictures: list[bytes]) -> None:
     need_mavsdk()
     with flying(tmp_path) as flight, photographed(flight, port_of(flight), pictures) as taken:
         assert len(taken) == SHOTS
     assert_every_shot_matched(flight, taken)
 
 
-def test_through_mavproxy_and_the_recordings_of_both_are_alike(tmp_path, pictures):
+def test_through_mavproxy_and_the_recordings_of_both_are_alike(tmp_path: Path, pictures: list[bytes]) -> None:
     need_mavsdk()
     need_mavproxy()
     port = free_port()

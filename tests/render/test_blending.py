@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.blending import mix
@@ -11,6 +12,7 @@ from gcs_mosaic.render.sampling import CUT
 from gcs_mosaic.render.seams import SEEN
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.warp_grid import LATTICE
+from tests.sure import sure
 
 shares = arrays(np.float32, (LATTICE, LATTICE), elements=st.floats(0, 1, width=32))
 SHAPE = 8, 8
@@ -18,7 +20,8 @@ PLANES = {"seam": SEEN, "edge": 1, "newest": 0, "first": 0}
 
 
 def plain(value: int, weight: float) -> Layer:
-    return make_layer(np.full((256, 256, 3), value, np.uint8), None, np.full((LATTICE, LATTICE), weight, np.float32))
+    colour = np.full((256, 256, 3), value, np.uint8)
+    return sure(make_layer(colour, None, np.full((LATTICE, LATTICE), weight, np.float32)))
 
 
 def frame(mode: str, log_weight: float, covered: int = WHOLLY) -> Seen:
@@ -60,7 +63,7 @@ def test_where_two_cover_parts_neither_is_forgotten(mode: str) -> None:
 
 
 @given(shares, st.integers(0, 255), st.integers(0, 255))
-def test_a_mixture_lies_between_its_parts(share, a: int, b: int) -> None:
+def test_a_mixture_lies_between_its_parts(share: NDArray[np.float32], a: int, b: int) -> None:
     colour = mix(plain(a, 0.5), plain(b, 0.5), share).colour
     assert min(a, b) <= colour.min() <= colour.max() <= max(a, b)
 

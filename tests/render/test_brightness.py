@@ -11,7 +11,7 @@ from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 
 
-def test_an_overlap_outlasts_the_moving_of_one_island_to_another():
+def test_an_overlap_outlasts_the_moving_of_one_island_to_another() -> None:
     """Of two frames whose island has been joined to another one, only the first is painted there when a border is found."""
     brightness = Brightness(ExposureSettings(), VignettingSettings(), lambda size: NO_BORDER)
     light, dark = picture(0).astype(np.float32), (picture(0) * 0.7).astype(np.float32)

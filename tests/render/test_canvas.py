@@ -1,7 +1,9 @@
 import random
 from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,22 +13,38 @@ from painting_parts import hilly, painted, picture
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.looks import Sight
+from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.pixels import FramePicture
+from gcs_mosaic.render.placed import PlacedFrame, placed
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
 from gcs_mosaic.render.vignetting import FLAT
+from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera
+from tests.sure import sure
 
 MIDDLE = 1 << 15
+Canvases = Callable[..., Canvas]  # makes one by its settings
 
 
-def originals(name: str):
+def originals(name: str) -> Bands:
     return picture(int(name.removesuffix(".jpg")))
 
 
+def noted(names: list[str]) -> Callable[[str], Bands]:
+    """The originals, and in `names` which of them were asked for."""
+
+    def load(name: str) -> Bands:
+        names.append(name)
+        return originals(name)
+
+    return load
+
+
 @pytest.fixture
-def canvas():
+def canvas() -> Iterator[Canvases]:
     """Makes canvases, and closes them in the end."""
     with ExitStack() as stack:
         yield lambda load=originals, load_tile=None, **settings: stack.enter_context(
@@ -34,25 +52,30 @@ def canvas():
         )
 
 
-def paint(c: Canvas, *frames) -> set:
-    return set().union(*(c.paint(originals(frame.name), frame) for frame in frames))
+def paint(c: Canvas, *frames: Painted) -> set[TileKey]:
+    nothing: set[TileKey] = set()
+    return nothing.union(*(c.paint(originals(frame.name), frame) for frame in frames))
 
 
-def random_frame(rng: random.Random, order: int):
+def random_frame(rng: random.Random, order: int) -> Painted:
     x, y, gsd = rng.uniform(-400, 400), rng.uniform(-300, 300), rng.choice([1.0, 1.0, 2.2, 5.0])
     gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
     relief = rng.choice([None, hilly(rng.randrange(9))])
     vignetting = rng.choice([FLAT, ((0.1, -0.3, 0.05), (0.0, -0.2, 0.0), (0.0, -0.4, 0.1))])
     yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
     dead = rng.choice([NO_BORDER, DeadBorder(0, 12, 1, 3)])
-    looks = {"gain": gain, "vignetting": vignetting, "relief": relief, "dead": dead}
+    looks: dict[str, Any] = {"gain": gain, "vignetting": vignetting, "relief": relief, "dead": dead}
     return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, **looks)
 
 
 def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
-    box, coarsest, finest = c.extent(0)
+    box, coarsest, finest = sure(c.extent(0))
     tiles = (tile for level in range(coarsest - 2, finest + 2) for tile in tiles_over(box, level))
     return {tile: shown for tile in tiles if (shown := c.tile(0, tile)) is not None}
+
+
+def middle_of(c: Canvas) -> TilePicture:
+    return sure(c.tile(0, Tile(16, MIDDLE, MIDDLE)))
 
 
 def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) -> None:
@@ -64,9 +87,10 @@ def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) ->
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("blend", MODES)
-def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas, blend: str, seed: int) -> None:
+def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas: Canvases, blend: str, seed: int) -> None:
     rng = random.Random(seed)
-    step_by_step, final = canvas(blend=blend, memory_mb=2), {}
+    step_by_step = canvas(blend=blend, memory_mb=2)
+    final: dict[str, Painted] = {}
     for _ in range(20):
         frame, action = random_frame(rng, rng.randrange(12)), rng.random()
         if action < 0.6 or frame.name not in final:
@@ -88,13 +112,13 @@ def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas, blend: str, s
     assert_same(all_tiles(step_by_step), all_tiles(rebuilt))
 
 
-def test_frames_painted_in_order_need_no_repaint(canvas) -> None:
+def test_frames_painted_in_order_need_no_repaint(canvas: Canvases) -> None:
     c = canvas()
     paint(c, *(painted(i, 30.0 * i, 10.0 * i) for i in range(6)))
     assert c.behind == 0
 
 
-def test_paint_tells_of_every_tile_that_changed(canvas) -> None:
+def test_paint_tells_of_every_tile_that_changed(canvas: Canvases) -> None:
     c, rng = canvas(), random.Random(5)
     paint(c, random_frame(rng, 0))
     for order in range(1, 8):
@@ -104,18 +128,18 @@ def test_paint_tells_of_every_tile_that_changed(canvas) -> None:
             assert (0, tile) in told or np.array_equal(after.colour, before[tile].colour)
 
 
-def test_a_late_frame_is_shown_at_once_and_set_right_by_a_repaint(canvas) -> None:
+def test_a_late_frame_is_shown_at_once_and_set_right_by_a_repaint(canvas: Canvases) -> None:
     c = canvas(blend="newest")
     paint(c, painted(2, 100, 100))
-    newest = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+    newest = middle_of(c).colour
     paint(c, painted(1, 100, 100))
-    assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, newest)
+    assert not np.array_equal(middle_of(c).colour, newest)
     assert c.behind == 1
     list(c.repaint())
-    np.testing.assert_array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, newest)
+    np.testing.assert_array_equal(middle_of(c).colour, newest)
 
 
-def test_no_half_made_tile_is_shown_while_repainting(canvas) -> None:
+def test_no_half_made_tile_is_shown_while_repainting(canvas: Canvases) -> None:
     c = canvas()
     paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(5)))
     before = all_tiles(c)
@@ -126,12 +150,12 @@ def test_no_half_made_tile_is_shown_while_repainting(canvas) -> None:
             break
         assert_same(all_tiles(c), before)
     assert (0, shown) in told
-    assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before[Tile(16, MIDDLE, MIDDLE)].colour)
+    assert not np.array_equal(middle_of(c).colour, before[Tile(16, MIDDLE, MIDDLE)].colour)
 
 
 @pytest.mark.parametrize("way", [(16, 15), (15, 16)])
 @pytest.mark.parametrize("first", [0, 1])
-def test_what_goes_to_another_level_is_shown_all_the_time(canvas, way: tuple[int, int], first: int) -> None:
+def test_what_goes_to_another_level_is_shown_all_the_time(canvas: Canvases, way: tuple[int, int], first: int) -> None:
     """Whichever of two frames on the same tiles is the more urgent one, and whichever level is made anew first."""
     c, (before, after) = canvas(), way
     paint(c, painted(0, 128, 128, level=before), painted(1, 180, 128, level=before))
@@ -139,12 +163,12 @@ def test_what_goes_to_another_level_is_shown_all_the_time(canvas, way: tuple[int
     c.move([painted(1 - first, 180 - 52 * first, 127, level=before)], urgency=2.0)
     for _ in c.repaint(block=1):
         fine, coarse = c.tile(0, Tile(16, MIDDLE, MIDDLE)), c.tile(0, Tile(15, MIDDLE // 2, MIDDLE // 2))
-        seen = (fine is not None and (fine.coverage[128, 64:240] > 0).all(), coarse is not None)
-        assert seen[0] or (seen[1] and (coarse.coverage[64, 32:120] > 0).all())
+        seen = fine is not None and (fine.coverage[128, 64:240] > 0).all()
+        assert seen or (coarse is not None and (coarse.coverage[64, 32:120] > 0).all())
     assert c.behind == 0
 
 
-def test_two_frames_that_change_levels_do_not_wait_for_each_other(canvas) -> None:
+def test_two_frames_that_change_levels_do_not_wait_for_each_other(canvas: Canvases) -> None:
     c = canvas()
     paint(c, painted(0, 128, 128, level=16), painted(1, 128, 128, level=15))
     c.move([painted(0, 128, 128, level=15), painted(1, 128, 128, level=16)])
@@ -152,7 +176,7 @@ def test_two_frames_that_change_levels_do_not_wait_for_each_other(canvas) -> Non
     assert c.behind == 0
 
 
-def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
+def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas: Canvases) -> None:
     c, rebuilt = canvas(), canvas()
     paint(c, *(painted(i, 100 + 5.0 * i, 100) for i in range(4)))
     c.move([painted(2, 140, 100)])
@@ -173,9 +197,9 @@ def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas) -> None:
     assert_same(all_tiles(c), all_tiles(rebuilt))
 
 
-def test_a_repaint_decodes_each_original_once(canvas) -> None:
-    asked = []
-    c = canvas(lambda name: asked.append(name) or originals(name))
+def test_a_repaint_decodes_each_original_once(canvas: Canvases) -> None:
+    asked: list[str] = []
+    c = canvas(noted(asked))
     frames = [painted(i, 100 + 40.0 * i, 100) for i in range(9)]
     paint(c, *frames)
     assert c.move(frames) == 0
@@ -186,7 +210,7 @@ def test_a_repaint_decodes_each_original_once(canvas) -> None:
     assert sorted(asked) == [frame.name for frame in frames]
 
 
-def test_only_tiles_that_are_to_look_otherwise_are_made_anew(canvas) -> None:
+def test_only_tiles_that_are_to_look_otherwise_are_made_anew(canvas: Canvases) -> None:
     """A frame in the midst of others moves a little; where it is far from showing, nothing happens."""
     wide = Camera(900, 700, focal=1.2)
     c = canvas(lambda name: picture(int(name.removesuffix(".jpg")), wide), blend="first")
@@ -194,34 +218,35 @@ def test_only_tiles_that_are_to_look_otherwise_are_made_anew(canvas) -> None:
         c.paint(picture(frame.order, wide), frame)
     c.move([painted(1, 601, 100, camera=wide)])
     waiting = c.behind
-    told = {key for key in set().union(*c.repaint()) if key[1].z == 16}
+    told = {key for changed in c.repaint() for key in changed if key[1].z == 16}
     assert 0 < len(told) < waiting
 
 
-def test_a_neighbour_whose_original_cannot_be_had_does_not_hold_a_new_frame_back(canvas) -> None:
+def test_a_neighbour_whose_original_cannot_be_had_does_not_hold_a_new_frame_back(canvas: Canvases) -> None:
     def load(name: str) -> None:
         raise OSError(name)
 
     for missing in (load, lambda name: None):
         c = canvas(missing)
         paint(c, painted(0, 100, 100))
-        before = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+        before = middle_of(c).colour
         c._gallery.clear()
         paint(c, painted(1, 130, 100))
-        assert not np.array_equal(c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour, before)
+        assert not np.array_equal(middle_of(c).colour, before)
         assert c.behind > 0
 
 
-def test_what_is_removed_vanishes_from_all_levels(canvas) -> None:
+def test_what_is_removed_vanishes_from_all_levels(canvas: Canvases) -> None:
     c = canvas()
     told = paint(c, painted(0, 100, 100))
     c.remove(["0.jpg"])
-    assert told <= set().union(*c.repaint())
+    vanished: set[TileKey] = set()
+    assert told <= vanished.union(*c.repaint())
     assert all(c.tile(*key) is None for key in told)
     assert c.extent(0) is None
 
 
-def test_an_original_that_is_gone_leaves_its_tiles_as_they_are(canvas) -> None:
+def test_an_original_that_is_gone_leaves_its_tiles_as_they_are(canvas: Canvases) -> None:
     c = canvas(lambda name: None if name == "0.jpg" else originals(name))
     paint(c, painted(0, 100, 100), painted(1, 110, 100))
     before = all_tiles(c)
@@ -232,7 +257,7 @@ def test_an_original_that_is_gone_leaves_its_tiles_as_they_are(canvas) -> None:
     assert_same(all_tiles(c), before)
 
 
-def test_a_flight_goes_on_from_tiles_on_disk_and_ends_up_the_same(canvas) -> None:
+def test_a_flight_goes_on_from_tiles_on_disk_and_ends_up_the_same(canvas: Canvases) -> None:
     rng = random.Random(8)
     frames = [random_frame(rng, order) for order in range(6)]
     whole, earlier = canvas(), canvas()
@@ -249,7 +274,7 @@ def test_a_flight_goes_on_from_tiles_on_disk_and_ends_up_the_same(canvas) -> Non
     assert_same(all_tiles(resumed), all_tiles(whole))
 
 
-def test_islands_do_not_touch_each_other(canvas) -> None:
+def test_islands_do_not_touch_each_other(canvas: Canvases) -> None:
     c = canvas()
     paint(c, painted(0, 100, 100))
     before = all_tiles(c)
@@ -257,13 +282,13 @@ def test_islands_do_not_touch_each_other(canvas) -> None:
     assert_same(all_tiles(c), before)
 
 
-def test_a_frame_that_sees_no_ground_paints_nothing(canvas) -> None:
+def test_a_frame_that_sees_no_ground_paints_nothing(canvas: Canvases) -> None:
     c = canvas()
     assert paint(c, painted(0, roll=3.1, level=16)) == set()
     assert c.extent(0) is None
 
 
-def test_an_image_of_another_size_is_refused_and_changes_nothing(canvas) -> None:
+def test_an_image_of_another_size_is_refused_and_changes_nothing(canvas: Canvases) -> None:
     c = canvas()
     with pytest.raises(ValueError, match=r"0\.jpg is \(100, 160, 3\)"):
         c.paint(originals("0.jpg")[:100], painted(0))
@@ -275,7 +300,7 @@ def test_an_unknown_blend_is_refused_with_the_known_ones() -> None:
         CanvasSettings(blend="egde")
 
 
-def test_a_uniform_scene_stays_uniform_across_frames_tiles_and_levels(canvas) -> None:
+def test_a_uniform_scene_stays_uniform_across_frames_tiles_and_levels(canvas: Canvases) -> None:
     c = canvas()
     for i in range(8):
         c.paint(np.full((120, 160, 3), 90, np.uint8), painted(i, 60.0 * i, 25.0 * i, gsd=1 + 0.4 * i, yaw=i))
@@ -285,7 +310,9 @@ def test_a_uniform_scene_stays_uniform_across_frames_tiles_and_levels(canvas) ->
 
 @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
 @pytest.mark.parametrize("yaw", [0.0, 0.4])
-def test_nothing_of_a_dead_border_is_painted_nor_mixed_into_what_is(canvas, interpolation: str, yaw: float) -> None:
+def test_nothing_of_a_dead_border_is_painted_nor_mixed_into_what_is(
+    canvas: Canvases, interpolation: str, yaw: float
+) -> None:
     dead = DeadBorder(2, 11, 1, 5)
 
     def shown(value: int) -> dict[Tile, TilePicture]:
@@ -306,7 +333,7 @@ def test_nothing_of_a_dead_border_is_painted_nor_mixed_into_what_is(canvas, inte
     assert seen == pytest.approx((160 - 3) * (120 - 16), rel=0.03)
 
 
-def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas) -> None:
+def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas: Canvases) -> None:
     whole, part = canvas(), canvas()
     paint(whole, painted(0, 100, 100, yaw=0.3))
     paint(part, painted(0, 100, 100, yaw=0.3, dead=DeadBorder(right=9)))
@@ -317,7 +344,7 @@ def test_a_dead_border_leaves_the_rest_of_a_frame_where_it_was(canvas) -> None:
 
 
 @pytest.mark.parametrize("way", ["hastily", "seen"])
-def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas, way: str) -> None:
+def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas: Canvases, way: str) -> None:
     rng = random.Random(9)
     frames = [random_frame(rng, order) for order in range(8)]
     whole, other = canvas(), canvas()
@@ -334,12 +361,14 @@ def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas, way: st
     assert_same(all_tiles(other), all_tiles(whole))
 
 
-def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkeypatch) -> None:
+def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(
+    canvas: Canvases, monkeypatch: pytest.MonkeyPatch
+) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
     looked, failing = c._gallery._looked, {"0.jpg"}
 
-    def look(one, picture):
+    def look(one: Painted, picture: FramePicture) -> Sight:
         if one.name in failing:
             failing.remove(one.name)
             raise MemoryError("no room to look")
@@ -356,12 +385,18 @@ def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(canvas, monkey
 
 @pytest.mark.parametrize("other", ["nothing", "another frame", "another border", "an image that does not fit"])
 def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_as_it_is_painted(
-    canvas, monkeypatch, other
-):
+    canvas: Canvases, monkeypatch: pytest.MonkeyPatch, other: str
+) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
-    looked, looks = c._gallery._looked, []
-    monkeypatch.setattr(c._gallery, "_looked", lambda *of: looks.append(of[0].name) or looked(*of))
+    looked = c._gallery._looked
+    looks: list[str] = []
+
+    def look(one: Painted, picture: FramePicture) -> Sight:
+        looks.append(one.name)
+        return looked(one, picture)
+
+    monkeypatch.setattr(c._gallery, "_looked", look)
     for frame in frames:
         image = originals(frame.name)
         name = "99.jpg" if other == "another frame" else frame.name
@@ -372,13 +407,13 @@ def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_a
     assert_same(all_tiles(c), all_tiles(whole))
 
 
-def test_places_that_were_expected_are_those_that_are_used(canvas, monkeypatch) -> None:
+def test_places_that_were_expected_are_those_that_are_used(canvas: Canvases, monkeypatch: pytest.MonkeyPatch) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(12)], canvas(), canvas()
     paint(whole, *frames)
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(12)])
     worked_out: Counter[str] = Counter()
 
-    def place(one, before):
+    def place(one: Painted, before: PlacedFrame | None) -> PlacedFrame | None:
         worked_out[one.name] += 1
         return placed(one, before)
 
@@ -393,14 +428,17 @@ def test_places_that_were_expected_are_those_that_are_used(canvas, monkeypatch) 
     assert_same(all_tiles(c), all_tiles(whole))
 
 
-def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(canvas, monkeypatch) -> None:
+def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(
+    canvas: Canvases, monkeypatch: pytest.MonkeyPatch
+) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(4)])
     c.move(frames)
-    known, raised = c._gallery.placed, []
+    known = c._gallery.placed
+    raised: list[str] = []
 
-    def placing(one):
+    def placing(one: Painted) -> PlacedFrame | None:
         if one.name == "2.jpg" and not raised:
             raised.append(one.name)
             raise MemoryError("no room to place it")
@@ -412,7 +450,7 @@ def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(canvas, monke
     assert_same(all_tiles(c), all_tiles(whole))
 
 
-def test_a_dark_map_that_is_shown_lighter_is_the_same_map(canvas) -> None:
+def test_a_dark_map_that_is_shown_lighter_is_the_same_map(canvas: Canvases) -> None:
     frames = [painted(order, 100 + 60 * order, 100) for order in range(4)]
     plain, lighter = canvas(), canvas()
     paint(plain, *frames)
@@ -423,15 +461,15 @@ def test_a_dark_map_that_is_shown_lighter_is_the_same_map(canvas) -> None:
     assert np.mean([one.mean() for one in apart]) < 0.2  # but where two frames are mixed, or pixels are
 
 
-def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas) -> None:
-    asked = []
-    c = canvas(lambda name: asked.append(name) or originals(name))
+def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas: Canvases) -> None:
+    asked: list[str] = []
+    c = canvas(noted(asked))
     paint(c, painted(0, 100, 100))
     c._gallery.clear()
     second = painted(1, 150, 100)
     c.paint(originals(second.name), second, hastily=True)
     assert asked == []
-    here = c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour
+    here = middle_of(c).colour
     list(c.repaint())
-    apart = cv2.absdiff(here, c.tile(0, Tile(16, MIDDLE, MIDDLE)).colour)
+    apart = cv2.absdiff(here, middle_of(c).colour)
     assert (apart.max(axis=2) > 13).mean() < 0.01  # but for tones

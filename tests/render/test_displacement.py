@@ -6,7 +6,7 @@ from painting_parts import painted
 
 from gcs_mosaic.render.displacement import displacement
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, reduced_view
-from gcs_mosaic.stitch.graph.placement import Placement
+from tests.factories import placement
 
 
 @pytest.mark.parametrize("reduction", [1, 2, 4])
@@ -15,16 +15,5 @@ def test_a_frame_is_off_by_what_it_has_moved_whatever_it_is_reduced_by(reduction
     camera, pose = Camera(4000, 3000, 1.2, k1=-0.02), Pose(10.0, 20.0, 0.1, 0.3, 0.02, -0.01)
     reduced, small = reduced_view(pose, camera, camera.width // reduction, camera.height // reduction)
     there = replace(painted(0), pose=reduced, camera=small)
-    placement = Placement(
-        name="0.jpg",
-        island=0,
-        pose=Pose(10.0 + by, 20.0, 0.1, 0.3, 0.02, -0.01),
-        camera=camera,
-        relief=None,
-        inliers=99,
-        residual_px=0.5,
-        neighbours=(),
-        hops=1,
-        corner_deviation_px=0.1,
-    )
-    assert displacement(there, placement) == pytest.approx(by / math.exp(0.1), abs=1e-6)
+    moved = placement("0.jpg", Pose(10.0 + by, 20.0, 0.1, 0.3, 0.02, -0.01), camera)
+    assert displacement(there, moved) == pytest.approx(by / math.exp(0.1), abs=1e-6)

@@ -78,7 +78,7 @@ def test_levels_are_what_is_shown_before_it_is_rounded_and_clipped() -> None:
 
 
 @pytest.mark.parametrize(("low", "high", "kind"), [(0, 60, np.uint8), (0, 12, np.uint8), (0, 4000, np.uint16)])
-def test_a_dark_frame_is_shown_lighter_if_asked_for(low, high, kind) -> None:
+def test_a_dark_frame_is_shown_lighter_if_asked_for(low: int, high: int, kind: type) -> None:
     dark = counts(low, high, 3, kind)
     if kind is np.uint16:
         dark[50, 50] = 60_000

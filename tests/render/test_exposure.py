@@ -13,6 +13,7 @@ from gcs_mosaic.render.exposure import (
     overlap_means,
     solve_gains,
 )
+from tests.sure import sure
 
 
 def seen(true_i: float, true_j: float, count: int = 2000) -> OverlapMeans:
@@ -83,7 +84,7 @@ def test_gains_stay_within_their_bounds(ratio: float) -> None:
 
 def test_means_are_those_of_the_common_ground() -> None:
     ground = np.random.default_rng(3).integers(40, 200, (80, 180, 3), dtype=np.uint8)
-    means = overlap_means(ground[:, :100], ground[:, 60:160] // 2, lambda pixels: pixels - [60, 0])
+    means = sure(overlap_means(ground[:, :100], ground[:, 60:160] // 2, lambda pixels: pixels - [60, 0]))
     assert means.count == 40 * 80
     assert means.mean_i == pytest.approx(ground[:, 60:100].reshape(-1, 3).mean(axis=0), abs=1)
     assert means.mean_j == pytest.approx(np.array(means.mean_i) / 2, abs=0.6)
@@ -93,7 +94,7 @@ def test_clipped_pixels_do_not_count_and_no_overlap_is_none() -> None:
     grey = np.full((50, 60, 3), 100, np.uint8)
     burnt = grey.copy()
     burnt[:25] = 255
-    assert overlap_means(grey, burnt, lambda pixels: pixels).mean_j == (100.0,) * 3
+    assert sure(overlap_means(grey, burnt, lambda pixels: pixels)).mean_j == (100.0,) * 3
     assert overlap_means(grey, np.full_like(grey, 255), lambda pixels: pixels) is None
     assert overlap_means(grey, grey, lambda pixels: pixels + 1000) is None
     assert overlap_means(grey, grey, lambda pixels: pixels * np.nan) is None
@@ -108,7 +109,7 @@ def test_a_gain_multiplies_and_clips() -> None:
 @pytest.mark.parametrize("palette", ["INFERNO", "JET", "HOT", "PLASMA", "RAINBOW", "MAGMA"])
 def test_palettes_are_told_from_ground(palette: str) -> None:
     grey = np.random.default_rng(4).integers(0, 256, (60, 96), dtype=np.uint8)
-    assert is_false_colour(cv2.applyColorMap(grey, getattr(cv2, f"COLORMAP_{palette}")))
+    assert is_false_colour(cv2.applyColorMap(grey, getattr(cv2, f"COLORMAP_{palette}")).astype(np.uint8))
 
 
 @pytest.mark.parametrize("tint", [(1, 1, 1), (0.3, 0.7, 0.4), (1, 0.8, 0.3), (0.2, 0.4, 1)])

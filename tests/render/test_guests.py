@@ -2,10 +2,12 @@
 
 from collections.abc import Iterable
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from painting_parts import painted
 
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
@@ -45,7 +47,7 @@ def with_bush(wide: float) -> np.ndarray:
     return np.asarray(np.clip(bare() - 80 * (y[:, None] * x)[..., None], 0, 255), np.uint8)
 
 
-def flown(order: int, x: int, y: int, gsd: int, seen: np.ndarray, **more) -> tuple[Painted, np.ndarray]:
+def flown(order: int, x: int, y: int, gsd: int, seen: np.ndarray, **more: Any) -> tuple[Painted, np.ndarray]:
     """A frame, and its picture, whose left top corner is at a ground pixel."""
     width, height = CAMERA.width * gsd, CAMERA.height * gsd
     part = seen[y : y + height, x : x + width]
@@ -74,6 +76,10 @@ def red(picture: np.ndarray, x: int, y: int, side: int) -> float:
     """The share of a square that is red, by at least half of what it was."""
     part = picture[y : y + side, x : x + side].astype(int)
     return float(((part[..., 2] - part[..., 1]) > 80).mean())
+
+
+def covered(picture: np.ndarray) -> NDArray[np.uint8]:
+    return np.asarray(picture.any(axis=2), np.uint8)
 
 
 def finer_ones(seen: np.ndarray, first: int) -> list[tuple[Painted, np.ndarray]]:
@@ -110,7 +116,7 @@ def test_what_stands_there_is_shown_as_the_finer_frames_see_it(gsd: int, side: i
     scene = ground([(*PERSON, side)])
     near = finer_ones(scene, 1)
     shown, without = mosaic([flown(0, 0, 0, gsd, scene), *near]), mosaic(near)
-    inside = cv2.erode(without.any(axis=2).astype(np.uint8), np.ones((41, 41))) > 0
+    inside = cv2.erode(covered(without), np.ones((41, 41))) > 0
     np.testing.assert_array_equal(shown[inside], without[inside])
 
 
@@ -119,7 +125,7 @@ def test_what_stands_there_is_shown_as_the_finer_frames_see_it(gsd: int, side: i
 def test_what_has_no_edge_stands_out_from_high_up_alone_and_is_shown_as_the_finer_see_it(gsd: int, wide: int) -> None:
     near = finer_ones(with_bush(wide), 1)
     shown, without = mosaic([flown(0, 0, 0, gsd, with_bush(wide)), *near]), mosaic(near)
-    inside = cv2.erode(without.any(axis=2).astype(np.uint8), np.ones((41, 41))) > 0
+    inside = cv2.erode(covered(without), np.ones((41, 41))) > 0
     np.testing.assert_array_equal(shown[inside], without[inside])
 
 

@@ -1,5 +1,6 @@
 """What is painted when: the most displaced first, and never so much at a time that a new frame would wait."""
 
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import replace
 
@@ -9,51 +10,44 @@ import pytest
 from painting_parts import SMALL, picture
 
 from gcs_mosaic.render import repaint_queue as painter_module
+from gcs_mosaic.render.displacement import displacement
+from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.repaint_queue import CHECKED_AT_ONCE, Painter, PaintSettings
 from gcs_mosaic.render.tile_grid import tiles_over
 from gcs_mosaic.render.vignetting import FLAT
+from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.dead_border import FRAMES, NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Placement
+from tests.factories import placement
+from tests.sure import sure
 
 APART = 20_000.0  # canvas units, so that no two frames share a block of tiles
 
 
-def placement(number: int, x: float, island: int = 0, gsd: float = 1.0) -> Placement:
-    pose = Pose(x, 0.0, log_gsd=float(np.log(gsd)))
-    return Placement(
-        name=str(number),
-        island=island,
-        pose=pose,
-        camera=SMALL,
-        relief=None,
-        inliers=99,
-        residual_px=0.5,
-        neighbours=(),
-        hops=1,
-        corner_deviation_px=0.1,
-    )
+def placed(number: int, x: float, island: int = 0, gsd: float = 1.0) -> Placement:
+    return placement(str(number), Pose(x, 0.0, log_gsd=float(np.log(gsd))), SMALL, island=island)
 
 
 @pytest.fixture
-def recorded():
+def recorded() -> list[Painted]:
     return []
 
 
 @pytest.fixture
-def painter(recorded):
+def painter(recorded: list[Painted]) -> Iterator[Painter]:
     painter = Painter(lambda name: picture(int(name)), recorded.append, PaintSettings())
     yield painter
     painter.close()
 
 
-def paint(painter, placements):
+def paint(painter: Painter, placements: Iterable[Placement]) -> None:
     for order, one in enumerate(placements):
         painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
 
 
-def repainted(painter) -> list[set]:
+def repainted(painter: Painter) -> list[set[TileKey]]:
     """The sets of tiles that change, in turn."""
     changes = []
     while (changed := painter.repaint_some()) is not None:
@@ -61,8 +55,8 @@ def repainted(painter) -> list[set]:
     return changes
 
 
-def test_the_most_displaced_frame_is_repainted_first(painter):
-    there = [placement(k, k * APART) for k in range(4)]
+def test_the_most_displaced_frame_is_repainted_first(painter: Painter) -> None:
+    there = [placed(k, k * APART) for k in range(4)]
     paint(painter, there)
     by = [3.0, 40.0, 0.5, 12.0]
     painter.follow(replace(p, pose=replace(p.pose, x=p.pose.x + off)) for p, off in zip(there, by, strict=True))
@@ -71,18 +65,18 @@ def test_the_most_displaced_frame_is_repainted_first(painter):
     assert not painter.has_repaints
 
 
-def test_a_frame_of_another_island_comes_before_all_others(painter):
-    there = [placement(0, 0.0), placement(1, APART)]
+def test_a_frame_of_another_island_comes_before_all_others(painter: Painter) -> None:
+    there = [placed(0, 0.0), placed(1, APART)]
     paint(painter, there)
     painter.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
     islands = [{island for island, _ in change} for change in repainted(painter)]
     assert islands == [{1}, {0}, {0}]  # where it lies, where it lay, and then the other
 
 
-def test_frames_that_moved_back_are_left_alone(painter, recorded):
-    there = [placement(0, 0.0)]
+def test_frames_that_moved_back_are_left_alone(painter: Painter, recorded: list[Painted]) -> None:
+    there = [placed(0, 0.0)]
     paint(painter, there)
-    painter.follow([placement(0, 30.0)])
+    painter.follow([placed(0, 30.0)])
     painter.follow(there)
     assert painter.has_repaints
     assert repainted(painter) == []
@@ -90,24 +84,29 @@ def test_frames_that_moved_back_are_left_alone(painter, recorded):
 
 
 @pytest.mark.long
-def test_no_call_looks_at_more_than_some_frames(painter, monkeypatch):
-    looked = []
-    measure = painter_module.displacement
-    monkeypatch.setattr(painter_module, "displacement", lambda *args: looked.append(1) or measure(*args))
-    there = [placement(k, 400.0 * k) for k in range(CHECKED_AT_ONCE + 20)]
+def test_no_call_looks_at_more_than_some_frames(painter: Painter, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked = 0
+
+    def measure(painted: Painted, placement: Placement) -> float:
+        nonlocal looked
+        looked += 1
+        return displacement(painted, placement)
+
+    monkeypatch.setattr(painter_module, "displacement", measure)
+    there = [placed(k, 400.0 * k) for k in range(CHECKED_AT_ONCE + 20)]
     paint(painter, there)
     painter.follow(there)
-    assert looked == []
+    assert looked == 0
     painter.repaint_some()
-    assert len(looked) == CHECKED_AT_ONCE
+    assert looked == CHECKED_AT_ONCE
     repainted(painter)
-    assert len(looked) == len(there)
+    assert looked == len(there)
 
 
-def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded):
+def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded: list[Painted]) -> None:
     """Every other frame from a thermal camera: each kind is shown by its own display, and agrees with its own kind."""
 
-    def seen(name: str):
+    def seen(name: str) -> Bands:
         light = picture(0).astype(float) * (1.0 if int(name) < 4 else 1.5)
         if int(name) % 2:
             return (light[..., :1] + 29_000).astype(np.uint16)
@@ -115,7 +114,7 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
 
     with closing(Painter(seen, recorded.append, PaintSettings())) as painter:
         names = [str(k) for k in range(6)]
-        there = [replace(placement(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
+        there = [replace(placed(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
         for order, one in enumerate(there):
             painter.paint_new(seen(one.name), seen(one.name), one, order)
         list(painter.repaint_all(there))
@@ -132,9 +131,9 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
         assert after[1] / after[0] == pytest.approx(1, abs=0.05)
 
 
-def test_frames_of_about_one_height_are_painted_at_one_level(painter, recorded):
+def test_frames_of_about_one_height_are_painted_at_one_level(painter: Painter, recorded: list[Painted]) -> None:
     """Those of finer levels would hide the others, and whoever only those have seen."""
-    flown = [placement(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
+    flown = [placed(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
     paint(painter, flown)
     assert [painted.level for painted in recorded] == [16, 15, 15, 15, 15, 16]
     for _ in painter.repaint_all(flown):
@@ -149,21 +148,23 @@ def seen_with_black_lines(number: int) -> np.ndarray:
 
 
 @pytest.fixture
-def black_lined(recorded):
+def black_lined(recorded: list[Painted]) -> Iterator[Painter]:
     painter = Painter(lambda name: seen_with_black_lines(int(name)), recorded.append, PaintSettings())
     yield painter
     painter.close()
 
 
-def paint_black_lined(painter, count):
-    there = [placement(k, k * 400.0) for k in range(count)]
+def paint_black_lined(painter: Painter, count: int) -> list[Placement]:
+    there = [placed(k, k * 400.0) for k in range(count)]
     for order, one in enumerate(there):
         image = seen_with_black_lines(order)
         painter.paint_new(image, image[::4, ::4], one, order)
     return there
 
 
-def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(black_lined, recorded):
+def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(
+    black_lined: Painter, recorded: list[Painted]
+) -> None:
     paint_black_lined(black_lined, FRAMES + 1)
     border = recorded[-1].dead
     assert border.right >= 1 <= border.bottom
@@ -172,13 +173,13 @@ def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(black_l
     assert black_lined.has_repaints
     repainted(black_lined)
     assert {painted.name: painted.dead for painted in recorded} == {str(k): border for k in range(FRAMES + 1)}
-    extent = black_lined.canvas.extent(0)
+    extent = sure(black_lined.canvas.extent(0))
     shown = [black_lined.canvas.tile(0, tile) for tile in tiles_over(extent.box, extent.finest)]
     darkest = [int(tile.colour.max(axis=2)[tile.coverage > 0].min()) for tile in shown if tile is not None]
     assert min(darkest) > 40
 
 
-def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined, recorded):
+def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined: Painter, recorded: list[Painted]) -> None:
     there = paint_black_lined(black_lined, FRAMES + 1)
     for _ in black_lined.repaint_all(there):
         pass
@@ -189,7 +190,7 @@ def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined, recor
     assert not black_lined.has_repaints
 
 
-def test_features_beside_a_dead_border_are_not_in_sight(black_lined):
+def test_features_beside_a_dead_border_are_not_in_sight(black_lined: Painter) -> None:
     """The frame is painted at half the size at which its features are told."""
     width, height = 2 * SMALL.width, 2 * SMALL.height
     points = np.array([(30, 30), (30, height - 8), (width - 8, 30), (5, 30), (30, 5)], np.float32)
@@ -201,7 +202,7 @@ def test_features_beside_a_dead_border_are_not_in_sight(black_lined):
 
 
 @pytest.mark.parametrize("pair", [(1, 2), (2, FRAMES + 1), (FRAMES, FRAMES + 1)])
-def test_brightness_is_not_told_from_bars(recorded, pair):
+def test_brightness_is_not_told_from_bars(recorded: list[Painted], pair: tuple[int, int]) -> None:
     """Two frames of one light, the bar of the later one on ground of the other; painted before or after it is known."""
 
     def barred(name: str) -> np.ndarray:
@@ -210,7 +211,7 @@ def test_brightness_is_not_told_from_bars(recorded, pair):
         return image
 
     one, other = pair
-    there = [placement(k, k * APART) for k in range(FRAMES + 2)]
+    there = [placed(k, k * APART) for k in range(FRAMES + 2)]
     there[other] = replace(there[other], pose=Pose(one * APART, 40.0), neighbours=(str(one),))
     with closing(Painter(barred, recorded.append, PaintSettings())) as painter:
         for order, at in enumerate(there):
@@ -224,11 +225,13 @@ def test_brightness_is_not_told_from_bars(recorded, pair):
 
 
 @pytest.mark.parametrize("palette", [None, cv2.COLORMAP_INFERNO])
-def test_only_frames_in_false_colour_keep_their_tones(painter, recorded, palette):
+def test_only_frames_in_false_colour_keep_their_tones(
+    painter: Painter, recorded: list[Painted], palette: int | None
+) -> None:
     """Two frames of one place, the second half as bright: those in false colour are painted as they came."""
     grey = np.random.default_rng(2).integers(0, 256, (*picture(0).shape[:2], 1))
     for number, brightness in enumerate([1.0, 0.5]):
         image = np.repeat((grey * brightness).astype(np.uint8), 3, axis=2)
         shown = image if palette is None else cv2.applyColorMap(image, palette)
-        painter.paint_new(shown, shown[::4, ::4], replace(placement(number, 0.0), neighbours=("0",) * number), number)
+        painter.paint_new(shown, shown[::4, ::4], replace(placed(number, 0.0), neighbours=("0",) * number), number)
     assert ((recorded[-1].gain, recorded[-1].vignetting) == ((1.0, 1.0, 1.0), FLAT)) == (palette is not None)

@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -8,13 +10,13 @@ from gcs_mosaic.render.saliency import MISPLACED, REACH, TALL, WAYS, saliency
 def ground(noise: float = 3.0, seed: int = 1) -> np.ndarray:
     rng = np.random.default_rng(seed)
     rough = cv2.GaussianBlur(rng.normal(0, 1, (400, 600, 3)).astype(np.float32), (0, 0), 1.5)
-    return np.clip(100 + noise * rough / rough.std(), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(100 + noise * rough / rough.std(), 0, 255), np.uint8)
 
 
-def in_lab(step: tuple[int, int, int]) -> np.ndarray:
+def in_lab(step: Sequence[int]) -> np.ndarray:
     """A colour that differs from the ground by so much in L, a and b."""
     ground_lab = cv2.cvtColor(np.full((1, 1, 3), 100, np.uint8), cv2.COLOR_BGR2Lab)[0, 0].astype(int)
-    return cv2.cvtColor((ground_lab + step).astype(np.uint8)[None, None], cv2.COLOR_Lab2BGR)[0, 0]
+    return np.asarray(cv2.cvtColor((ground_lab + step).astype(np.uint8)[None, None], cv2.COLOR_Lab2BGR)[0, 0])
 
 
 @pytest.mark.parametrize("side", [4, 6, 15])
@@ -23,7 +25,7 @@ def test_a_small_thing_stands_out_by_any_of_its_colours(side: int, way: int) -> 
     picture = ground()
     step = [0, 0, 0]
     step[way % 3] = 45 if way < 3 else -45
-    picture[200 : 200 + side, 300 : 300 + side] = in_lab(tuple(step))
+    picture[200 : 200 + side, 300 : 300 + side] = in_lab(step)
     things, near, far = saliency(picture)
     assert things.shape == near.shape == far.shape == (100, 150, WAYS)
     reach = REACH // 4

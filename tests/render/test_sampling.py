@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from painting_parts import hilly, painted, picture
@@ -9,9 +11,10 @@ from gcs_mosaic.render.placed import placed
 from gcs_mosaic.render.sampling import at_cells, at_middles, inside, lattice_part
 from gcs_mosaic.render.warp import tile_picture
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from tests.sure import sure
 
 FLAG = 1
-FRAME = {
+FRAME: dict[str, Any] = {
     "gsd": 0.3,
     "yaw": 0.4,
     "pitch": 0.2,
@@ -23,7 +26,7 @@ FRAME = {
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_part_of_a_frame_is_seen_as_the_whole_is(mode: str) -> None:
-    frame = placed(painted(0, **FRAME))
+    frame = sure(placed(painted(0, **FRAME)))
     look = MODES[mode].look
     sight = None if look is None else look(picture(0), (PLAIN, frame.painted.dead))
     window = frame.window
@@ -36,7 +39,7 @@ def test_a_part_of_a_frame_is_seen_as_the_whole_is(mode: str) -> None:
 
 @pytest.mark.parametrize("dead", [DeadBorder(), DeadBorder(3, 0, 20, 7)])
 def test_a_cell_is_covered_as_its_pixels_are(dead: DeadBorder) -> None:
-    frame = placed(painted(0, **FRAME, dead=dead))
+    frame = sure(placed(painted(0, **FRAME, dead=dead)))
     found = {0: 0, PARTLY: 0, WHOLLY: 0}
     for tile in frame.lattice.tiles():
         window = Window(0, tile.z, tile.y, tile.x, tile.y, tile.x)

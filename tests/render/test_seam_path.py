@@ -34,29 +34,29 @@ def with_thing(left: int, right: int) -> np.ndarray:
     return picture
 
 
-def test_where_the_pictures_agree_the_seam_stays():
+def test_where_the_pictures_agree_the_seam_stays() -> None:
     assert np.array_equal(shown(ACROSS, GROUND), np.where(ACROSS > 0, 1, 2))
 
 
 @pytest.mark.parametrize(("left", "right", "whole"), [(MIDDLE - 6, MIDDLE + 2, 1), (MIDDLE - 2, MIDDLE + 6, 2)])
-def test_a_thing_under_the_seam_is_taken_whole_or_not_at_all(left, right, whole):
+def test_a_thing_under_the_seam_is_taken_whole_or_not_at_all(left: int, right: int, whole: int) -> None:
     on_thing = shown(ACROSS, with_thing(left, right))[MIDDLE - 3 : MIDDLE + 3, left + 1 : right - 1]
     assert (on_thing == whole).all()
 
 
-def test_what_is_decided_stays():
+def test_what_is_decided_stays() -> None:
     decided = np.where(ACROSS > 0, OPEN, -OPEN).astype(np.float32)
     assert np.array_equal(shown(decided, with_thing(0, SIDE)), np.where(ACROSS > 0, 1, 2))
 
 
-def test_a_frame_that_covers_only_a_part_of_a_cell_is_not_taken():
+def test_a_frame_that_covers_only_a_part_of_a_cell_is_not_taken() -> None:
     known = cells(ACROSS)
     known.inside[1] = 1
     looks = with_thing(MIDDLE - 2, MIDDLE + 6), GROUND
     assert np.array_equal(least_seen(known, looks).first, known.first)
 
 
-def test_the_course_is_the_same_however_much_of_the_map_it_is_told_for():
+def test_the_course_is_the_same_however_much_of_the_map_it_is_told_for() -> None:
     rng = np.random.default_rng(1)
     noise = (90 + 40 * rng.random((3, SIDE, SIDE))).astype(np.uint8)
     decided = (ACROSS + 0.3 * rng.standard_normal(ACROSS.shape)).astype(np.float32)
@@ -70,7 +70,7 @@ def test_the_course_is_the_same_however_much_of_the_map_it_is_told_for():
     assert not np.array_equal(whole.first, known.first)
 
 
-def test_three_frames_meet():
+def test_three_frames_meet() -> None:
     """Each cell has two of them to choose from; its neighbours speak for what they may show themselves."""
     known = cells(ACROSS)
     known.first[:MIDDLE] = 3
@@ -81,7 +81,7 @@ def test_three_frames_meet():
     assert (owned.second == NOBODY).all()
 
 
-def test_cells_that_hold_together_do_not_change_places_for_ever():
+def test_cells_that_hold_together_do_not_change_places_for_ever() -> None:
     """A thing that frame 1 alone has, on cells each of which was decided by a hair, one so and the next otherwise."""
     row, column = np.indices((SIDE, SIDE))
     decided = np.where(abs(column - MIDDLE) <= 1, np.where((row + column) % 2, 0.1, -0.1), ACROSS).astype(np.float32)

@@ -11,6 +11,7 @@ from gcs_mosaic.render.seams import FAR, KEPT, NEAR, SEEN, THINGS, decide, look_
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
+from tests.sure import sure
 
 SHAPE = 4, 4
 SHOWN, NEW = 1, 2
@@ -39,7 +40,7 @@ def shown(*frames: Seen) -> int:
     return number
 
 
-def test_the_frame_that_sees_better_shows():
+def test_the_frame_that_sees_better_shows() -> None:
     assert shown(seen(0.4), seen(0.5)) == NEW
     assert shown(seen(0.5), seen(0.4)) == SHOWN
 
@@ -79,15 +80,15 @@ def test_the_next_best_is_remembered_too() -> None:
 
 def test_detail_is_greater_in_the_sharper_of_two_frames() -> None:
     sharp = np.random.default_rng(1).integers(60, 160, (400, 600, 3), dtype=np.uint8)
-    blurred = cv2.GaussianBlur(sharp, (0, 0), 1.5)
-    one, other = (look_for_seams(picture, (PLAIN, NO_BORDER)).detail for picture in (sharp, blurred))
-    assert (one > 1.3 * other).all()
+    blurred = cv2.GaussianBlur(sharp, (0, 0), 1.5).astype(np.uint8)
+    one, other = (sure(look_for_seams(picture, (PLAIN, NO_BORDER)).detail) for picture in (sharp, blurred))
+    assert np.all(one > 1.3 * other)
 
 
 def map_of(canvas: Canvas, columns: int) -> np.ndarray:
     """Two rows of tiles."""
     tiles = [[canvas.tile(0, Tile(16, (1 << 15) + x, (1 << 15) + y)) for x in range(columns)] for y in range(2)]
-    return np.vstack([np.hstack([tile.colour for tile in row]) for row in tiles])
+    return np.vstack([np.hstack([sure(tile).colour for tile in row]) for row in tiles])
 
 
 def test_each_place_is_from_one_frame_but_for_a_few_pixels() -> None:

@@ -41,7 +41,9 @@ def test_a_tiles_own_box_touches_that_tile_only(tile: Tile) -> None:
 
 
 @given(st.integers(8, 20), inside, inside, st.floats(0.1, 3000), st.floats(0.1, 3000))
-def test_tiles_over_a_box_hold_its_corners_and_no_more_than_needed(level, x, y, width, height) -> None:
+def test_tiles_over_a_box_hold_its_corners_and_no_more_than_needed(
+    level: int, x: float, y: float, width: float, height: float
+) -> None:
     found = list(grid.tiles_over((x, y, x + width, y + height), level))
     side = grid.TILE_SIZE * grid.pixel_size(level)
     boxes = [grid.tile_box(t) for t in found]
@@ -87,7 +89,7 @@ def test_a_resolution_that_is_none_is_refused(gsd: float) -> None:
 
 
 @given(inside, inside, st.floats(1, 1e5), st.floats(1, 1e5))
-def test_at_the_overview_level_two_by_two_tiles_hold_a_box(x, y, width, height) -> None:
+def test_at_the_overview_level_two_by_two_tiles_hold_a_box(x: float, y: float, width: float, height: float) -> None:
     box = (x, y, x + width, y + height)
     level = grid.overview_level(box, 16)
     assert len({t.x for t in grid.tiles_over(box, level)}) <= 2

@@ -13,9 +13,10 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.tone import FINE, MOST_SHIFT, REACH, SQUARES, shifts, wide
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
+from tests.sure import sure
 
 CAMERA = Camera(2000, 1000, 1.2)
-FRAME = placed(painted(0, 1000.0, 500.0, camera=CAMERA))
+FRAME = sure(placed(painted(0, 1000.0, 500.0, camera=CAMERA)))
 WINDOW = Window(0, 16, 1 << 15, 1 << 15, (1 << 15) + 2, (1 << 15) + 5)
 SEAM = 3 * CELLS  # frame 0 shows to the left of it, frame 1 to the right
 FIRST = np.where(np.arange(WINDOW.shape[1]) < SEAM, 0, 1)[None].repeat(WINDOW.shape[0], 0).astype(np.int32)
@@ -80,6 +81,6 @@ def test_light_that_differs_leaves_no_step() -> None:
         for order, value in enumerate((100, 106)):
             frame = painted(order, 320.0 + 300 * order, 240.0, camera=camera)
             canvas.paint(np.full((480, 640, 3), value, np.uint8), frame)
-        row = np.hstack([canvas.tile(0, Tile(16, (1 << 15) + x, 1 << 15)).colour for x in range(3)])[128, :, 0]
+        row = np.hstack([sure(canvas.tile(0, Tile(16, (1 << 15) + x, 1 << 15))).colour for x in range(3)])[128, :, 0]
     assert np.abs(np.diff(row.astype(int))).max() <= 1
     assert (row[0], row[-1]) == (100, 106)

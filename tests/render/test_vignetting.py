@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gcs_mosaic.render.exposure import overlap_means
+from gcs_mosaic.render.exposure import OverlapMeans, overlap_means
 from gcs_mosaic.render.vignetting import (
     FLAT,
     OUTWARDS,
@@ -11,6 +11,7 @@ from gcs_mosaic.render.vignetting import (
     log_brightness,
     radii,
 )
+from tests.sure import sure
 
 WIDTH, HEIGHT = 96, 72
 CURVES = (0.0, -0.35, -0.1), (0.3, -0.5, -0.1), (0.0, -0.45, 0.0)
@@ -23,7 +24,12 @@ def grid(width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
 def seen(ground: np.ndarray, x: int, y: int, exposure: float, curves: Vignetting) -> np.ndarray:
     """A thumbnail of a piece of ground through a lens with this vignetting."""
     fall = np.exp(radii(grid().reshape(-1, 2), WIDTH, HEIGHT) @ np.array(curves).T).reshape(HEIGHT, WIDTH, 3)
-    return np.clip(ground[y : y + HEIGHT, x : x + WIDTH] * exposure * fall, 0, 255).round().astype(np.uint8)
+    return np.asarray(np.clip(ground[y : y + HEIGHT, x : x + WIDTH] * exposure * fall, 0, 255).round(), np.uint8)
+
+
+def means_of(one: np.ndarray, other: np.ndarray, by: tuple[int, int]) -> OverlapMeans:
+    """Of two pictures, the second of which begins so many pixels farther to the right and below."""
+    return sure(overlap_means(one, other, lambda pixels: pixels - by))
 
 
 def estimate(curves: Vignetting, steps: list[tuple[int, int]]) -> VignettingEstimate:
@@ -33,8 +39,7 @@ def estimate(curves: Vignetting, steps: list[tuple[int, int]]) -> VignettingEsti
     for right, down in steps:
         one = seen(ground, x, y, rng.uniform(0.7, 1.4), curves)
         other = seen(ground, x + right, y + down, rng.uniform(0.7, 1.4), curves)
-        means = overlap_means(one, other, lambda pixels, by=(right, down): pixels - by)
-        found = found.after(means.radial)
+        found = found.after(means_of(one, other, (right, down)).radial)
     return found
 
 
@@ -59,16 +64,16 @@ def test_nothing_is_claimed_where_overlaps_tell_nothing() -> None:
 def test_things_that_moved_change_nothing() -> None:
     ground = np.full((200, 300, 3), 110.0)
     one, other = seen(ground, 0, 0, 1.0, CURVES), seen(ground, 30, 20, 1.0, CURVES)
-    known = VignettingEstimate().after(overlap_means(one, other, lambda pixels: pixels - [30, 20]).radial)
+    known = VignettingEstimate().after(means_of(one, other, (30, 20)).radial)
     one[20:40, 50:60] = 240
-    found = VignettingEstimate().after(overlap_means(one, other, lambda pixels: pixels - [30, 20]).radial)
+    found = VignettingEstimate().after(means_of(one, other, (30, 20)).radial)
     assert np.abs(np.subtract(found.curves, known.curves) @ OUTWARDS.T).max() < 0.02
 
 
 def test_means_without_vignetting_tell_the_exposures() -> None:
     ground = np.full((200, 300, 3), 110.0)
     one, other = seen(ground, 0, 0, 1.5, CURVES), seen(ground, 60, 40, 1.0, CURVES)
-    means = overlap_means(one, other, lambda pixels: pixels - [60, 40])
+    means = means_of(one, other, (60, 40))
     flat = means.flattened(CURVES, CURVES)
     assert np.array(flat.mean_i) / flat.mean_j == pytest.approx([1.5] * 3, rel=0.01)
     assert means.flattened(FLAT, FLAT) == means

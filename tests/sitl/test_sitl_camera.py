@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sitl.camera import Camera, Scene
 from sitl.geometry import CameraState, Lens
+from tests.sure import sure
 
 NORTH = CameraState(time=0, x=-8, y=5, height=60, yaw=0.1, pitch=0.03, roll=-0.02)
 SOUTH = CameraState(time=1, x=6, y=-4, height=75, yaw=3.3, pitch=-0.04, roll=0.03)
@@ -102,5 +103,5 @@ def test_the_gain_told_is_the_gain_of_the_picture(scene: Scene) -> None:
 
 
 def test_the_file_is_a_jpeg_of_the_picture(scene: Scene) -> None:
-    decoded = cv2.imdecode(np.frombuffer(scene.encoded(NORTH, 0), np.uint8), cv2.IMREAD_COLOR)
+    decoded = sure(cv2.imdecode(np.frombuffer(scene.encoded(NORTH, 0), np.uint8), cv2.IMREAD_COLOR))
     assert np.abs(decoded.astype(float) - scene.picture(NORTH, 0)).mean() < 4

@@ -9,27 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sitl.exif import HEAD, exif_segments, taken_at
+from tests.sitl.sitl_parts import photograph
 
 MOMENT = datetime(2021, 6, 5, 14, 3, 59, tzinfo=UTC).timestamp()
-
-
-def photograph(
-    order: str = "<", date: bytes = b"2021:06:05 14:03:59\0", sub: bytes = b"", before: bytes = b""
-) -> bytes:
-    """The head of a JPEG with EXIF as cameras write it: TIFF, IFD0 -> Exif IFD -> DateTimeOriginal, SubSecTimeOriginal."""
-    entries = [(0x9003, 2, date)] + ([(0x9291, 2, sub)] if sub else [])
-    inner, late = 8 + 2 + 12 + 4, b""
-    after = inner + 2 + 12 * len(entries) + 4
-    directory = struct.pack(order + "H", len(entries))
-    for tag, kind, value in entries:
-        place = struct.pack(order + "I", after + len(late)) if len(value) > 4 else value.ljust(4, b"\0")
-        directory += struct.pack(order + "HHI", tag, kind, len(value)) + place
-        late += value if len(value) > 4 else b""
-    first = struct.pack(order + "HHHIII", 1, 0x8769, 4, 1, inner, 0)
-    mark = {"<": b"II", ">": b"MM"}[order]
-    tiff = mark + struct.pack(order + "HI", 42, 8) + first + directory + bytes(4) + late
-    segment = b"Exif\0\0" + tiff
-    return b"\xff\xd8" + before + b"\xff\xe1" + struct.pack(">H", len(segment) + 2) + segment + b"\xff\xda" + bytes(50)
 
 
 def read(folder: Path, data: bytes) -> float | None:

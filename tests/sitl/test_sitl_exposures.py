@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_sitl_exif import photograph
 
 from sitl.exposures import LONGEST_PAUSE, USUAL_INTERVAL, recorded, simulated
 from sitl.flight import Flight
+from tests.sitl.sitl_parts import photograph
 
 
 def photographs(folder: Path, seconds: list[int]) -> Path:

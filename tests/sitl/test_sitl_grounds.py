@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sitl.ground.copies import one_hall
-from sitl.ground.pattern import CELL_PX, car_park, crop_rows, paint_pattern
+from sitl.ground.pattern import CELL_PX, Pattern, car_park, crop_rows, paint_pattern
 from sitl.world import BARE, GROUNDS, make_world
 
 SIZE, GSD = 512, 0.1
@@ -26,7 +26,7 @@ def test_bare_grounds_are_flat_but_for_hills() -> None:
 
 
 @pytest.mark.parametrize("pattern", [crop_rows(), car_park()])
-def test_one_cell_of_a_pattern_is_found_all_over_the_ground(pattern) -> None:
+def test_one_cell_of_a_pattern_is_found_all_over_the_ground(pattern: Pattern) -> None:
     """Turned back by the lattice's angle, the ground agrees with itself one cell further on."""
     ground = paint_pattern(pattern, 1, SIZE, GSD)[..., 1]
     turn = np.degrees(np.random.default_rng([1, 6]).uniform(0.15, 0.5))

@@ -11,8 +11,6 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from test_sitl_score import placements
-from test_sitl_vehicle import Ground
 
 import sitl
 from sitl.__main__ import MISUSED, main
@@ -20,6 +18,8 @@ from sitl.flight import Flight
 from sitl.program import Program
 from sitl.session import DONE, FAILED
 from sitl.truth import read, write
+from tests.ports import free_port
+from tests.sitl.sitl_parts import Ground, placements
 
 STAND_IN = """
 import json, pathlib, signal, socket, sys, time
@@ -86,7 +86,18 @@ def test_a_whole_flight_starts_the_program_flies_stops_it_and_judges_it(tmp_path
     (tmp_path / "gcs_mosaic").mkdir()
     (tmp_path / "gcs_mosaic/__init__.py").touch()
     (tmp_path / "gcs_mosaic/__main__.py").write_text(STAND_IN)
-    words = ["--count", "3", "--size", "160x120", "--interval", "0.1", "--http", "127.0.0.1:1"]
+    words = [
+        "--count",
+        "3",
+        "--size",
+        "160x120",
+        "--interval",
+        "0.1",
+        "--http",
+        "127.0.0.1:1",
+        "--port",
+        str(free_port()),
+    ]
     where = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(Path(sitl.__file__).parents[1])}
     command = [sys.executable, "-m", "sitl", *words]
     done = subprocess.run(command, cwd=tmp_path, env=where, capture_output=True, text=True, timeout=60, check=False)

@@ -7,12 +7,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from test_sitl_vehicle import Ground
 
 from sitl.delivery import Delivery, write_slowly
 from sitl.exposures import Exposure, Film
 from sitl.mission import fly
 from sitl.vehicle import Vehicle
+from tests.sitl.sitl_parts import Ground
 
 
 def film(count: int = 5, interval: float = 0.2, slow: float = 0.0) -> Film:

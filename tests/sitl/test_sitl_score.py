@@ -8,37 +8,11 @@ import numpy as np
 import pytest
 
 from sitl.flight import Flight
-from sitl.geometry import Lens, ground_from_pixels, world_from_camera
 from sitl.score import score
 from sitl.similarity import robust_similarity, similarity
-from sitl.truth import TrueFrame, Truth
-from sitl.warp import Floats, placed_frame, project
-
-CANVAS_FROM_GROUND = np.array([[8.0, -3.0, 500.0], [3.0, 8.0, -70.0], [0, 0, 1]])
-PIXEL = math.hypot(8, 3)  # canvas units in a metre
-
-
-def pinhole(lens: Lens, frame: TrueFrame) -> Floats:
-    """canvas_from_frame of a frame placed rightly, but for the lens term."""
-    state, f, (cx, cy) = frame.state, lens.focal_px, lens.centre
-    ray_from_pixel = np.array([[1 / f, 0, -cx / f], [0, 1 / f, -cy / f], [0, 0, 1]])
-    ground_from_ray = np.array([[state.height, 0, state.x], [0, state.height, state.y], [0, 0, 1]])
-    return CANVAS_FROM_GROUND @ ground_from_ray @ world_from_camera(state) @ ray_from_pixel
-
-
-def placements(truth: Truth, warp: bool = True) -> dict[str, Any]:
-    """All frames in one island, as right as can be."""
-    return {"frames": [entry(truth.lens, frame, warp) for frame in truth.frames]}
-
-
-def entry(lens: Lens, frame: TrueFrame, warp: bool) -> dict[str, Any]:
-    found: dict[str, Any] = {"name": frame.name, "island": 0, "canvas_from_frame": pinhole(lens, frame).tolist()}
-    if warp:
-        x, y = np.linspace(0, lens.width - 1, 65), np.linspace(0, lens.height - 1, 49)
-        grid = np.stack(np.meshgrid(x, y), axis=-1)
-        canvas = project(CANVAS_FROM_GROUND, ground_from_pixels(lens, frame.state, grid.reshape(-1, 2)))
-        found["warp"] = {"x": x.tolist(), "y": y.tolist(), "canvas": canvas.reshape(grid.shape).tolist()}
-    return found
+from sitl.truth import Truth
+from sitl.warp import placed_frame, project
+from tests.sitl.sitl_parts import CANVAS_FROM_GROUND, PIXEL, entry, pinhole, placements
 
 
 def shifted(place: dict[str, Any], pixels: float, truth: Truth) -> dict[str, Any]:

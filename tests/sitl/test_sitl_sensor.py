@@ -54,7 +54,7 @@ def test_one_deep_band_is_like_a_thermal_camera(scene: Scene) -> None:
 
 def test_colour_in_eight_bits_stays_a_jpeg(scene: Scene) -> None:
     sensor, picture, data = seen(scene)
-    assert (sensor.suffix, picture.dtype, data[:2]) == (".JPG", np.uint8, b"\xff\xd8")
+    assert (sensor.suffix, picture.dtype, data[:2]) == (".JPG", np.dtype(np.uint8), b"\xff\xd8")
 
 
 @pytest.mark.parametrize("wrong", [{"bands": 0}, {"bands": MOST_BANDS + 1}, {"depth": 12}])

@@ -65,7 +65,7 @@ def test_relief_is_in_the_truth(flight: Flight) -> None:
 
 def test_sky_and_the_far_country_do_not_count(scene: Scene) -> None:
     frame = true_frame(scene, OBLIQUE, "oblique.jpg")
-    sky = np.isnan(frame.grid_ground).any(1)
+    sky = np.asarray(np.isnan(frame.grid_ground).any(1))
     assert sky[:COLUMNS].all()
     assert not sky[-COLUMNS:].any()
     assert not frame.grid_used[sky].any()

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -13,31 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.geometry import CameraState
 from sitl.messages import AUTOPILOT, MANNERS, Capture, Moment, attitude, px4
 from sitl.vehicle import BOOTED_BEFORE, Faults, Vehicle
+from tests.sitl.sitl_parts import Ground
 
 STATE = CameraState(time=0, x=100, y=-200, height=80, yaw=-0.5, pitch=0.02, roll=0.01)
-
-
-class Ground:
-    """A ground station's end of the link: a real socket, pymavlink's own decoder."""
-
-    def __init__(self) -> None:
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
-        self.socket.settimeout(0.2)
-        self.port = self.socket.getsockname()[1]
-        self.decoder = mavlink.MAVLink(None)
-
-    def close(self) -> None:
-        self.socket.close()
-
-    def heard(self) -> list[Any]:
-        """Every message that came so far."""
-        messages = []
-        while True:
-            try:
-                messages += self.decoder.parse_buffer(self.socket.recv(2048)) or []
-            except TimeoutError:
-                return messages
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from sitl.world import World, make_world, mirrored
 
 def centres(world: World, count: int, level: int = 0) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     """Metres of the centres of the first pixels of a level along one side."""
-    return (np.arange(count) + 0.5) * world.gsd * 2**level - world.side / 2
+    return np.asarray((np.arange(count) + 0.5) * world.gsd * 2**level - world.side / 2)
 
 
 def test_the_same_seed_paints_the_same_ground_and_another_another() -> None:

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from stitch_ground import Image
 
-from gcs_mosaic.stitch.camera.geometry import Array, canvas_from_pixels, pixel_grid, similarity_between
+from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid, similarity_between
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stitch_ground import Image
 
-from gcs_mosaic.stitch.camera.geometry import Array
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
 

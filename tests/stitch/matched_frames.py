@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.problem import Problem
-from gcs_mosaic.stitch.camera.geometry import Array, Camera
+from gcs_mosaic.stitch.camera.geometry import Camera
 
 SCALE = 4.0  # full-resolution pixels per feature pixel
 

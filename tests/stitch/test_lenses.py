@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle import lens
 from gcs_mosaic.stitch.bundle.island import _lens_prior
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import any_lens
 from gcs_mosaic.stitch.camera import geometry
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.projection import lens_row
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search

@@ -9,19 +9,19 @@ from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.records import Estimate
+from tests.factories import frame, trigger_event
 
 # A frame's pixels to those of one that was taken a little beside it.
 NEARLY_THE_SAME = ((1.0, 0.01, 2.5), (-0.01, 1.0, -0.1), (1e-7, 0.0, 1.0))
 
 
 def an_event(sequence: int = 7, position: Position | None = None, file_hint: str | None = None) -> TriggerEvent:
-    return TriggerEvent(
-        vehicle=1,
+    return trigger_event(
+        sequence,
+        12.25,
         component=100,
         camera=2,
         source=Source.IMAGE_CAPTURED_BY_CAMERA,
-        sequence=sequence,
-        received=12.25,
         source_time=0.1,
         clock="boot",
         utc=1.7e9 + 0.1,
@@ -32,14 +32,8 @@ def an_event(sequence: int = 7, position: Position | None = None, file_hint: str
 
 
 def a_frame(name: str = "a.jpg", folder: Path = Path(), data: bytes = b"picture") -> Frame:
-    return Frame(
-        name=name,
-        path=folder / name,
-        content_hash=content_hash(data),
-        size=len(data),
-        received=3.5,
-        modified=1.7e9,
-    )
+    known = {"path": folder / name, "content_hash": content_hash(data), "size": len(data), "modified": 1.7e9}
+    return frame(name, 3.5, **known)
 
 
 def written_frame(folder: Path, name: str = "a.jpg", data: bytes = b"picture") -> Frame:

@@ -12,7 +12,12 @@ def test_reader_never_sees_half_a_file(tmp_path: Path) -> None:
     path = tmp_path / "file"
     contents = [bytes([n]) * 200_000 for n in range(40)]
     write_beside(path, contents[0])
-    writer = threading.Thread(target=lambda: [write_beside(path, data) for data in contents])
+
+    def write_all() -> None:
+        for data in contents:
+            write_beside(path, data)
+
+    writer = threading.Thread(target=write_all)
     writer.start()
     seen = [path.read_bytes() for _ in range(200)]
     writer.join(10)

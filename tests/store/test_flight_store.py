@@ -2,6 +2,7 @@
 
 import json
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,7 @@ from gcs_mosaic.store.flight_store import FlightStore
 
 
 @pytest.mark.parametrize("damaged", [1, 2])
-def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path, damaged):
+def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path: Path, damaged: int) -> None:
     with closing(FlightStore(tmp_path)) as store, Canvas(lambda name: None) as canvas:
         store.save(canvas, [], {})
         for number in range(damaged):

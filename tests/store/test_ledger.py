@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ledger_parts import a_frame, a_painted, an_estimate, an_event
 
 from gcs_mosaic.messages import DamagedFile, Notice, Position
 from gcs_mosaic.render.canvas import CanvasSettings
@@ -20,6 +19,7 @@ from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
+from tests.store.ledger_parts import a_frame, a_painted, an_estimate, an_event
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 import sqlite3
 
 import pytest
-from ledger_parts import NEARLY_THE_SAME, a_frame
 
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import CoveredRecord, FrameAccount, FrameState
+from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame
 
 
 def test_a_covered_frame_keeps_how_it_lies_in_its_keyframe(ledger: Ledger) -> None:

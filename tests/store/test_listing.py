@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ledger_parts import NEARLY_THE_SAME, an_estimate
 
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.store.listing import FrameNews, Listing
 from gcs_mosaic.store.records import CoveredRecord
+from tests.store.ledger_parts import NEARLY_THE_SAME, an_estimate
 
 ESTIMATE = replace(
     an_estimate(Pose(5, 6, 0.1, 2), residual_px=0.5, corner_deviation_px=1.5), camera=Camera(40, 30, 1.2)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.store.log import BAR, LogFile, LogSettings, RecordFormatter, TerminalHandler, log_notice, masked
+from tests.sure import sure
 
 RECORD = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z [A-Z]+ \S+ [\w.]+: ")
 FORGED = "2030-01-01T00:00:00.000Z INFO MainThread gcs_mosaic.app.pipeline: a.jpg: placed"
@@ -24,7 +26,8 @@ class Log:
     """A log file with a logger of its own; `troubles` is what the operator was told."""
 
     def __init__(self, path: Path, settings: LogSettings | None = None) -> None:
-        self.path, self.troubles = path, []
+        self.path = path
+        self.troubles: list[str] = []
         self.handler = LogFile(path, settings or LogSettings(), self.troubles.append)
         self.logger = logging.Logger("test", logging.DEBUG)
         self.logger.addHandler(self.handler)
@@ -138,7 +141,7 @@ def test_the_log_is_bounded(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"file_mb": 0}, {"files": 1}])
-def test_settings_that_would_not_bound_it_are_refused(wrong: dict[str, int]) -> None:
+def test_settings_that_would_not_bound_it_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="expected"):
         LogSettings(**wrong)
 
@@ -177,7 +180,7 @@ def test_a_disk_that_is_pulled_out_is_survived_and_so_is_its_return(tmp_path: Pa
 
 def test_a_stream_that_was_closed_under_it_is_opened_again(log: Log) -> None:
     log.logger.info("before")
-    log.handler.stream.close()
+    sure(log.handler.stream).close()
     log.logger.info("lost")
     log.logger.info("after")
     assert [line.rpartition(" ")[2] for line in log.lines] == ["before", "after", "missing"]

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from documents import journal_lines, placements
 
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.graph.tearing import HeldOut
@@ -14,6 +13,7 @@ from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest, mosaic_document
 from gcs_mosaic.store.records import Accounts, Estimate, FrameAccount
+from tests.documents import journal_lines, placements
 
 ISLAND = IslandEntry(id=0, bounds=(-10.5, 0, 4000, 3000.5), minzoom=11, maxzoom=16, frames=2)
 ESTIMATE = Estimate(

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ledger_parts import a_frame, written_frame
 
 from gcs_mosaic.messages import content_hash
 from gcs_mosaic.store.disk import DiskFull
@@ -20,6 +19,7 @@ from gcs_mosaic.store.originals import (
     is_intact,
     relative_place,
 )
+from tests.store.ledger_parts import a_frame, written_frame
 
 COPY = OriginalsSettings(reserve_gb=0.0)
 LINK = OriginalsSettings(keep="link", reserve_gb=0.0)

@@ -9,14 +9,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from documents import journal_lines, placements
-from ledger_parts import NEARLY_THE_SAME, an_estimate
 
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements as module
+from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.placements import Placements, told_after
 from gcs_mosaic.store.records import CoveredRecord
+from tests.documents import journal_lines, placements
+from tests.store.ledger_parts import NEARLY_THE_SAME, an_estimate
 
 SHIFTED = replace(an_estimate(Pose(7, 8)), camera=Camera(40, 30, 1.3))
 
@@ -70,7 +71,6 @@ def test_the_whole_is_written_when_due(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_a_long_flight_writes_the_whole_more_seldom(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now, files = [0.0], Placements(tmp_path)
-    write_beside = module.write_beside
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now[0]))
 
     def slowly(path: Path, data: bytes) -> None:

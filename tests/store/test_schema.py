@@ -5,15 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_event
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.canvas import CanvasSettings
-from gcs_mosaic.render.vignetting import FLAT
+from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
 from gcs_mosaic.store.schema import VERSION, connect, connect_for_reading
+from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_event
 
 
 def test_new_file_carries_our_version_and_a_write_ahead_log(tmp_path: Path) -> None:
@@ -63,13 +63,15 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
 
 
 @pytest.mark.parametrize(("stored", "known"), [((-0.2, 0.03), ((0.0, -0.2, 0.03),) * 3), ((0.0, 0.0), FLAT)])
-def test_one_curve_of_vignetting_is_that_of_all_bands(tmp_path: Path, stored, known) -> None:
+def test_one_curve_of_vignetting_is_that_of_all_bands(
+    tmp_path: Path, stored: tuple[float, float], known: Vignetting
+) -> None:
     """Version 6."""
     path, painted = tmp_path / "flight.sqlite", a_painted("a.jpg")
     with Ledger(path) as ledger:
         ledger.record_island(painted.island)
         ledger.record_frame(a_frame("a.jpg"))
-        ledger.record_painted(replace(painted, vignetting=(stored,)))
+        ledger.record_painted(replace(painted, vignetting=(stored,)))  # type: ignore[arg-type]
         assert ledger.painted(painted.island) == [replace(painted, vignetting=known)]
 
 

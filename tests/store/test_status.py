@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -86,7 +87,9 @@ def test_the_last_frame_may_be_covered() -> None:
     last = LastFrame(
         name="b.jpg", outcome="covered", island=None, utc=1714564799.0, seconds_to_tile=None, covered_by="a.jpg"
     )
-    document = status_document(replace(STATUS, last_frame=last, accounts=Accounts(frames=FrameAccount(covered=3))))
+    document: dict[str, Any] = status_document(
+        replace(STATUS, last_frame=last, accounts=Accounts(frames=FrameAccount(covered=3)))
+    )
     assert document["last_frame"]["covered_by"] == "a.jpg"
     assert document["frames"]["covered"] == 3
     lines = status_lines(document, 0)
@@ -103,7 +106,8 @@ def test_what_a_link_left_out_is_told(tmp_path: Path) -> None:
         refused=Refusals(unsigned=5, replayed=1),
         sent=7,
     )
-    document = status_document(replace(STATUS, mavlink=(link,)))["mavlink"][0]
+    told: dict[str, Any] = status_document(replace(STATUS, mavlink=(link,)))
+    document = told["mavlink"][0]
     assert (document["other_triggers"], document["followed"], document["sent"]) == ({"4": 20, "9": 1}, 3, 7)
     assert document["refused"] == {"unsigned": 5, "forged": 0, "replayed": 1}
     (line,) = (line for line in status_lines(status_document(replace(STATUS, mavlink=(link,))), 0) if "MAVLink" in line)

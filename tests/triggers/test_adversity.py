@@ -5,14 +5,15 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
-from gcs_mosaic.triggers import How, Matched, Pairing, Unmatched
+from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
+from gcs_mosaic.triggers import How, Matched, Outcome, Pairing, Unmatched
+from tests.factories import frame, trigger_event
 
 COUNT, EVERY_S = 20, 2.0
+CAMERA, TAKEN = Source.IMAGE_CAPTURED_BY_CAMERA, CaptureResult.TAKEN
 AFTER_LANDING = {shot: 700.0 + 0.1 * shot for shot in range(COUNT)}
 
 Name = Callable[[int], str]
@@ -36,35 +37,23 @@ SURE = pytest.mark.parametrize("kind", [NAMES, COUNTERS], ids=lambda kind: kind.
 
 
 def event(kind: Kind, shot: int) -> TriggerEvent:
-    return TriggerEvent(
-        vehicle=1,
-        component=100,
-        camera=0,
-        source=Source.IMAGE_CAPTURED_BY_CAMERA,
-        sequence=kind.count(shot),
-        received=EVERY_S * shot,
-        source_time=None,
-        clock="none",
-        utc=None,
-        result=CaptureResult.TAKEN,
-        file_hint=kind.hint(shot) or None,
-        position=None,
-    )
+    sequence, hint = kind.count(shot), kind.hint(shot) or None
+    return trigger_event(sequence, EVERY_S * shot, component=100, source=CAMERA, result=TAKEN, file_hint=hint)
 
 
 def flown(kind: Kind, comes: dict[int, float], extra: dict[str, float] | None = None) -> tuple[Pairing, dict[int, str]]:
     """A flight in which the file of each shot in `comes` is there at that time; event id -> name of its frame."""
-    happened = [(EVERY_S * shot, shot, None) for shot in range(COUNT)]
+    happened: list[tuple[float, int, str | None]] = [(EVERY_S * shot, shot, None) for shot in range(COUNT)]
     happened += [(at, COUNT, kind.name(shot)) for shot, at in comes.items()]
     happened += [(at, COUNT, name) for name, at in (extra or {}).items()]
-    pairing, outcomes = Pairing(), []
+    pairing = Pairing()
+    outcomes: list[Outcome] = []
     for now, shot, name in sorted(happened, key=lambda item: item[0]):
         outcomes += pairing.tick(now)
         if name is None:
             outcomes += pairing.event(shot, event(kind, shot), now, now)
         else:
-            frame = Frame(name=name, path=Path("x") / name, content_hash=name, size=1, received=now, modified=0.0)
-            outcomes += pairing.frame(frame, now)
+            outcomes += pairing.frame(frame(name, now), now)
     outcomes += pairing.close()
     ended = dict[int, str]()
     for outcome in outcomes:
@@ -125,7 +114,9 @@ def test_a_camera_that_writes_everything_after_landing(kind: Kind, after: float,
 
 
 def test_files_after_landing_with_the_same_gap_as_the_shots() -> None:
-    leap = lambda shot: 5 * (shot > 8)  # noqa: E731
+    def leap(shot: int) -> int:
+        return 5 * (shot > 8)
+
     gappy = Kind(
         How.SEQUENCE, lambda shot: f"IMG_{7000 + shot + leap(shot)}.JPG", count=lambda shot: 300 + shot + leap(shot)
     )

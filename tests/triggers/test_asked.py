@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
+from gcs_mosaic.messages import Frame, TriggerEvent
 from gcs_mosaic.triggers import How, Matched, Orphan, Pairing
+from tests.factories import frame, trigger_event
 
 
 def shot(at: float) -> TriggerEvent:
-    return TriggerEvent(
-        vehicle=1,
-        component=1,
-        camera=0,
-        source=Source.CAMERA_TRIGGER,
-        sequence=None,
-        received=at,
-        source_time=None,
-        clock="none",
-        utc=None,
-        result=CaptureResult.UNKNOWN,
-        file_hint=f"IMG_{at:.0f}.JPG",  # of the camera's own card
-        position=None,
-    )
+    return trigger_event(received=at, file_hint=f"IMG_{at:.0f}.JPG")  # of the camera's own card
 
 
 def taken(at: float) -> Frame:
-    return Frame(name=f"stream/{at}.jpg", path=Path(f"{at}.jpg"), content_hash="", size=1, received=at, modified=0.0)
+    return frame(f"stream/{at}.jpg", at)
 
 
 def told(count: int) -> Pairing:
@@ -39,9 +25,9 @@ def told(count: int) -> Pairing:
 def test_a_frame_belongs_to_the_event_that_asked_for_it_whatever_the_times_say() -> None:
     pairing = told(4)
     for event_id in (2, 0, 3):
-        frame = taken(2.0 + event_id)
-        (outcome,) = pairing.frame(frame, frame.received, fresh=False, asked_by=event_id)
-        assert outcome == Matched(event_id, shot(0.3 * event_id), frame, How.ASKED)
+        came = taken(2.0 + event_id)
+        (outcome,) = pairing.frame(came, came.received, fresh=False, asked_by=event_id)
+        assert outcome == Matched(event_id, shot(0.3 * event_id), came, How.ASKED)
     accounts = pairing.accounts()
     assert (accounts.matched, accounts.pending, accounts.orphans) == (3, 1, 0)
 

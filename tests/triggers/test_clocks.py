@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import feedback
-from mavlink_peer import received as heard
 
 from gcs_mosaic.mavlink.clock import clock_of, plausible_utc
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.messages import FEEDBACK_WRAP_S, TriggerEvent
 from gcs_mosaic.triggers.clocks import DRIFT, JUMP_S, OffsetClock, SourceClocks
+from tests.mavlink.mavlink_peer import feedback
+from tests.mavlink.mavlink_peer import received as heard
 
 delays = st.lists(st.floats(0, 3), min_size=3, max_size=30)
 

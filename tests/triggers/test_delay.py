@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 
 import pytest
 
@@ -15,7 +16,9 @@ def line(shot: int) -> float:
 def learnt(delay_s: float, lost: frozenset[int] = frozenset(), untold: frozenset[int] = frozenset()) -> UsualDelay:
     """After 60 shots whose files come late by `delay_s` and up to 0.3 s more."""
     dice, usual = random.Random(3), UsualDelay(early_s=2.0, window_s=15.0, widest_s=4.0)
-    happened = [(line(n), usual.shot) for n in range(60) if n not in untold]
+    happened: list[tuple[float, Callable[[float], None]]] = [
+        (line(n), usual.shot) for n in range(60) if n not in untold
+    ]
     happened += [(line(n) + delay_s + 0.3 * dice.random(), usual.file) for n in range(60) if n not in lost]
     for moment, tell in sorted(happened, key=lambda item: item[0]):
         tell(moment)

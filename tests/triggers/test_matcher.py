@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,29 +9,15 @@ from hypothesis import strategies as st
 from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.triggers import Failed, How, Matched, Missing, Orphan, Outcome, Pairing, PairingSettings, Unmatched
 from gcs_mosaic.triggers.clocks import SourceClocks
+from tests.factories import frame, trigger_event
 
 
 def shot(at: float, sequence: int | None = None, hint: str | None = None, **fields: Any) -> TriggerEvent:
-    event = TriggerEvent(
-        vehicle=1,
-        component=1,
-        camera=0,
-        source=Source.CAMERA_TRIGGER,
-        sequence=sequence,
-        received=at,
-        source_time=None,
-        clock="none",
-        utc=None,
-        result=CaptureResult.UNKNOWN,
-        file_hint=hint,
-        position=None,
-    )
-    return replace(event, **fields)
+    return trigger_event(sequence, at, file_hint=hint, **fields)
 
 
 def file(at: float, name: str) -> Frame:
-    path = Path("/frames") / name.partition("#")[0]
-    return Frame(name=name, path=path, content_hash=name, size=1, received=at, modified=0.0)
+    return frame(name, at)
 
 
 class Flight:
@@ -126,7 +110,9 @@ def test_a_missing_event_costs_no_other_its_frame() -> None:
 
 
 def test_a_lost_first_frame_is_noticed_at_the_end_of_the_first_line() -> None:
-    line = lambda n: 2.0 * n + 10.0 * (n // 8)  # noqa: E731  a turn after every eighth shot
+    def line(n: int) -> float:
+        return 2.0 * n + 10.0 * (n // 8)  # a turn after every eighth shot
+
     events = [(n, shot(line(n))) for n in range(40)]
     flight = Flight().fly(*events, *(file(line(n) + 1.0, f"{n}x.jpg") for n in range(1, 40)))
     assert {n: name for n, name in flight.pairs().items() if n >= 24} == {n: f"{n}x.jpg" for n in range(24, 40)}
@@ -249,7 +235,7 @@ def test_the_accounts_close_whatever_comes(steps: list[Any], remembered: int) ->
         elif what == "frame":
             outcomes, came = pairing.frame(file(now, f"{name or 'y.jpg'}#{came}"), now, fresh=which > 3), came + 1
         elif what == "tick":
-            outcomes = pairing.tick(now)
+            outcomes = [*pairing.tick(now)]
         else:
             outcomes = pairing.close()
         for outcome in outcomes:

@@ -6,30 +6,19 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mavlink_peer import captured, feedback, received, trigger
 
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.messages import CaptureResult, Source, TriggerEvent
 from gcs_mosaic.triggers.shots import Better, Duplicate, New, ShotMerger, Verdict
+from tests.factories import trigger_event
+from tests.mavlink.mavlink_peer import captured, feedback, received, trigger
 
 TRIGGER, FEEDBACK, AUTOPILOT, CAMERA = Source
 
 
 def told(source: Source, sequence: int | None, received: float, source_time: float | None = None) -> TriggerEvent:
-    return TriggerEvent(
-        vehicle=1,
-        component=100 if source is CAMERA else 1,
-        camera=0,
-        source=source,
-        sequence=sequence,
-        received=received,
-        source_time=source_time,
-        clock="none" if source_time is None else "boot",
-        utc=None,
-        result=CaptureResult.UNKNOWN,
-        file_hint=None,
-        position=None,
-    )
+    component, clock = 100 if source is CAMERA else 1, "none" if source_time is None else "boot"
+    return trigger_event(sequence, received, component=component, source=source, source_time=source_time, clock=clock)
 
 
 def verdicts(*events: TriggerEvent) -> list[Verdict]:

@@ -62,7 +62,7 @@ class SmallFlight:
         """Tell all that is here of the frames; returns the revision. `newest`: not the last of them."""
         accounts = Accounts(frames=FrameAccount(placed=len(self.estimates)), events=EventAccount(matched=2, missing=1))
         if newest is None and self.estimates:
-            newest = [*self.estimates, *self.covered][-1].name
+            newest = (self.covered or self.estimates)[-1].name
         contents = Contents(
             flight="small",
             updated_utc=time.time(),

@@ -8,7 +8,6 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from small_flight import MIDDLE, RED, SmallFlight
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.tile_grid import Tile
@@ -16,6 +15,7 @@ from gcs_mosaic.web import app as app_module
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
+from tests.web.small_flight import MIDDLE, RED, SmallFlight
 
 TILE = Tile(16, MIDDLE, MIDDLE)
 TILE_URL = f"/tiles/0/16/{MIDDLE}/{MIDDLE}"

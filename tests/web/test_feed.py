@@ -35,9 +35,13 @@ def test_json_of_a_change() -> None:
 def test_slow_subscriber_gets_everything_as_one_change() -> None:
     feed = Feed()
 
+    def write() -> None:
+        for n in range(1, 101):
+            feed.publish(n, [(0, Tile(16, n, 0))])
+
     async def read() -> Change | None:
         with feed.subscribe() as subscription:
-            writer = threading.Thread(target=lambda: [feed.publish(n, [(0, Tile(16, n, 0))]) for n in range(1, 101)])
+            writer = threading.Thread(target=write)
             writer.start()
             await asyncio.to_thread(writer.join, 5)
             return await subscription.next(5)
@@ -45,7 +49,7 @@ def test_slow_subscriber_gets_everything_as_one_change() -> None:
     change = asyncio.run(read())
     assert change is not None
     assert change.revision == 100
-    assert change.painted == {(0, Tile(16, n, 0)) for n in range(1, 101)}
+    assert change.painted == frozenset((0, Tile(16, n, 0)) for n in range(1, 101))
     assert feed.subscribers == 0
 
 

@@ -7,8 +7,6 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from browser import CHROMIUM, Page, open_browser
-from small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 
 from gcs_mosaic.messages import LinkReport, Refusals
 from gcs_mosaic.render.tile_grid import Tile
@@ -20,6 +18,8 @@ from gcs_mosaic.store.status import Behind, LastFrame
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
+from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 

@@ -18,8 +18,9 @@ from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.rtsp.source import Item, stream
-from gcs_mosaic.messages import CaptureResult, Frame, Notice, Source, SourceReport, TriggerEvent
+from gcs_mosaic.messages import Frame, Notice, SourceReport
 from sitl.stream.camera import NEEDED, StreamingCamera, python_with_gstreamer
+from tests.factories import trigger_event
 
 needs_gstreamer = pytest.mark.skipif(
     python_with_gstreamer() is None, reason=f"the streaming camera needs GStreamer: apt-get install {NEEDED}"
@@ -90,7 +91,7 @@ class Listened:
     def trigger(self, moment: float) -> None:
         sequence = len(self.asked)
         self.asked[sequence] = moment
-        assert self.requests.put(Ask(moment, trigger(sequence, moment)))
+        assert self.requests.put(Ask(moment, trigger_event(sequence, moment)))
 
     @property
     def frames(self) -> dict[int, int]:
@@ -128,23 +129,6 @@ class Listened:
 
     def has_said(self, text: str) -> bool:
         return any(text in said for said in self.texts)
-
-
-def trigger(sequence: int = 0, received: float = 0.0) -> TriggerEvent:
-    return TriggerEvent(
-        vehicle=1,
-        component=1,
-        camera=0,
-        source=Source.CAMERA_TRIGGER,
-        sequence=sequence,
-        received=received,
-        source_time=None,
-        clock="none",
-        utc=None,
-        result=CaptureResult.TAKEN,
-        file_hint=None,
-        position=None,
-    )
 
 
 def pixels(frame: Frame) -> Image:

@@ -1,13 +1,13 @@
 from __future__ import annotations
 
 import pytest
-from pictures import picture
-from streamed import trigger
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
 from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
 from gcs_mosaic.frames.rtsp.ring_buffer import Picture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from tests.factories import trigger_event
+from tests.frames.rtsp.pictures import picture
 
 SETTINGS = StreamSettings()
 
@@ -15,7 +15,7 @@ SETTINGS = StreamSettings()
 def decided(pictures: list[Picture], *moments: float, now: float = 1000.0) -> list[Pick | Unanswered]:
     picker = Picker(SETTINGS)
     for moment in moments:
-        picker.ask(Ask(moment, trigger()), now=min(moment, now))
+        picker.ask(Ask(moment, trigger_event()), now=min(moment, now))
     return picker.due(pictures, now)
 
 
@@ -24,8 +24,8 @@ def taken(pictures: list[Picture], *moments: float) -> list[float | str]:
     return [round(one.moment, 3) if isinstance(one, Pick) else one.reason for one in found]
 
 
-def row(start: float = 10.0, end: float = 12.0, **looks: bool) -> list[Picture]:
-    return [picture(start + k / 10, **looks) for k in range(round((end - start) * 10))]
+def row(start: float = 10.0, end: float = 12.0, *, blur: bool = False, damaged: bool = False) -> list[Picture]:
+    return [picture(start + k / 10, blur=blur, damaged=damaged) for k in range(round((end - start) * 10))]
 
 
 @pytest.mark.parametrize(("moment", "nearest"), [(11.04, 11.0), (11.06, 11.1), (10.0, 10.0), (9.96, 10.0)])

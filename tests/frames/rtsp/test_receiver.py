@@ -3,15 +3,19 @@ from __future__ import annotations
 import logging
 import sys
 import threading
+from typing import TYPE_CHECKING
 
 import pytest
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.rtsp.address import parse_stream
+from gcs_mosaic.frames.rtsp.address import StreamAddress, parse_stream
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.ring_buffer import Ring
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.rtsp.source import stream
+
+if TYPE_CHECKING:
+    from gcs_mosaic.frames.rtsp.connection import Log
 
 SECRET = "s3cr3t"
 URL = f"rtsp://pilot:{SECRET}@127.0.0.1:9/x"  # where nobody listens
@@ -22,16 +26,17 @@ def said(times: int) -> tuple[list[str], int]:
     """What a receiver says while it tries to connect so many times, and how often it really tried."""
     pytest.importorskip("av")
     from gcs_mosaic.frames.rtsp import receiver
+    from gcs_mosaic.frames.rtsp.connection import Connection
 
     stop, tried = threading.Event(), threading.Semaphore(0)
-    opened = receiver.Connection.open
+    opened = Connection.open
 
-    def opening(*words: object) -> object:
+    def opening(address: StreamAddress, settings: StreamSettings, log: Log) -> object:
         tried.release()
-        return opened(*words)
+        return opened(address, settings, log)
 
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(receiver.Connection, "open", opening)
+        patched.setattr(Connection, "open", opening)
         one = receiver.Receiver(Ring(1.0, 1), SETTINGS, stop)
         one.use(parse_stream(URL))
         one.start()
@@ -51,14 +56,16 @@ def test_a_camera_that_is_not_there_is_tried_again_and_that_is_said_once() -> No
     assert text == "rtsp://127.0.0.1:9/x cannot be received (Connection refused); trying again until it can"
 
 
-def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch, caplog) -> None:
+def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     pytest.importorskip("av")
-    from gcs_mosaic.frames.rtsp import receiver
+    from gcs_mosaic.frames.rtsp.connection import Connection
 
     def faulty(address: object, settings: object, log: object) -> object:
         raise RuntimeError(URL)
 
-    monkeypatch.setattr(receiver.Connection, "open", faulty)
+    monkeypatch.setattr(Connection, "open", faulty)
     texts, tried = said(times=3)
     assert tried == 3
     assert texts == [
@@ -71,7 +78,7 @@ def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(monkeypatch, caplo
     assert SECRET not in logged
 
 
-def test_without_pyav_it_is_said_what_to_install(monkeypatch) -> None:
+def test_without_pyav_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gcs_mosaic.frames.rtsp.receiver", None)
     with pytest.raises(UsageError, match=r"pip install 'gcs-mosaic\[rtsp\]'"):
         stream(URL, threading.Event(), Requests())

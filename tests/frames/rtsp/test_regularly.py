@@ -3,12 +3,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from pictures import CLOCK, Still, picture
 
 from gcs_mosaic.frames.rtsp.interval import Wishes, parse_every
 from gcs_mosaic.frames.rtsp.motion import ViewMotion
 from gcs_mosaic.frames.rtsp.ring_buffer import Picture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from tests.frames.rtsp.pictures import CLOCK, Still, picture
 
 GROUND = cv2.resize(
     np.random.default_rng(0).integers(40, 215, (150, 250)).astype(np.uint8), (2500, 1500), interpolation=cv2.INTER_CUBIC

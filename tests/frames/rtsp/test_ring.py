@@ -3,9 +3,8 @@ from __future__ import annotations
 import threading
 import time
 
-from pictures import picture
-
 from gcs_mosaic.frames.rtsp.ring_buffer import Ring
+from tests.frames.rtsp.pictures import picture
 
 BYTES = 48 * 36 * 3 // 2
 

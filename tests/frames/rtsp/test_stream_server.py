@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from streamed import PERIOD_S, Listened, listening, needs_gstreamer, number_in, pixels
 
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.messages import Frame, SourceReport
 from sitl.stream.camera import StreamingCamera
+from tests.frames.rtsp.streamed import PERIOD_S, Listened, listening, needs_gstreamer, number_in, pixels
 
 pytestmark = needs_gstreamer
 

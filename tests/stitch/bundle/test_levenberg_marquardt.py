@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from matched_frames import problem_of
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle import lens
 from gcs_mosaic.stitch.bundle import levenberg_marquardt as adjustment
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import parts, whitenings
 from gcs_mosaic.stitch.camera import geometry, projection
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, similarity_between
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08, 0.03, 0.01, -0.015)
 RNG = np.random.default_rng(3)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.relief import displacements, fitted_sheet, grid_size, matched, note_relief, sightings
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Lens, ViewGraph

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.relief_points import tracks, triangulate
-from gcs_mosaic.stitch.camera.geometry import Array
 
 
 def test_what_is_connected_is_one_point_unless_it_contradicts_itself() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.selected_inverse import covariances
-from gcs_mosaic.stitch.camera.geometry import Array
 
 U = 3  # unknowns per frame
 

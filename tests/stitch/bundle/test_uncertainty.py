@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from matched_frames import SCALE, problem_of
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import geometry, projection
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, similarity_between
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08)
 ROOT = 2

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, Image, photograph
 
-from gcs_mosaic.stitch.camera.geometry import Array, Pose
+from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph

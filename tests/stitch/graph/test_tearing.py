@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from stitch_ground import SMALL_CAMERA, Image, photograph
 
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.island import adjust_island
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, canvas_from_pixels, pixel_grid, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, pixels_from_canvas
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.tearing import HeldOut, Tearing, torn_apart

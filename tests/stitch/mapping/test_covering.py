@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, Image, fly, photograph
 
-from gcs_mosaic.stitch.camera.geometry import Array, Camera, Pose, canvas_from_pixels, pixel_grid
+from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement
 from gcs_mosaic.stitch.mapping.covering import CoverSettings
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings

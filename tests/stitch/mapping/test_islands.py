@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, Image, photograph
 
-from gcs_mosaic.stitch.camera.geometry import Array, Pose
+from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.view_graph import Bridge, ViewGraph
