@@ -81,7 +81,7 @@ def test_a_flight_that_is_ended_without_time_is_settled(
     ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
     with closing(open_flight_folder(tmp_path / "out")) as folder:
         config = replace(CONFIG, finish_s=30.0 if hurry else 0.0)
-        with closing(daemon._Daemon(config, folder, Console(quiet=True), ending, Feed())) as flown:
+        with closing(daemon._Daemon(config, folder, None, Console(quiet=True), ending, Feed())) as flown:
             process(flown._pipeline, flight)
             monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
             ending.stop.set()

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TypeVar
 
 from gcs_mosaic.messages import Frame, TriggerEvent
+from gcs_mosaic.store.flight_store import SET_ASIDE, frame_of
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.records import EventState
+from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
-from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New
+from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New, Shots
 
 logger = logging.getLogger(__name__)
 
@@ -33,10 +36,25 @@ class EventLog:
         )  # ids of shots, by the number of the message that told of them first
         self._remembered = pairing.remembered
 
+    def resume(self, told: Iterable[EventRecord | FrameRecord], shots: Shots, started_utc: float, out: Path) -> None:
+        """Know all that was known: hear again, in their order, the events and frames of the flight that goes on."""
+        for record in told:
+            if isinstance(record, EventRecord):
+                now = record.event.received
+                self._heard(shots.hear(record.event), record.id, now)
+            else:
+                frame = frame_of(record, out)
+                now, fresh = frame.received, frame.modified >= started_utc and record.state not in SET_ASIDE
+                self.frame(frame, now, fresh=fresh)
+            self.tick(now)
+
     def message(self, message: CameraMessage, now: float) -> None:
         """A camera message has come."""
         event = message.event
-        event_id = self._retry(lambda: self._ledger.record_event(event))
+        self._heard(message, self._retry(lambda: self._ledger.record_event(event)), now)
+
+    def _heard(self, message: CameraMessage, event_id: int, now: float) -> None:
+        event = message.event
         match message.verdict:
             case New(moment):
                 _remember(self._shots, message.number, event_id, MOST_SHOTS)

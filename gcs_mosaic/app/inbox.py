@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from pathlib import Path
 from gcs_mosaic.app.links import Item, Report, Source
 from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.frames.directory import watch
+from gcs_mosaic.frames.directory import Taken, watch
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.source import stream, stream_name
 from gcs_mosaic.mavlink.tlog_writer import Recording
@@ -38,10 +38,10 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
     return recording.open(Path(config.record), ours=False)
 
 
-def watching(config: Config, stop: threading.Event) -> Source:
-    """The watched folder, made if it is not there. Raises UsageError."""
+def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] | None = None) -> Source:
+    """The watched folder, made if it is not there; `taken`: the files of a flight that goes on. Raises UsageError."""
     failed = replace(initial_report(config), state="ended")
-    return Source(watch(Path(config.watch), stop, config.frames), failed)
+    return Source(watch(Path(config.watch), stop, config.frames, taken), failed)
 
 
 def attach_stream(address: str, links: Iterable[Source], config: Config, stop: threading.Event) -> list[Source]:

@@ -19,14 +19,27 @@ from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, 
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
+from gcs_mosaic.app.resuming import checkpoints_of, files_taken, later_by, saved_flight, told_again
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
+from gcs_mosaic.stitch.transaction import Snapshot
+from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
 from gcs_mosaic.store.disk import CannotWrite
-from gcs_mosaic.store.folder import FlightFolder, open_flight_folder, refuse_watching_ourselves
+from gcs_mosaic.store.durability import Durability
+from gcs_mosaic.store.folder import (
+    LEDGER_NAME,
+    FlightFolder,
+    open_flight_folder,
+    refuse_watching_ourselves,
+    resume_flight_folder,
+)
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
@@ -59,22 +72,50 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
         if config.rtsp:
             links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop)
-        folder = open_flight_folder(out)
+        folder = resume_flight_folder(out) if config.resume else open_flight_folder(out)
         stack.callback(folder.close)
+        checkpoints = checkpoints_of(folder.path, config)
+        if checkpoints is not None:
+            stack.callback(checkpoints.close)
+        saved = _saved(folder, checkpoints, config)
         stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
-            links.sources.append(watching(config, shutdown.stop))
-        daemon = _Daemon(config, folder, console, shutdown, feed)
+            links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
+        daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
             daemon.say(recorded)
         if page:
             daemon.say(Notice(source="page", level="info", text=f"the map is at {page}", topic=Topic.PAGE))
+        if saved:
+            daemon.resume(saved, shots)
         daemon.run(links)
+
+
+def _saved(folder: FlightFolder, checkpoints: Checkpoints | None, config: Config) -> Snapshot | None:
+    """What was saved of the flight that is to go on, None for a new one. Raises UsageError."""
+    if not folder.resumed:
+        return None
+    paper = Unusable("a map of the paper's recipe is in memory only")
+    saved = paper if checkpoints is None else saved_flight(checkpoints, config)
+    if isinstance(saved, Unusable):
+        raise UsageError(
+            f"--resume: the flight in {folder.path} cannot be gone on with: {saved.reason}. Start without --resume: the new "
+            f"flight is written beside it, and gcs-mosaic stitch {folder.path / 'frames'} makes a map of what it has."
+        )
+    return saved
+
+
+def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:
+    """Files that need not be taken again; None for a new flight."""
+    if not folder.resumed:
+        return None
+    with Ledger(folder.path / LEDGER_NAME, read_only=True) as ledger:
+        return files_taken(ledger.frames())
 
 
 def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
@@ -88,12 +129,22 @@ def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) 
 
 
 class _Daemon:
-    def __init__(self, config: Config, folder: FlightFolder, console: Console, shutdown: Shutdown, feed: Feed) -> None:
+    def __init__(
+        self,
+        config: Config,
+        folder: FlightFolder,
+        checkpoints: Checkpoints | None,
+        console: Console,
+        shutdown: Shutdown,
+        feed: Feed,
+    ) -> None:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
         self._inbox = Inbox(shutdown.stop)
         until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
-        self._pipeline = Pipeline(folder.path, config, self.say, feed.publish, retry=until_writable)
+        self._pipeline = Pipeline(
+            folder.path, config, self.say, feed.publish, retry=until_writable, checkpoints=checkpoints
+        )
         self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
             self._pipeline.features_of,
@@ -104,6 +155,7 @@ class _Daemon:
             self._inbox.wake,
         )
         store = self._pipeline.store
+        self._durability = Durability(store.ledger.make_durable)
         self._reporter = Reporter(folder.path, store.flight, store.ledger, console)
         self._reporter.watch = initial_report(config)
         self._event_log = EventLog(store.ledger, config.pairing, until_writable)
@@ -113,6 +165,21 @@ class _Daemon:
         self._state: DaemonState = "listening"
         self._adjusting = False  # whether an adjustment that was begun in a pause is under way
         self._looked = False  # whether all files that were there at the start have come
+
+    def resume(self, saved: Snapshot, shots: Shots) -> None:
+        """Go on with the flight that the folder holds, before anything new comes."""
+        store = self._pipeline.store
+        told = told_again(store.ledger.events(), store.ledger.frames(), later_by(saved))
+        self._event_log.resume(told, shots, store.flight.started_utc, store.out)
+        self._event_log.save()
+        again = self._pipeline.resume(saved["pipeline"])
+        self._driver.save()
+        for frame in again:
+            self._came[frame.name] = time.monotonic()
+            self._preparation.append(replace(frame, received=time.monotonic()))
+        placed = store.accounts().frames.placed
+        text = f"{placed} frames of it are on the map, {len(again)} are still to be placed"
+        self.say(Notice(source="out", level="info", text=text))
 
     def run(self, links: Links) -> None:
         """Work until told to stop, then finish."""
@@ -134,6 +201,7 @@ class _Daemon:
         self._announcements.notice(notice)
 
     def close(self) -> None:
+        self._durability.close()
         self._preparation.close()
         self._pipeline.close()
 
@@ -190,6 +258,7 @@ class _Daemon:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
             self._note_done(self._driver.process(prepared, self._begin_next))
+            self._pipeline.checkpoint()
         elif self._repainting() and self._pipeline.repaint_some():
             self._driver.save()
         elif self._is_idle() and (self._state == "flying" or self._adjusting):
@@ -249,6 +318,7 @@ class _Daemon:
         self._event_log.close()
         self._event_log.save()
         self._driver.save()
+        self._pipeline.checkpoint(at_once=True)
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())

@@ -13,7 +13,7 @@ from typing import TypeVar
 from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
-from gcs_mosaic.app.resuming import LARGE, settings_of
+from gcs_mosaic.app.resuming import settings_of, utc_of_zero
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.messages import Frame, Notice
@@ -57,7 +57,8 @@ class Pipeline(Kept):
 
     `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
     the same frames always give the same map, however fast the machine is. `paint_live`: each frame is painted as it comes, not
-    all in the end. `observer` looks on while frames are placed. `utc` and `retry` are the store's.
+    all in the end. `observer` looks on while frames are placed. `utc` and `retry` are the store's;
+    `checkpoints`: where the flight is saved to be resumed from, if it is to be.
     """
 
     FIXED = frozenset({"_worker", "_say", "features_of", "_checkpoints", "_settings"})
@@ -74,6 +75,7 @@ class Pipeline(Kept):
         observer: Observer | None = None,
         utc: Callable[[], float] = time.time,
         retry: Retry = at_once,
+        checkpoints: Checkpoints | None = None,
     ) -> None:
         self.store = FlightStore(
             out,
@@ -94,7 +96,7 @@ class Pipeline(Kept):
         self._reduction = config.reduction
         self._processed: dict[str, None] = {}  # names of frames, in that order
         self._settings = settings_of(config)
-        self._checkpoints = Checkpoints(out, LARGE, self.store.ledger.make_durable)
+        self._checkpoints = checkpoints
         self._say = say
         self._painting = Painting(self._painter, self.store, self, self.load_original, say)
 
@@ -131,8 +133,12 @@ class Pipeline(Kept):
 
     def checkpoint(self, *, at_once: bool = False) -> None:
         """Write down what is known, to be resumed from; now, or when it costs little. After `save`."""
-        self._checkpoints.write(lambda: {"settings": self._settings, "pipeline": self.saved()}, at_once=at_once)
-        self._say_problem("checkpoint", self._checkpoints.problem)
+        if self._checkpoints is not None:
+            self._checkpoints.write(self._state, self.store.ledger.make_durable, at_once=at_once)
+            self._say_problem("checkpoint", self._checkpoints.problem)
+
+    def _state(self) -> Snapshot:
+        return {"settings": self._settings, "utc_of_zero": utc_of_zero(), "pipeline": self.saved()}
 
     # Frames come in
 
@@ -309,7 +315,8 @@ class Pipeline(Kept):
 
     def close(self) -> None:
         """Let go of everything; what is not saved is lost."""
-        self._checkpoints.close()
+        if self._checkpoints is not None:
+            self._checkpoints.close()
         self._worker.close()
         self._painter.close()
         self.store.close()

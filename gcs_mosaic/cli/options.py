@@ -29,6 +29,7 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
     "every": ("stream", "every"),
     "from": ("frames", "from_age_s"),
     "out": ("out",),
+    "resume": ("resume",),
     "verbose": ("log", "verbose"),
     "method": ("method",),
     "scale": ("scale",),
@@ -145,6 +146,9 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     _add_blend(parser)
     _add_method(parser)
     _add_output(parser)
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with the newest flight in --out, after whatever ended it"
+    )
     parser.add_argument(
         "--record",
         nargs="?",

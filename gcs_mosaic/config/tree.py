@@ -31,6 +31,7 @@ class Config(Listening):
     # live stream instead of a folder, such as rtsp://HOST:554/main; auto: as announced by the aircraft; null: none
     rtsp: str | None = None
     out: str = "mosaic"  # folder for tiles, ledger and originals
+    resume: bool = False  # go on with the newest flight in `out`; else a new one is written beside it
     http: str | None = "127.0.0.1:8470"  # address of the page; null for none
     method: Method = "adjusted"  # paper: the paper's method, for comparison; fails on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser

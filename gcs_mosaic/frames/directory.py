@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
@@ -25,15 +28,33 @@ AGAIN_SHARE, LOOKING_SHARE = 0.2, 0.1  # of the time, at most, that such looks a
 Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
 
 
-def watch(folder: Path, stop: threading.Event, settings: FolderSettings | None = None) -> Iterator[Item]:
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What was taken of a file before the program was started: the newest version's number, size in bytes and time."""
+
+    version: int
+    size: int
+    modified: float  # seconds since 1970
+
+
+NOTHING_TAKEN: Mapping[str, Taken] = MappingProxyType({})
+
+
+def watch(
+    folder: Path,
+    stop: threading.Event,
+    settings: FolderSettings | None = None,
+    taken: Mapping[str, Taken] | None = None,
+) -> Iterator[Item]:
     """Frames as they become complete in `folder` and below it, until `stop` is set; a missing folder is made.
 
     A file is ready when two looks find it unchanged and it is whole. Ready files of one look come in the order of
-    their times, then of their names. Raises UsageError, at once, for a path that can be no folder.
+    their times, then of their names. `taken`: files by name of a flight that goes on; all others are new, however old. Raises
+    UsageError, at once, for a path that can be no folder.
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
-    return _watching(FolderWatch(folder, settings, time.time()), made, stop)
+    return _watching(FolderWatch(folder, settings, time.time(), taken), made, stop)
 
 
 def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event) -> Iterator[Item]:
@@ -61,11 +82,14 @@ def _make_folder(folder: Path) -> list[Item]:
 class FolderWatch:
     """What is known of every file in the folder; each `poll` is one look."""
 
-    def __init__(self, folder: Path, settings: FolderSettings, started_utc: float) -> None:
+    def __init__(
+        self, folder: Path, settings: FolderSettings, started_utc: float, taken: Mapping[str, Taken] | None = None
+    ) -> None:
         self._folder, self._settings = folder, settings
-        self._oldest_ns = (started_utc - settings.from_age_s) * 1e9
+        self._oldest_ns = (started_utc - settings.from_age_s) * 1e9 if taken is None else -math.inf
         self._candidates: dict[Path, Candidate] = {}
-        self._versions: dict[str, int] = {}
+        self._before = NOTHING_TAKEN if taken is None else taken
+        self._versions = {name: one.version for name, one in self._before.items()}
         self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
         self._said: set[str] = set()
         self._missing = False
@@ -102,8 +126,14 @@ class FolderWatch:
             if self._polls == 1 and look.modified_ns < self._oldest_ns:
                 self._left += 1
                 candidate.leave(look)
+            elif self._was_taken(look):
+                candidate.leave(look)
         self._changed += candidate.is_changed(look)
         return candidate.is_ready(look, now)
+
+    def _was_taken(self, look: Look) -> bool:
+        before = self._before.get(look.name)
+        return before is not None and (look.size, look.modified_ns / 1e9) == (before.size, before.modified)
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:
         item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1)

@@ -101,11 +101,10 @@ class TileStack(Kept):
             waiting[key[1].z].add(key)
         for level in range(FINEST_LEVEL, -1, -1):
             below_top = [key for key in waiting[level] if level > self._tops[key[0]][1]]
+            self.earlier -= waiting[level]  # before the level above asks: one that is empty now must not be read again
             self._shrink_all(below_top)
             waiting[level - 1] |= {(island, tile.parent) for island, tile in below_top}
-        touched = set().union(*waiting.values())
-        self.earlier -= touched
-        return touched | gone
+        return gone.union(*waiting.values())
 
     def _retop(self, island: int, extent: Extent | None, waiting: dict[int, set[TileKey]]) -> set[TileKey]:
         """Follow an island that has grown or shrunk; returns the tiles above its new top level, which are removed."""

@@ -70,15 +70,13 @@ class Unusable:
 
 
 class Checkpoints:
-    """Writes the checkpoints of one output folder; `close` waits for the last. Used by one thread.
+    """Reads and writes the checkpoint of one output folder; `close` waits for the last. Used by one thread.
 
-    `large`: kinds of values that are written once and referred to. `ledger_durable()` is called, from another thread, before
-    a checkpoint counts: it must bring to the disk all that the ledger knows.
+    `large`: kinds of values that are written once and referred to.
     """
 
-    def __init__(self, out: Path, large: tuple[type, ...], ledger_durable: Callable[[], None]) -> None:
+    def __init__(self, out: Path, large: tuple[type, ...]) -> None:
         self._path, self._values = out / NAME, _Values(out / VALUES_NAME, large)
-        self._ledger_durable = ledger_durable
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="checkpoint")
         self._writing: Future[None] | None = None
         self._due = -math.inf  # monotonic seconds
@@ -95,8 +93,12 @@ class Checkpoints:
             logger.warning("the checkpoint cannot be read", exc_info=True)
             return Unusable(f"its checkpoint cannot be read ({error!r})")
 
-    def write(self, state: Callable[[], object], *, at_once: bool = False) -> None:
-        """Write what `state` returns, if it is time or `at_once`. What fails is logged and tried again with the next."""
+    def write(self, state: Callable[[], object], ledger_durable: Callable[[], None], *, at_once: bool = False) -> None:
+        """Write what `state` returns, if it is time or `at_once`. What fails is logged and tried again with the next.
+
+        `ledger_durable()` is called, from another thread, before the checkpoint counts: it must bring to the disk all that the
+        ledger knows.
+        """
         if not at_once and (time.monotonic() < self._due or (self._writing and not self._writing.done())):
             return
         self._wait()
@@ -105,7 +107,7 @@ class Checkpoints:
             self._values.begin()
             data = self._pickled(state())
             new = self._values.end()
-        self._writing = self._pool.submit(self._write, data, new)
+        self._writing = self._pool.submit(self._write, data, new, ledger_durable)
         now = time.monotonic()
         self._due = now + (now - start) / SHARE
         if at_once:
@@ -135,9 +137,9 @@ class Checkpoints:
         _Pickler(target, self._values.refer, self._values.large).dump(state)
         return target.getvalue()
 
-    def _write(self, data: bytes, new: bytes) -> None:
+    def _write(self, data: bytes, new: bytes, ledger_durable: Callable[[], None]) -> None:
         end = self._values.append(new)
-        self._ledger_durable()
+        ledger_durable()
         head = HEAD.pack(FORMAT, _digest(data), self._values.name, end)
         write_beside(self._path, MAGIC + head + data, durable=True)
 

@@ -154,7 +154,7 @@ class FlightStore(Kept):
         self.taken_in = len(frames)
         self._orders = {frame.name: order for order, frame in enumerate(known)}
         self._names = {frame.content_hash: frame.name for frame in known if frame.content_hash is not None}
-        kept = [_frame_of(frame, self.out) for frame in known]
+        kept = [frame_of(frame, self.out) for frame in known]
         self._places = {frame.name: (frame.path, frame.content_hash) for frame in kept}
         self._islands_known = len(self.ledger.islands())
         again = [frame for frame in kept if frame.name not in processed]
@@ -294,6 +294,7 @@ class FlightStore(Kept):
         with stage("ledger", of):
             estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
             self._save_ledger(islands, estimates)
+            self.ledger.make_durable()  # also after a power cut no document is ahead of it
         with stage("tiles", of):
             self._tiles.write(set().union(*self.changes.tiles), picture.tile_later)
         with stage("documents", of):
@@ -371,7 +372,7 @@ class FlightStore(Kept):
 SET_ASIDE = (FrameState.DUPLICATE, FrameState.DROPPED, FrameState.DAMAGED)
 
 
-def _frame_of(record: FrameRecord, out: Path) -> Frame:
+def frame_of(record: FrameRecord, out: Path) -> Frame:
     """A frame as it is kept, as it came when the program was told of it."""
     assert record.content_hash is not None, "a frame has come whole"
     return Frame(

@@ -15,6 +15,7 @@ RECORDING_NAME = "flight.tlog"
 LOG_NAME = "flight.log"
 OUR_NAMES = (
     *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
+    *("checkpoint", "checkpoint.values"),
     *("tiles", "masks", "frames"),
 )
 MOST_FLIGHTS = 1000  # beside each other; more than that is a mistake in a script
@@ -28,6 +29,7 @@ class FlightFolder:
     said: str
     lock: FolderLock
     existed: bool = True
+    resumed: bool = False  # it holds a flight that is to be gone on with
 
     def close(self) -> None:
         """Let others write; of a flight that never began nothing stays behind."""
@@ -53,6 +55,24 @@ def open_flight_folder(out: Path) -> FlightFolder:
             return FlightFolder(path=path, said=said, lock=lock, existed=existed)
         taken = taken or obstacle
     raise UsageError(f"{out} and {MOST_FLIGHTS} folders beside it hold flights already: choose another --out")
+
+
+def resume_flight_folder(out: Path) -> FlightFolder:
+    """The newest flight of `out`, `out-2`, `out-3`, …, locked. Raises UsageError where none is, or it is being written."""
+    held: list[Path] = []
+    for path in candidates(out):
+        if not path.exists():
+            break
+        held += [path] if (path / LEDGER_NAME).is_file() else []
+    if not held:
+        raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
+    try:
+        lock = try_lock(held[-1])
+    except OSError as error:
+        raise UsageError(f"{held[-1]} cannot be written ({error.strerror}): choose another --out") from error
+    if lock is None:
+        raise UsageError(f"--resume: {held[-1]} is being written by another gcs-mosaic: end that one first")
+    return FlightFolder(path=held[-1], said=f"going on with the flight in {held[-1]}", lock=lock, resumed=True)
 
 
 def find_flight(path: Path) -> Path:

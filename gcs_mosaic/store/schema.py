@@ -185,7 +185,7 @@ def prepare(connection: sqlite3.Connection, path: Path) -> None:
     for old in range(version or VERSION, VERSION):
         connection.executescript(f"BEGIN; {MIGRATIONS[old]} PRAGMA user_version = {old + 1}; COMMIT;")
     connection.execute("PRAGMA journal_mode = WAL")
-    # With a write-ahead log, NORMAL survives any kill; a power cut may cost the last frames, never the file.
+    # With a write-ahead log, NORMAL survives any kill; against power cuts see LedgerFile.make_durable.
     connection.execute("PRAGMA synchronous = NORMAL")
     connection.execute("PRAGMA foreign_keys = ON")
 

@@ -92,7 +92,7 @@ def empty(tmp_path: Path) -> Path:
         (["--config", "none.yaml"], "none.yaml cannot be read (No such file or directory)"),
         (["--watch", "mosaic/tiles"], "overlap"),
         (["--watch", ".", "--out", "mosaic"], "choose an --out outside the watched folder"),
-        (["--resume"], "unrecognized arguments: --resume"),
+        (["--resume"], "--resume: mosaic holds no flight to go on with: start without --resume"),
         (["config", "--fly"], "unrecognized arguments: --fly (gcs-mosaic"),
         (["--blend", "seems"], "--blend: 'seems' is not one of seam, edge, newest, first"),
         (["stitch", ".", "--blend", "egde"], "--blend: 'egde' is not one of seam, edge, newest, first"),

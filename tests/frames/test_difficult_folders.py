@@ -138,6 +138,7 @@ def test_a_card_that_is_pulled_out_while_it_is_read_and_put_back_loses_nothing(c
     assert sorted(card.names(3)) == ["a.jpg", "b.jpg"]
 
 
+@pytest.mark.long
 def test_ten_thousand_old_files_are_left_quickly_and_new_ones_are_found_among_them(card: Card) -> None:
     old = time.time() - 7200
     first = card.put("old/0.jpg")

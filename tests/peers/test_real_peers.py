@@ -58,6 +58,7 @@ def test_every_shot_of_a_camera_of_mavsdk_is_matched(tmp_path: Path, pictures: l
     assert_every_shot_matched(flight, taken)
 
 
+@pytest.mark.long
 def test_through_mavproxy_and_the_recordings_of_both_are_alike(tmp_path: Path, pictures: list[bytes]) -> None:
     need_mavsdk()
     need_mavproxy()

@@ -104,7 +104,7 @@ def test_a_whole_flight_starts_the_program_flies_stops_it_and_judges_it(tmp_path
     assert done.returncode == DONE, done.stdout + done.stderr
     assert "page: http://127.0.0.1:1/" in done.stdout
     assert "frames: placed 3; events: matched 3" in done.stdout
-    assert done.stdout.splitlines()[-1].startswith("sitl: against the truth: placed 0/3")
+    assert done.stdout.splitlines()[-2].startswith("sitl: against the truth: placed 0/3")
 
 
 def test_a_folder_in_use_is_refused(photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

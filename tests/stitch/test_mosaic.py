@@ -34,6 +34,7 @@ def noted_pairs(monkeypatch: pytest.MonkeyPatch) -> list[set[int]]:
     return asked
 
 
+@pytest.mark.long
 def test_two_flight_lines_become_one_map(ground: Image) -> None:
     rng = np.random.default_rng(5)
     level = line(400, 500, 7) + line(400, 720, 7)[::-1]
@@ -241,6 +242,7 @@ def test_two_frames_that_raise_keep_no_others_from_being_compared(
     assert mosaic.frame_counts() == {0: len(truth)}
 
 
+@pytest.mark.long
 def test_a_waiting_frame_that_raises_keeps_no_other_from_its_place(
     ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:

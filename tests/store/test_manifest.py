@@ -86,6 +86,7 @@ def test_revision_rises_over_restarts_and_garbage(tmp_path: Path) -> None:
     assert Manifest(tmp_path).revision == 0
 
 
+@pytest.mark.long
 def test_full_disk_keeps_the_old_revision(tiny_disk: Path) -> None:
     manifest = Manifest(tiny_disk)
     manifest.write(CONTENTS)

@@ -211,6 +211,7 @@ steps = st.lists(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=400)
 @given(steps, st.sampled_from([3, 5000]))
 def test_the_accounts_close_whatever_comes(steps: list[Any], remembered: int) -> None:

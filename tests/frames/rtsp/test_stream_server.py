@@ -110,6 +110,7 @@ def test_a_network_that_falls_silent_is_said_and_no_picture_from_before_is_taken
         assert flight.report.gaps == 1
 
 
+@pytest.mark.long
 def test_no_damaged_picture_is_ever_taken() -> None:
     """Over UDP that loses packets, in H.265, whose decoder does not notice."""
     settings = StreamSettings(transport="udp", every="0.2 s")

@@ -52,6 +52,7 @@ def test_a_hover_is_one_keyframe(ground: Image) -> None:
     assert mosaic.frame_counts() == {0: 1}
 
 
+@pytest.mark.long
 def test_covered_frames_take_no_part(ground: Image) -> None:
     """What comes after a hover is placed as if there had been no hover."""
     line, still = moved_along(4, 130), hover(6, 500, 900)
