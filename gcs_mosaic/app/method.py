@@ -110,7 +110,7 @@ def method_of(
 
     def note(frame: Painted) -> None:
         painted(frame)
-        mosaic.hold(frame.name, frame.pose, frame.camera)
+        mosaic.anchor_drawn_pose(frame.name, frame.pose, frame.camera)
 
     painter = Painter(
         load_original, note, config.paint, scratch=out, live=paint_live, load_tile=partial(read_tile, out)

@@ -150,9 +150,9 @@ class Mosaic(Kept):
         self._graph.moved.clear()
         return moved
 
-    def hold(self, name: str, pose: Pose, camera: Camera) -> None:
+    def anchor_drawn_pose(self, name: str, pose: Pose, camera: Camera) -> None:
         """Record that a frame has been drawn at this pose: adjustments keep it there as far as one similarity can."""
-        self._graph.note(self._graph.numbers[name], held=(pose, camera))
+        self._graph.note(self._graph.numbers[name], drawn=(pose, camera))
 
     def placements(self) -> list[Placement]:
         """All placed frames, in order of arrival."""

@@ -65,20 +65,23 @@ class Originals:
         self.settings = settings or OriginalsSettings()
         self.used = sum(path.stat().st_size for path in (out / "frames").rglob("*") if path.is_file())
         self._said = False
-        self._ahead: dict[str, Kept | NotKept] = {}  # kept before anybody asked for it, by content hash
+        self._ahead: dict[str, Kept] = {}  # kept before anybody asked for it, by content hash
         self._lock = threading.Lock()
 
     def keep_ahead(self, frame: Frame) -> Frame:
         """Keep a frame for which `keep` will be called later; returns it as it is kept, or as it is if nothing fits now."""
         with self._lock:
-            if frame.content_hash in self._ahead:
+            if frame.content_hash in self._ahead or self._shortage(frame.size) is not None:
                 return frame
             try:
-                kept = self._ahead[frame.content_hash] = self._keep(frame)
+                kept = self._keep(frame)
             except CannotWrite:
                 logger.debug("%s cannot be kept now", frame.name, exc_info=True)
                 return frame
-        return frame if isinstance(kept, NotKept) else replace(frame, path=self.out / kept.path)
+            if isinstance(kept, NotKept):  # maybe there is room, or the file can be read, when it is its turn
+                return frame
+            self._ahead[frame.content_hash] = kept
+        return replace(frame, path=self.out / kept.path)
 
     def keep(self, frame: Frame) -> Kept | NotKept:
         """Keep one frame. Raises DiskFull when even that does not fit."""

@@ -97,7 +97,7 @@ def flown(views: Iterable[Image]) -> tuple[list[Placement], list[int]]:
         stale = [p for p in moved if p.name in drawn and displacement(drawn[p.name], p) > REPAINT_PX]
         for placement in [*stale, *(p for p in moved if p.name not in drawn)]:
             drawn[placement.name] = placement
-            mosaic.hold(placement.name, placement.pose, placement.camera)
+            mosaic.anchor_drawn_pose(placement.name, placement.pose, placement.camera)
         again.append(len(stale))
     return mosaic.placements(), again
 

@@ -108,7 +108,7 @@ def test_held_frames_stay_where_they_are_drawn(ground: Image) -> None:
     mosaic = Mosaic()
     fly(mosaic, ground, line(400, 500, 4))
     for placement in mosaic.placements():
-        mosaic.hold(placement.name, placement.pose, placement.camera)
+        mosaic.anchor_drawn_pose(placement.name, placement.pose, placement.camera)
     before = {p.name: p.pose for p in mosaic.placements()}
     mosaic.adjust(everything=True)
     fly(mosaic, ground, line(920, 500, 2), first=4)

@@ -89,6 +89,16 @@ def test_what_does_not_fit_ahead_is_kept_when_it_is_its_turn(tmp_path: Path, out
     assert originals.keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
 
 
+def test_what_has_no_room_ahead_is_kept_if_there_is_when_it_is_its_turn(
+    tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame, originals = written_frame(tmp_path / "watched"), Originals(out, COPY)
+    with monkeypatch.context() as patch:
+        patch.setattr(originals, "_shortage", lambda size: "only 0.0 GB are free on the disk")
+        assert originals.keep_ahead(frame) == frame
+    assert originals.keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
+
+
 @pytest.fixture
 def full(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """While anything is in this list, no picture can be written."""

@@ -132,7 +132,7 @@ def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:
     lenses = _lenses(task, found)
     poses = [Pose(*pose) for pose in found.poses.tolist()]
     cameras = [lenses[graph.frames[f].camera].camera for f in members]
-    aligned = _aligned_to_held(graph, members, poses, cameras)
+    aligned = _aligned_to_drawn(graph, members, poses, cameras)
     graph.put_all(members, aligned, task.island, lenses)
     _carry_along(graph, before, task)
     for frame, residual, relief in zip(members, found.residuals.tolist(), found.reliefs, strict=True):
@@ -262,11 +262,11 @@ def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]
     return dict(zip(task.numbers, (Lens(*known) for known in zip(cameras, information, strict=True)), strict=True))
 
 
-def _aligned_to_held(graph: ViewGraph, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
+def _aligned_to_drawn(graph: ViewGraph, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:
     """Move the whole island by the one similarity that least disturbs what is already drawn."""
-    held = [(pose, camera, graph.frames[f].held) for f, pose, camera in zip(members, poses, cameras, strict=True)]
-    new = _inner_corners([(pose, camera) for pose, camera, drawn in held if drawn])
-    old = _inner_corners([drawn for _, _, drawn in held if drawn])
+    views = [(pose, camera, graph.frames[f].drawn) for f, pose, camera in zip(members, poses, cameras, strict=True)]
+    new = _inner_corners([(pose, camera) for pose, camera, drawn in views if drawn])
+    old = _inner_corners([drawn for _, _, drawn in views if drawn])
     seen = np.isfinite(new).all(axis=1) & np.isfinite(old).all(axis=1)
     if seen.sum() < 4:
         return poses

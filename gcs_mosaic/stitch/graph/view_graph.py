@@ -36,13 +36,13 @@ NO_INLIERS: Mapping[int, int] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class FrameState:
-    """Everything known of a frame. `pose` is None until it is placed; `held` is the pose it is drawn at."""
+    """Everything known of a frame. `pose` is None until it is placed; `drawn` is the pose it is drawn at."""
 
     name: str
     features: Features
     camera: CameraNumber
     pose: Pose | None = None
-    held: tuple[Pose, Camera] | None = None
+    drawn: tuple[Pose, Camera] | None = None
     inliers: Mapping[int, int] = field(default_factory=lambda: NO_INLIERS)  # independent inliers by linked frame
     relief: ReliefDisplacement | None = None
     residual_px: float = math.nan  # median over its matches, full-resolution pixels
@@ -201,7 +201,7 @@ class ViewGraph(Kept):
         """Make a frame unplaced and unlinked again."""
         for other in list(self.frames[frame].inliers):
             self.unlink(frame, other)
-        self.note(frame, pose=None, held=None, relief=None)
+        self.note(frame, pose=None, drawn=None, relief=None)
         if self.roots.get(int(self.islands[frame])) == frame:
             del self.roots[int(self.islands[frame])]
         self.islands[frame] = NOWHERE

@@ -94,7 +94,7 @@ class Bridges:
         moved = [moved_by_similarity(graph.pose_of(frame), *stays_from_goes) for frame in members]
         graph.put_all(members, moved, stays, self._reconciled_lenses(stays, goes))
         for frame in members:
-            graph.note(frame, held=None)
+            graph.note(frame, drawn=None)
         for bridge in bridges:
             graph.link(bridge.frame_a, bridge.frame_b, bridge.registration)
         graph.merge(goes, stays)
