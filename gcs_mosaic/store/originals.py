@@ -75,13 +75,16 @@ class Originals:
                 return frame
             try:
                 kept = self._ahead[frame.content_hash] = self._keep(frame)
-            except CannotWrite:
+            except (CannotWrite, OSError):  # `keep` waits until the folder is there again; a source that raises is over
                 logger.debug("%s cannot be kept now", frame.name, exc_info=True)
                 return frame
         return frame if isinstance(kept, NotKept) else replace(frame, path=self.out / kept.path)
 
     def keep(self, frame: Frame) -> Kept | NotKept:
         """Keep one frame. Raises DiskFull when even that does not fit."""
+        kept = self._ahead.pop(frame.content_hash, None)  # without waiting for others that are just being kept ahead
+        if kept is not None:
+            return kept
         with self._lock:
             return self._ahead.pop(frame.content_hash, None) or self._keep(frame)
 
