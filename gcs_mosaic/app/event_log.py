@@ -5,9 +5,11 @@ from __future__ import annotations
 import logging
 from collections import OrderedDict
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.messages import Frame, TriggerEvent
 from gcs_mosaic.store.flight_store import SET_ASIDE, frame_of
 from gcs_mosaic.store.ledger import Ledger
@@ -37,8 +39,14 @@ class EventLog:
         self._remembered = pairing.remembered
 
     def resume(self, told: Iterable[EventRecord | FrameRecord], shots: Shots, started_utc: float, out: Path) -> None:
-        """Know all that was known: hear again, in their order, the events and frames of the flight that goes on."""
+        """Know all that was known: hear again, in their order, the events and frames of the flight that goes on.
+
+        What was matched stays so: what a stream was asked for, and what was counted off at an end, is in the ledger only.
+        """
+        matched: list[tuple[int, str]] = []
         for record in told:
+            if isinstance(record, EventRecord) and record.frame is not None:
+                matched.append((record.id, record.frame))
             if isinstance(record, EventRecord):
                 now = record.event.received
                 self._heard(shots.hear(record.event), record.id, now)
@@ -47,6 +55,8 @@ class EventLog:
                 now, fresh = frame.received, frame.modified >= started_utc and record.state not in SET_ASIDE
                 self.frame(frame, now, fresh=fresh)
             self.tick(now)
+        for event_id, name in matched:
+            self._outcomes += self._pairing.known(event_id, name)
 
     def message(self, message: CameraMessage, now: float) -> None:
         """A camera message has come."""
@@ -70,6 +80,8 @@ class EventLog:
 
     def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
         """A frame has come and stands in the ledger; `fresh` if it was not there before the watch began."""
+        # Events name the file, wherever its frame is kept and however often it was written.
+        frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
         self._outcomes += self._pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
 

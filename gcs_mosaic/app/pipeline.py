@@ -117,7 +117,9 @@ class Pipeline(Kept):
         """
         self.load(saved)
         shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
-        again = self.store.resume(self._processed.keys(), len(self.mosaic.islands))
+        on_map = [placement.name for placement in self.mosaic.placements()]
+        on_map += [covered.name for covered in self.mosaic.covered()]
+        again = self.store.resume(self._processed.keys(), on_map)
         self.store.remove_tiles_but(self._painter.resume(shown))
         changes = self.store.changes
         changes.placements = {placement.name: placement for placement in self.mosaic.placements()}

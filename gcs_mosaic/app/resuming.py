@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterable
 from dataclasses import replace
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken
+from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Link
 from gcs_mosaic.stitch.registration.registration import Registration
@@ -17,7 +17,6 @@ from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
 from gcs_mosaic.store.records import EventRecord, FrameRecord
 
-_VERSION = re.compile(r"(.+)#(\d+)")
 SAME_CLOCK_S = 60.0  # a clock that was set right meanwhile, by less than any start of a machine takes
 LARGE = (Features, Link, Registration)  # values of a checkpoint that are written once
 
@@ -49,8 +48,7 @@ def files_taken(frames: Iterable[FrameRecord]) -> dict[str, Taken]:
     taken: dict[str, Taken] = {}
     for frame in frames:
         if frame.content_hash is not None and frame.size is not None and frame.modified is not None:
-            again = _VERSION.fullmatch(frame.name)
-            name, version = (again[1], int(again[2])) if again else (frame.name, 1)
+            name, version = file_and_version(frame.name)
             if name not in taken or taken[name].version < version:
                 taken[name] = Taken(version, frame.size, frame.modified)
     return taken

@@ -49,8 +49,8 @@ def watch(
     """Frames as they become complete in `folder` and below it, until `stop` is set; a missing folder is made.
 
     A file is ready when two looks find it unchanged and it is whole. Ready files of one look come in the order of
-    their times, then of their names. `taken`: files by name of a flight that goes on; all others are new, however old. Raises
-    UsageError, at once, for a path that can be no folder.
+    their times, then of their names. `taken`: files by name of a flight that goes on; all others are new, unless they are older
+    than all of these and than the settings ask for. Raises UsageError, at once, for a path that can be no folder.
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
@@ -86,7 +86,9 @@ class FolderWatch:
         self, folder: Path, settings: FolderSettings, started_utc: float, taken: Mapping[str, Taken] | None = None
     ) -> None:
         self._folder, self._settings = folder, settings
-        self._oldest_ns = (started_utc - settings.from_age_s) * 1e9 if taken is None else -math.inf
+        # What came while nobody watched is no older than the flight, also by a camera's clock that is wrong.
+        oldest = min((one.modified for one in (taken or {}).values()), default=math.inf)
+        self._oldest_ns = min(started_utc - settings.from_age_s, oldest) * 1e9
         self._candidates: dict[Path, Candidate] = {}
         self._before = NOTHING_TAKEN if taken is None else taken
         self._versions = {name: one.version for name, one in self._before.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,8 @@ from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
+
+_VERSIONED = re.compile(r"(.+)#(\d+)", re.DOTALL)
 
 
 @dataclass(slots=True)
@@ -86,6 +89,12 @@ def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
 def versioned(name: str, version: int) -> str:
     """The frame's name: the file's, and a number from the second time on."""
     return name if version == 1 else f"{name}#{version}"
+
+
+def file_and_version(name: str) -> tuple[str, int]:
+    """Inverse of `versioned`."""
+    again = _VERSIONED.fullmatch(name)
+    return (again[1], int(again[2])) if again else (name, 1)
 
 
 def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:

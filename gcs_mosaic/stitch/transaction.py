@@ -71,11 +71,15 @@ class Kept:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Numbers:
-    """An array that may change where it is kept, as it was; all others never change."""
+    """An array that may change where it is kept, or is soon replaced, as it was; all others never change, and stay."""
 
     kind: str
     shape: tuple[int, ...]
     data: bytes
+
+    @staticmethod
+    def of(array: np.ndarray[Any, Any]) -> Numbers:
+        return Numbers(array.dtype.str, array.shape, array.tobytes())
 
     def array(self) -> np.ndarray[Any, Any]:
         return np.frombuffer(self.data, np.dtype(self.kind)).reshape(self.shape).copy()
@@ -85,7 +89,7 @@ def _saved(value: object) -> object:
     if isinstance(value, Kept):
         return value.saved()
     if isinstance(value, np.ndarray):
-        return Numbers(value.dtype.str, value.shape, value.tobytes())
+        return Numbers.of(value)
     return value
 
 

@@ -104,14 +104,22 @@ class Checkpoints:
         self._wait()
         start = time.monotonic()
         with stage("checkpoint", ""):
-            self._values.begin()
-            data = self._pickled(state())
-            new = self._values.end()
-        self._writing = self._pool.submit(self._write, data, new, ledger_durable)
+            made = self._made(state)
+        if made is not None:
+            self._writing = self._pool.submit(self._write, *made, ledger_durable)
         now = time.monotonic()
         self._due = now + (now - start) / SHARE
         if at_once:
             self._wait()
+
+    def _made(self, state: Callable[[], object]) -> tuple[bytes, bytes] | None:
+        """The checkpoint, and what is new of the values; None if it cannot be made, which must not end a flight."""
+        try:
+            self._values.begin()
+            return self._pickled(state()), self._values.end()
+        except Exception as error:
+            self._failed(error)
+            return None
 
     def close(self) -> None:
         """Wait for what is being written."""
@@ -127,6 +135,9 @@ class Checkpoints:
         if error is None:
             self.problem = None
             return
+        self._failed(error)
+
+    def _failed(self, error: BaseException) -> None:
         self._values.take_back()
         if self.problem is None:
             logger.warning("the checkpoint could not be written", exc_info=error)
@@ -206,7 +217,7 @@ class _Values:
             start = len(self.name) + self._sure
             self._file.truncate(start)  # of an earlier attempt
             self._file.seek(start)
-            self._file.write(new)
+            _write_whole(self._file, new)
             os.fsync(self._file.fileno())
             self._sure += len(new)
             return len(self.name) + self._sure
@@ -247,7 +258,7 @@ class _Values:
     def _begun(self) -> BinaryIO:
         self.name = os.urandom(16)
         file = self._path.open("wb", buffering=0)
-        file.write(self.name)
+        _write_whole(file, self.name)
         sync_folder(self._path.parent)
         return file
 
@@ -281,9 +292,17 @@ class _Reader(pickle.Unpickler):
             return super().find_class(module, name)
         if module.startswith(OURS):
             found = super().find_class(module, name)
-            if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum | tuple)):
+            record = isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum | tuple))
+            if record and (found.__module__, found.__qualname__) == (module, name):  # not what a module of ours imports
                 return found
         raise pickle.UnpicklingError(f"{module}.{name} does not belong into a checkpoint")
+
+
+def _write_whole(file: BinaryIO, data: bytes) -> None:
+    """A disk that is nearly full takes a part, and says that it is full only when it is given the rest."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
 
 
 def _reference(place: int) -> object:

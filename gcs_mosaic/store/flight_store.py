@@ -141,24 +141,26 @@ class FlightStore(Kept):
         return flight
 
     def saved(self) -> Snapshot:
-        """Nothing: the ledger has it all, see `resume`."""
-        return {}
+        """What the ledger does not have, see `resume`: it knows no order of frames that were damaged when they came first."""
+        return {"_orders": self._orders, "_extents": self._extents}
 
-    def resume(self, processed: Collection[str], islands: int) -> list[Frame]:
-        """Go on with the flight that the folder holds, of which these frames were processed and so many islands found.
+    def resume(self, processed: Collection[str], on_map: Collection[str]) -> list[Frame]:
+        """Go on with the flight that the folder holds, of which these frames were processed, and have a place. After `load`.
 
         Returns the frames that are to be processed, as they are kept, in the order in which they came.
         """
         frames = self.ledger.frames()
         known = [frame for frame in frames if frame.content_hash is not None and frame.state not in SET_ASIDE]
         self.taken_in = len(frames)
-        self._orders = {frame.name: order for order, frame in enumerate(known)}
+        for frame in known:  # those that came after what was saved
+            self._orders.setdefault(frame.name, len(self._orders))
+        known.sort(key=lambda frame: self._orders[frame.name])
         self._names = {frame.content_hash: frame.name for frame in known if frame.content_hash is not None}
         kept = [frame_of(frame, self.out) for frame in known]
         self._places = {frame.name: (frame.path, frame.content_hash) for frame in kept}
         self._islands_known = len(self.ledger.islands())
         again = [frame for frame in kept if frame.name not in processed]
-        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], islands))
+        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], on_map))
         self.changes.sizes = {
             f.name: (f.width, f.height) for f in known if f.width is not None and f.height is not None
         }
@@ -335,7 +337,8 @@ class FlightStore(Kept):
                 self.ledger.record_covered(covered.name, covered.by, covered.by_from_frame)
             for painted in changes.painted.values():
                 self.ledger.record_painted(painted)
-        self._islands_known = len(islands)
+        # A resumed flight has the islands yet to be found again in its ledger.
+        self._islands_known = max(self._islands_known, len(islands))
 
     def _contents(self, islands: list[IslandEntry], accounts: Accounts, estimates: Sequence[Estimate]) -> Contents:
         return Contents(

@@ -58,21 +58,28 @@ def open_flight_folder(out: Path) -> FlightFolder:
 
 
 def resume_flight_folder(out: Path) -> FlightFolder:
-    """The newest flight of `out`, `out-2`, `out-3`, …, locked. Raises UsageError where none is, or it is being written."""
-    held: list[Path] = []
-    for path in candidates(out):
-        if not path.exists():
-            break
-        held += [path] if (path / LEDGER_NAME).is_file() else []
+    """The flight of `out`, `out-2`, `out-3`, … that was written last, locked; any of them may have been removed meanwhile.
+
+    Raises UsageError where none is, or it is being written.
+    """
+    held = [path for path in candidates(out) if (path / LEDGER_NAME).is_file()]
     if not held:
         raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
+    newest = sorted(held, key=written_ns)[-1]
     try:
-        lock = try_lock(held[-1])
+        lock = try_lock(newest)
     except OSError as error:
-        raise UsageError(f"{held[-1]} cannot be written ({error.strerror}): choose another --out") from error
+        raise UsageError(f"{newest} cannot be written ({error.strerror}): choose another --out") from error
     if lock is None:
-        raise UsageError(f"--resume: {held[-1]} is being written by another gcs-mosaic: end that one first")
-    return FlightFolder(path=held[-1], said=f"going on with the flight in {held[-1]}", lock=lock, resumed=True)
+        raise UsageError(f"--resume: {newest} is being written by another gcs-mosaic: end that one first")
+    return FlightFolder(path=newest, said=f"going on with the flight in {newest}", lock=lock, resumed=True)
+
+
+def written_ns(path: Path) -> int:
+    """When a flight's ledger was written last, its write-ahead log included: a reader leaves an empty one."""
+    files = [path / LEDGER_NAME, path / f"{LEDGER_NAME}-wal"]
+    stats = [file.stat() for file in files if file.exists()]
+    return max(stat.st_mtime_ns for stat in stats if stat.st_size or len(stats) == 1)
 
 
 def find_flight(path: Path) -> Path:

@@ -137,15 +137,19 @@ class Ledger(LedgerFile):
         reason = None if reason is None else printable(reason)
         self.update("UPDATE frames SET state = ?, reason = ? WHERE name = ?", state, reason, stored(name))
 
-    def process_again(self, names: Iterable[str], islands: int) -> None:
-        """What became of these frames is forgotten, and islands of this number and above: they are to be processed anew."""
+    def process_again(self, names: Iterable[str], on_map: Iterable[str]) -> None:
+        """What became of these frames is forgotten: they are to be processed anew. So are places of all but those `on_map`, and
+        which islands were merged."""
         with self.transaction():
             for name in names:
-                frame = self._frame_id(name)
-                for table in ("estimates", "painted", "covered"):
-                    self.write(f"DELETE FROM {table} WHERE frame = ?", frame)
-                self.update("UPDATE frames SET state = 'pending', reason = NULL WHERE id = ?", frame)
-            self.write("UPDATE islands SET merged_into = NULL WHERE id >= ? OR merged_into >= ?", islands, islands)
+                self.settle_frame(name, FrameState.PENDING)
+            self.write("CREATE TEMP TABLE on_map (frame INTEGER PRIMARY KEY)")
+            for name in on_map:
+                self.write("INSERT INTO on_map VALUES (?)", self._frame_id(name))
+            for table in ("estimates", "painted", "covered"):
+                self.write(f"DELETE FROM {table} WHERE frame NOT IN (SELECT frame FROM on_map)")
+            self.write("DROP TABLE on_map")
+            self.write("UPDATE islands SET merged_into = NULL")
 
     def frames(self, state: FrameState | None = None) -> list[FrameRecord]:
         """All frames, or those in one state, in the order in which they came."""

@@ -71,11 +71,13 @@ class Originals:
     def keep_ahead(self, frame: Frame) -> Frame:
         """Keep a frame for which `keep` will be called later; returns it as it is kept, or as it is if nothing fits now."""
         with self._lock:
-            if frame.content_hash in self._ahead or self._shortage(frame.size) is not None:
+            if frame.content_hash in self._ahead:
                 return frame
             try:
+                if self._shortage(frame.size) is not None:
+                    return frame
                 kept = self._keep(frame)
-            except CannotWrite:
+            except (CannotWrite, OSError):  # `keep` waits until the folder is there again; a source that raises is over
                 logger.debug("%s cannot be kept now", frame.name, exc_info=True)
                 return frame
             if isinstance(kept, NotKept):  # maybe there is room, or the file can be read, when it is its turn
@@ -85,6 +87,9 @@ class Originals:
 
     def keep(self, frame: Frame) -> Kept | NotKept:
         """Keep one frame. Raises DiskFull when even that does not fit."""
+        kept = self._ahead.pop(frame.content_hash, None)  # without waiting for others that are just being kept ahead
+        if kept is not None:
+            return kept
         with self._lock:
             return self._ahead.pop(frame.content_hash, None) or self._keep(frame)
 

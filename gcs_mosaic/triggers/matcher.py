@@ -69,6 +69,14 @@ class Pairing:
         outcomes += () if held.event else self._find_event(held)
         return outcomes if held.event else [*outcomes, Orphan(frame)]
 
+    def known(self, event_id: int, name: str) -> list[Outcome]:
+        """This event was matched with the frame of this name before, by what is not known any more; both have been told."""
+        event = next(self._events.under(("id", event_id)), None)
+        frame = next(self._frames.under(("frame", name)), None)
+        if event is None or frame is None or event.frame is frame or event.state is State.FAILED:
+            return []
+        return list(self._match(event, frame, How.SEQUENCE))
+
     def tick(self, now: float) -> list[Missing]:
         """Pending events that are overdue at `now` become missing."""
         due = [

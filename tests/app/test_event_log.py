@@ -5,7 +5,8 @@ from __future__ import annotations
 import random
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_mosaic.app.event_log import EventLog
+from gcs_mosaic.app.resuming import told_again
 from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FrameState
@@ -172,3 +174,26 @@ def test_the_accounts_of_a_real_ledger_close(flight: list[Any], tmp_path_factory
         ends = [getattr(accounts.frames, state.value) for state in FrameState]
         assert sum(ends) == came == len(ledger.frames())
         assert accounts.orphans == came - states["matched"]
+
+
+@pytest.mark.parametrize("how", ["a slow camera clock", "asked of a stream", "written again"])
+def test_what_was_matched_stays_so_in_a_resumed_flight(tmp_path: Path, how: str) -> None:
+    event = trigger_event(1, 10.0, file_hint="latest.jpg" if how == "written again" else None)
+    came = {
+        "a slow camera clock": frame("a.jpg", 11.0, modified=500.0),
+        "asked of a stream": frame("stream/a.jpg", 40.0, modified=2000.0, taken_for=event),
+        "written again": frame("latest.jpg#2", 40.0, path=tmp_path / "frames/latest.jpg#2"),
+    }[how]
+    with closing(Ledger(tmp_path / "flight.sqlite")) as ledger:
+        shots, log = Shots(ShotSettings()), EventLog(ledger, PairingSettings())
+        log.message(shots.hear(event), event.received)
+        for later in (came, frame("b.jpg", 200.0, modified=500.0)):
+            ledger.record_frame(later)
+            log.frame(later, later.received, fresh=True)
+        log.save()
+        before = ledger.events()
+        assert before[0].frame == came.name
+        log = EventLog(ledger, PairingSettings())
+        log.resume(told_again(before, ledger.frames(), 0.0), Shots(ShotSettings()), 1000.0, tmp_path)
+        log.save()
+        assert ledger.events() == before

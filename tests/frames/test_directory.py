@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.directory import AGAIN_S, FolderWatch, Item, watch
+from gcs_mosaic.frames.directory import AGAIN_S, FolderWatch, Item, Taken, watch
 from gcs_mosaic.frames.scan import Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
@@ -256,3 +256,17 @@ def test_many_files_are_looked_at_less_often(watched: Watched, monkeypatch: pyte
     monkeypatch.setattr("gcs_mosaic.frames.directory.scan", slow)
     watched.look(1)
     assert watched.watch.look_again_s >= 0.5
+
+
+def test_a_flight_that_goes_on_leaves_files_that_are_older_than_itself(tmp_path: Path) -> None:
+    """Also when the camera's clock is a year behind."""
+    year = 365 * 86400.0
+    flown = time.time() - year
+    for name, age in (("earlier.png", 3600.0), ("taken.png", 0.0), ("meanwhile.png", -60.0)):
+        (tmp_path / name).write_bytes(encoded(".png", picture()))
+        os.utime(tmp_path / name, (flown - age, flown - age))
+    stat = (tmp_path / "taken.png").stat()
+    taken = {"taken.png": Taken(1, stat.st_size, stat.st_mtime_ns / 1e9)}
+    watch = FolderWatch(tmp_path, FolderSettings(), time.time(), taken)
+    found = [item for look in range(3) for item in watch.poll(10.0 * look)]
+    assert [item.name for item in found if isinstance(item, Frame)] == ["meanwhile.png"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import pickle
 from collections.abc import Callable
@@ -18,7 +19,7 @@ import pytest
 from gcs_mosaic.stitch.arrays import AnyArray
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.graph.view_graph import Link
-from gcs_mosaic.store.checkpoint import LARGE, NAME, VALUES_NAME, Checkpoints, Unusable
+from gcs_mosaic.store.checkpoint import LARGE, NAME, VALUES_NAME, Checkpoints, Unusable, _Reader, _write_whole
 
 NEVER: Callable[[], None] = lambda: None  # noqa: E731
 NONE = np.empty((0, 2), np.uint32)
@@ -144,3 +145,34 @@ def test_a_checkpoint_names_no_code(
     assert isinstance(found, Unusable)
     assert "does not belong into a checkpoint" in found.reason
     assert not Path("stolen").exists()
+
+
+def test_what_a_module_of_ours_imports_is_none_of_its_records() -> None:
+    for name in ("Enum", "np.lib.npyio.NpzFile", "dataclass"):
+        data = b"\x80\x04" + b"".join(
+            b"\x8c" + bytes([len(part)]) + part for part in (b"gcs_mosaic.store.checkpoint", name.encode())
+        )
+        with pytest.raises(pickle.UnpicklingError, match="does not belong into a checkpoint"):
+            _Reader(io.BytesIO(data + b"\x93."), lambda place: place).load()
+
+
+class Reluctant(io.BytesIO):
+    """A disk that takes a part of what it is given."""
+
+    def write(self, data: Any) -> int:
+        return super().write(data[:3])
+
+
+def test_a_disk_that_takes_a_part_is_given_the_rest() -> None:
+    file = Reluctant()
+    _write_whole(file, b"more than three")
+    assert file.getvalue() == b"more than three"
+
+
+def test_what_cannot_be_saved_ends_no_flight_and_harms_no_later_checkpoint(tmp_path: Path) -> None:
+    with closing(written(tmp_path, [link(1)])) as checkpoints:
+        written(tmp_path, [link(2), lambda: None], checkpoints)
+        assert checkpoints.problem is not None
+        written(tmp_path, [link(1), link(3)], checkpoints)
+        assert checkpoints.problem is None
+    assert np.array_equal(loaded(tmp_path)[1].pixels_a, link(3).pixels_a)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.store.folder import LEDGER_NAME, find_flight, open_flight_folder, refuse_watching_ourselves
+from gcs_mosaic.store.folder import (
+    LEDGER_NAME,
+    find_flight,
+    open_flight_folder,
+    refuse_watching_ourselves,
+    resume_flight_folder,
+)
 
 
 def test_folder_is_made_and_said(tmp_path: Path) -> None:
@@ -97,3 +104,17 @@ def test_map_must_not_appear_in_the_watched_folder(tmp_path: Path, watched: str)
 @pytest.mark.parametrize("watched", ["frames", "mosaic/incoming", "mosaic-2"])
 def test_other_places_may_be_watched(tmp_path: Path, watched: str) -> None:
     refuse_watching_ourselves(tmp_path / watched, tmp_path / "mosaic")
+
+
+@pytest.mark.parametrize(("flights", "newest"), [("mosaic mosaic-2", 1), ("mosaic-2 mosaic", 1), ("mosaic-3", 0)])
+def test_the_flight_that_was_written_last_is_gone_on_with(tmp_path: Path, flights: str, newest: int) -> None:
+    """Whatever was removed: the next flight takes the first name that is free."""
+    names = flights.split()
+    for number, name in enumerate(names):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / LEDGER_NAME).write_bytes(b"flight")
+        os.utime(tmp_path / name / LEDGER_NAME, (1e9 + number, 1e9 + number))
+    (tmp_path / names[0] / f"{LEDGER_NAME}-wal").touch()  # somebody has read it
+    folder = resume_flight_folder(tmp_path / "mosaic")
+    folder.close()
+    assert folder.path.name == names[newest]

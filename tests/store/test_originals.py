@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -193,3 +195,20 @@ def test_very_long_names_stay_different(tmp_path: Path, out: Path) -> None:
         assert isinstance(kept, Kept)
         assert kept.path.endswith(".jpg")
     assert len(list((out / "frames").iterdir())) == 2
+
+
+def test_what_was_kept_ahead_waits_for_no_other(tmp_path: Path, out: Path) -> None:
+    originals, frame = Originals(out, COPY), written_frame(tmp_path / "watched")
+    originals.keep_ahead(frame)
+    found: list[Kept | NotKept] = []
+    with originals._lock:  # another one is being copied
+        thread = threading.Thread(target=lambda: found.append(originals.keep(frame)), daemon=True)
+        thread.start()
+        thread.join(5.0)
+    assert [type(kept) for kept in found] == [Kept]
+
+
+def test_a_source_does_not_end_when_the_folder_is_gone(tmp_path: Path, out: Path) -> None:
+    originals, frame = Originals(out, COPY), written_frame(tmp_path / "watched")
+    shutil.rmtree(out)
+    assert originals.keep_ahead(frame) == frame

@@ -14,7 +14,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
-from gcs_mosaic.stitch.transaction import Kept
+from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 
 Kind = tuple[int, int]  # width and height of a frame: each size is one camera
 
@@ -27,6 +27,7 @@ MOST_OF_A_PIXEL = 2.0
 SAME_GROUND = 0.85
 STILL_PX = 4.0  # px of the feature picture; least motion of a match that is ground and not the pattern
 MOST_PATTERN = 0.25  # of an image's energy; the mean of six different grounds alone has a sixth
+_PICTURES = ("_patterns", "_last")
 
 
 class StillPattern(Kept):
@@ -36,6 +37,15 @@ class StillPattern(Kept):
         self._patterns: dict[Kind, FloatImage] = {}
         self._counts: dict[Kind, int] = {}
         self._last: dict[Kind, FloatImage] = {}  # blurred faint picture of the frame counted last
+
+    def saved(self) -> Snapshot:
+        """Pictures that are others after the next frame: a file of values to which they were appended would grow with each."""
+        numbers = {name: {kind: Numbers.of(one) for kind, one in getattr(self, name).items()} for name in _PICTURES}
+        return super().saved() | numbers
+
+    def load(self, saved: Snapshot) -> None:
+        pictures = {name: {kind: one.array() for kind, one in saved[name].items()} for name in _PICTURES}
+        super().load(saved | pictures)
 
     def without(self, features: Features, settings: FeatureSettings) -> Features:
         """A frame's features, detected again without the fixed pattern once that is known; learns from the frame. Once per

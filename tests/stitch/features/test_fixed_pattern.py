@@ -12,6 +12,7 @@ from stitch_ground import Image
 from gcs_mosaic.stitch.features import fixed_pattern as still
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
+from gcs_mosaic.stitch.transaction import Numbers
 
 SETTINGS = FeatureSettings()
 
@@ -93,3 +94,16 @@ def test_what_is_kept_is_never_changed_in_place() -> None:
     first = still.without(frames[8], SETTINGS)
     vars(still).update(before)
     assert np.array_equal(still.without(frames[8], SETTINGS).descriptors, first.descriptors)
+
+
+def test_what_is_saved_of_the_pattern_comes_back_and_is_no_lasting_value() -> None:
+    one, other = StillPattern(), StillPattern()
+    for number, (x, y) in enumerate(moving(2, 40)):
+        one.without(extract(faint_frames.frame(faint_frames.scene(), x, y, number, 2.0), SETTINGS), SETTINGS)
+    saved = one.saved()
+    assert all(isinstance(kept, Numbers) for name in ("_patterns", "_last") for kept in saved[name].values())
+    other.load(saved)
+    assert other._counts == one._counts != {}
+    for name in ("_patterns", "_last"):
+        for kind, array in getattr(one, name).items():
+            assert np.array_equal(getattr(other, name)[kind], array)
