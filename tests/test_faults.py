@@ -143,6 +143,7 @@ def meet(flown: Flown, prepared: DecodedFrame, event: Event, at: int, kind: type
             result = "rejected"
             assert len(flown.said) > said
             assert pipeline.store.changes.states.pop(name)[0] is FrameState.REJECTED
+            del pipeline._processed[name]  # it counts as processed, whatever it came to
         else:  # an island was not adjusted, another frame not painted; or, unsaid, nobody looks on any more
             result = "said" if len(flown.said) > said else "unsaid"
             assert_taken_in(pipeline, name, done.state)

@@ -177,6 +177,7 @@ class _Daemon:
         for frame in again:
             self._came[frame.name] = time.monotonic()
             self._preparation.append(replace(frame, received=time.monotonic()))
+        self._pipeline.checkpoint(at_once=True)  # with this run's clock
         placed = store.accounts().frames.placed
         text = f"{placed} frames of it are on the map, {len(again)} are still to be placed"
         self.say(Notice(source="out", level="info", text=text))

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+UNSYNCABLE = (errno.EINVAL, errno.ENOTSUP)  # some network and user-space file systems know no such thing for folders
 FULL = (errno.ENOSPC, errno.EDQUOT)
 # SQLite reports a full disk under its own codes; the second is the shared-memory file of its write-ahead log.
 SQLITE_FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
@@ -84,6 +85,9 @@ def sync_folder(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in UNSYNCABLE:
+            raise
     finally:
         os.close(descriptor)
 
