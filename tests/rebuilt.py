@@ -8,7 +8,7 @@ from pathlib import Path
 from gcs_mosaic.frames.decode import Unreadable, load_image
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.painted import Painted
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.tiles import TileSettings, TileWriter

@@ -21,9 +21,9 @@ from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.pixels import FramePicture
 from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle import schedule as upkeep
 from gcs_mosaic.stitch.bundle.island import adjust_island
-from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic

@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -45,3 +46,13 @@ def test_no_function_is_too_long_to_read(known: list[Path]) -> None:
     functions = [(path, node) for path, tree in trees.items() for node in ast.walk(tree) if isinstance(node, FUNCTIONS)]
     lengths = {(path, node.name): (node.end_lineno or 0) - node.lineno + 1 for path, node in functions}
     assert not {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION}
+
+
+def test_a_class_name_has_one_meaning() -> None:
+    """Names with an underscore are a module's own affair."""
+    homes = defaultdict[str, list[str]](list)
+    for path in sorted((fresh.ROOT / "gcs_mosaic").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                homes[node.name].append(path.name)
+    assert {name: found for name, found in homes.items() if len(found) > 1} == {}

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from gcs_mosaic.app.links import Item, Report, Source
+from gcs_mosaic.app.links import Item, ItemSource, Report
 from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken, watch
@@ -38,22 +38,22 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
     return recording.open(Path(config.record), ours=False)
 
 
-def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] | None = None) -> Source:
+def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] | None = None) -> ItemSource:
     """The watched folder, made if it is not there; `taken`: the files of a flight that goes on. Raises UsageError."""
     failed = replace(initial_report(config), state="ended")
-    return Source(watch(Path(config.watch), stop, config.frames, taken), failed)
+    return ItemSource(watch(Path(config.watch), stop, config.frames, taken), failed)
 
 
-def attach_stream(address: str, links: Iterable[Source], config: Config, stop: threading.Event) -> list[Source]:
+def attach_stream(address: str, links: Iterable[ItemSource], config: Config, stop: threading.Event) -> list[ItemSource]:
     """The links, now also asking for frames, and the live stream that gives them. Raises UsageError."""
     requests = Requests()
     frames = stream(address, stop, requests, config.stream)
     asking_links = [replace(link, items=asking(link.items, requests)) for link in links]
     failed = replace(initial_report(config), state="ended")
-    return [*asking_links, Source(frames, failed)]
+    return [*asking_links, ItemSource(frames, failed)]
 
 
-def keeping(source: Source, keep: Callable[[Frame], Frame]) -> Source:
+def keeping(source: ItemSource, keep: Callable[[Frame], Frame]) -> ItemSource:
     """The same source, each frame being kept as soon as it comes, on the source's own thread."""
     return replace(source, items=(keep(item) if isinstance(item, Frame) else item for item in source.items))
 
@@ -77,7 +77,7 @@ class Inbox:
     def __len__(self) -> int:
         return self._items.qsize()
 
-    def fill(self, sources: Iterable[Source]) -> None:
+    def fill(self, sources: Iterable[ItemSource]) -> None:
         """Start a thread for each source."""
         for source in sources:
             name = source.failed.address if isinstance(source.failed, LinkReport) else source.failed.kind
@@ -105,7 +105,7 @@ class Inbox:
         for thread in self._threads:
             thread.join(STOP_S)
 
-    def _pump(self, source: Source) -> None:
+    def _pump(self, source: ItemSource) -> None:
         try:
             for item in source.items:
                 self._put(item)

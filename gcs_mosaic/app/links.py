@@ -35,7 +35,7 @@ Item = TriggerEvent | CameraMessage | StreamOffer | Frame | DamagedFile | Droppe
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ItemSource:
     """What one thread brings, and what is to be reported if it fails."""
 
     items: Iterator[Item]
@@ -46,7 +46,7 @@ class Source:
 class Links:
     """The links of a flight, opened; what records them once it is opened, and what speaks on them (nothing, as a rule)."""
 
-    sources: list[Source]
+    sources: list[ItemSource]
     recording: Recording
     speakers: list[Speaker]
 
@@ -68,7 +68,7 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
             links.speakers.append(speaker)
         items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
         stack.callback(_close, items)
-        links.sources.append(Source(items, LinkReport(address=name, state="failed")))
+        links.sources.append(ItemSource(items, LinkReport(address=name, state="failed")))
     return links
 
 

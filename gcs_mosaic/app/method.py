@@ -17,8 +17,8 @@ from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.repaint_queue import LoadImage, Painter, Step
 from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
-from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.features.extraction import Features, extract
 from gcs_mosaic.stitch.graph.observer import Observer, Observers
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting

@@ -10,7 +10,7 @@ from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.app.unpainted import Unpainted
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.repaint_queue import Step
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept, transaction
 from gcs_mosaic.store.flight_store import FlightStore

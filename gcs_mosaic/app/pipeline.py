@@ -18,8 +18,8 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
-from gcs_mosaic.stitch.camera.bands import Bands
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.transaction import Kept, Snapshot, transaction

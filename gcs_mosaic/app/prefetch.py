@@ -13,7 +13,8 @@ from typing import Protocol
 from gcs_mosaic.app.turns import AHEAD, AsTheyCame, Turns
 from gcs_mosaic.frames.decode import Unreadable, load_frame
 from gcs_mosaic.messages import Frame
-from gcs_mosaic.stitch.camera.bands import Bands, resized
+from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.stitch.camera.bands import resized
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.store.stages import stage
 

@@ -18,7 +18,7 @@ from gcs_mosaic.baseline.blending import blend, border_distance
 from gcs_mosaic.baseline.features import frame_features, region_features
 from gcs_mosaic.baseline.homography import Fit, fit_homography
 from gcs_mosaic.baseline.matching import ratio_matches
-from gcs_mosaic.baseline.raster import Raster, Window
+from gcs_mosaic.baseline.raster import Raster, RasterBox
 from gcs_mosaic.render.display import Display, display_of
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, ImageBGR, Matrix3x3, Points32Nx2, PointsNx2
@@ -61,7 +61,7 @@ class PaperMosaic(Kept):
         self._reduction = reduction
         self._placed: dict[str, Placement] = {}
         self._homographies: dict[str, Matrix3x3] = {}  # mosaic_from_frame, both reduced
-        self._last: Window | None = None  # box of the frame stitched last
+        self._last: RasterBox | None = None  # box of the frame stitched last
         self._region: Found | None = None  # features of its region of interest, in pixels of the mosaic
         self._moved: list[Placement] = []
         self._displays: dict[tuple[int, str], Display] = {}  # by number of bands and depth
@@ -114,11 +114,11 @@ class PaperMosaic(Kept):
         self.islands = [Island(0)]
         return self._settled(features, name, Fit(np.eye(3), 0, math.nan))
 
-    def _region_of_interest(self, last: Window) -> Found:
+    def _region_of_interest(self, last: RasterBox) -> Found:
         """Features of the painted mosaic within the last frame's box, three times as large."""
         if self._region is None:
             wanted = region_of_interest(np.array(last, dtype=np.float64))
-            window = Window(*np.rint(wanted).astype(int).tolist()).cut(self.raster.window)
+            window = RasterBox(*np.rint(wanted).astype(int).tolist()).cut(self.raster.window)
             found = region_features(*self.raster.part(window), self.settings.features)
             self._region = Found(np.add(found.points, [window.left, window.top]), found.descriptors)
         return self._region
@@ -164,7 +164,7 @@ class PaperMosaic(Kept):
         self._moved.append(placement)
         return placement
 
-    def _blend(self, image: ImageBGR, mosaic_from_frame: Matrix3x3, box: Window) -> None:
+    def _blend(self, image: ImageBGR, mosaic_from_frame: Matrix3x3, box: RasterBox) -> None:
         shown, coverage = self.raster.part(box)
         size = box.right - box.left, box.bottom - box.top
         box_from_frame = np.array([[1, 0, -box.left], [0, 1, -box.top], [0, 0, 1]]) @ mosaic_from_frame
@@ -182,10 +182,10 @@ class PaperMosaic(Kept):
             self._displays[kind] = display_of(image)
         return self._displays[kind].picture(image)
 
-    def _weight_shown(self, box: Window) -> FloatImage:
+    def _weight_shown(self, box: RasterBox) -> FloatImage:
         """Distance of each pixel of a frame's box to the mosaic's border; exact up to half the box, a frame's maximum weight."""
         wide, high = (box.right - box.left) // 2, (box.bottom - box.top) // 2
-        around = Window(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(
+        around = RasterBox(box.left - wide, box.top - high, box.right + wide, box.bottom + high).cut(
             self.raster.window_with(box)
         )
         distance = border_distance(self.raster.part(around)[1])
@@ -249,7 +249,7 @@ class PaperMosaic(Kept):
         return []
 
 
-def footprint_window(mosaic_from_frame: Matrix3x3, width: int, height: int) -> Window | None:
+def footprint_window(mosaic_from_frame: Matrix3x3, width: int, height: int) -> RasterBox | None:
     """The pixels of the mosaic that a frame touches; None if it extends beyond its horizon or is mirrored."""
     corners = np.array(
         [[-0.5, -0.5, 1], [width - 0.5, -0.5, 1], [width - 0.5, height - 0.5, 1], [-0.5, height - 0.5, 1]]
@@ -262,7 +262,7 @@ def footprint_window(mosaic_from_frame: Matrix3x3, width: int, height: int) -> W
     if not (np.abs(places) < MOST_PIXELS_AWAY).all():
         return None
     (left, top), (right, bottom) = np.floor(places.min(axis=0) + 0.5), np.ceil(places.max(axis=0) + 0.5)
-    return Window(int(left), int(top), int(right), int(bottom))
+    return RasterBox(int(left), int(top), int(right), int(bottom))
 
 
 MOST_PIXELS_AWAY = 2**20  # the tile grid ends at 2**21 for frames at a quarter of their size

@@ -31,7 +31,7 @@ from gcs_mosaic.stitch.transaction import Kept
 Place = tuple[slice, slice]  # rows, columns
 
 
-class Window(NamedTuple):
+class RasterBox(NamedTuple):
     """A half-open rectangle of mosaic pixels; the first frame begins at (0, 0)."""
 
     left: int
@@ -43,11 +43,11 @@ class Window(NamedTuple):
     def pixels(self) -> int:
         return max(0, self.right - self.left) * max(0, self.bottom - self.top)
 
-    def joined(self, other: Window) -> Window:
-        return Window(*(min(a, b) for a, b in zip(self[:2], other[:2], strict=True)), *map(max, self[2:], other[2:]))
+    def joined(self, other: RasterBox) -> RasterBox:
+        return RasterBox(*(min(a, b) for a, b in zip(self[:2], other[:2], strict=True)), *map(max, self[2:], other[2:]))
 
-    def cut(self, other: Window) -> Window:
-        return Window(*(max(a, b) for a, b in zip(self[:2], other[:2], strict=True)), *map(min, self[2:], other[2:]))
+    def cut(self, other: RasterBox) -> RasterBox:
+        return RasterBox(*(max(a, b) for a, b in zip(self[:2], other[:2], strict=True)), *map(min, self[2:], other[2:]))
 
 
 class Raster(Kept):
@@ -55,19 +55,19 @@ class Raster(Kept):
 
     def __init__(self, reduction: int) -> None:
         self.level = BASE_LEVEL - (reduction.bit_length() - 1)
-        self.window = Window(0, 0, 0, 0)
+        self.window = RasterBox(0, 0, 0, 0)
         # Colour and coverage of non-empty tiles, by left and top; replaced, never modified in place.
         self._tiles: dict[tuple[int, int], tuple[ImageBGR, Coverage]] = {}
         self._top = self.level  # the coarsest level reported so far
 
-    def window_with(self, added: Window) -> Window:
+    def window_with(self, added: RasterBox) -> RasterBox:
         """The window of whole tiles extended to hold this one."""
         outer = added if not self.window.pixels else self.window.joined(added)
         down = (TILE_SIZE * (value // TILE_SIZE) for value in outer[:2])
         up = (-TILE_SIZE * (-value // TILE_SIZE) for value in outer[2:])
-        return Window(*down, *up)
+        return RasterBox(*down, *up)
 
-    def part(self, window: Window) -> tuple[ImageBGR, Coverage]:
+    def part(self, window: RasterBox) -> tuple[ImageBGR, Coverage]:
         """Colour (h, w, 3) and coverage (h, w), 0 or 255, of a window; a copy, zero where the mosaic is empty."""
         shape = window.bottom - window.top, window.right - window.left
         colour, coverage = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
@@ -77,7 +77,7 @@ class Raster(Kept):
                 colour[there], coverage[there] = (picture[here] for picture in self._tiles[corner])
         return colour, coverage
 
-    def put(self, window: Window, colour: ImageBGR, coverage: Coverage) -> None:
+    def put(self, window: RasterBox, colour: ImageBGR, coverage: Coverage) -> None:
         """Replace the contents of a window; the mosaic grows as needed."""
         new = {}
         for corner in _corners(window):
@@ -89,7 +89,7 @@ class Raster(Kept):
         self._tiles |= new
         self.window = self.window_with(window)
 
-    def tiles(self, changed: Window) -> set[Tile]:
+    def tiles(self, changed: RasterBox) -> set[Tile]:
         """Tiles of all levels that intersect a window, and those of levels first used since the last call."""
         box, whole = self._canvas_box(changed), self._canvas_box(self.window)
         top = overview_level(whole, self.level)
@@ -109,7 +109,7 @@ class Raster(Kept):
         """A tile of the mosaic's level or a coarser one; None if empty."""
         side = 1 << (self.level - tile.z)
         left, top = (i * TILE_SIZE * side - self._middle for i in (tile.x, tile.y))
-        whole = Window(left, top, left + TILE_SIZE * side, top + TILE_SIZE * side)
+        whole = RasterBox(left, top, left + TILE_SIZE * side, top + TILE_SIZE * side)
         inner = whole.cut(self.window)
         if not inner.pixels:
             return None
@@ -125,7 +125,7 @@ class Raster(Kept):
         colour[place], coverage[place] = np.rint(filled).clip(0, 255), seen
         return TilePicture(colour, coverage)
 
-    def _reduced(self, window: Window, side: int) -> tuple[FloatImage, Coverage]:
+    def _reduced(self, window: RasterBox, side: int) -> tuple[FloatImage, Coverage]:
         """Mean colour and coverage of each `side` by `side` pixels of a window of whole tiles."""
         size = TILE_SIZE // side
         shape = (window.bottom - window.top) // side, (window.right - window.left) // side
@@ -140,7 +140,7 @@ class Raster(Kept):
                 )
         return mean, seen
 
-    def _canvas_box(self, window: Window) -> Box:
+    def _canvas_box(self, window: RasterBox) -> Box:
         left, top, right, bottom = canvas_from_level(self.level, np.array(window) + float(self._middle)).tolist()
         return left, top, right, bottom
 
@@ -153,15 +153,15 @@ class Raster(Kept):
 _EMPTY = np.zeros((TILE_SIZE, TILE_SIZE, 3), np.uint8), np.zeros((TILE_SIZE, TILE_SIZE), np.uint8)
 
 
-def _corners(window: Window) -> Iterator[tuple[int, int]]:
+def _corners(window: RasterBox) -> Iterator[tuple[int, int]]:
     """Left and top of the tiles that a window touches."""
     left, top = (TILE_SIZE * (value // TILE_SIZE) for value in window[:2])
     return product(range(left, window.right, TILE_SIZE), range(top, window.bottom, TILE_SIZE))
 
 
-def _shared(window: Window, corner: tuple[int, int]) -> tuple[Place, Place]:
+def _shared(window: RasterBox, corner: tuple[int, int]) -> tuple[Place, Place]:
     """Intersection of a window and a tile, as slices of the window and of the tile."""
-    tile = Window(*corner, corner[0] + TILE_SIZE, corner[1] + TILE_SIZE)
+    tile = RasterBox(*corner, corner[0] + TILE_SIZE, corner[1] + TILE_SIZE)
     both = tile.cut(window)
     there, here = (
         (slice(both.top - of.top, both.bottom - of.top), slice(both.left - of.left, both.right - of.left))

@@ -14,7 +14,7 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.export import MOST_PIXELS, chosen_island, telling_where
 from gcs_mosaic.export.raster_file import Region, write_raster
-from gcs_mosaic.export.rebuild import RebuiltTiles, Source, rebuilt, source_of
+from gcs_mosaic.export.rebuild import RebuildSource, RebuiltTiles, rebuilt, source_of
 from gcs_mosaic.export.tile_reader import level_within
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, level_from_canvas, pixel_size, tile_box, tile_range
 from gcs_mosaic.store.folder import find_flight
@@ -61,7 +61,7 @@ def region_of(box: Box, level: int) -> Region:
     return Region(first, last, width, height)
 
 
-def _bands_of(source: Source) -> tuple[int, np.dtype[Any]]:
+def _bands_of(source: RebuildSource) -> tuple[int, np.dtype[Any]]:
     """Number of bands of the frames, and their type."""
     image = source.load(source.frames[0].name)
     if image is None:
@@ -82,7 +82,7 @@ def _about(tiles: RebuiltTiles, region: Region, gains: bool) -> dict[str, Any]:
     }
 
 
-def _left_out(source: Source) -> str:
+def _left_out(source: RebuildSource) -> str:
     reasons = {"of another kind": source.of_another_kind, "whose originals are gone": source.gone}
     told = [f"{count} frames {reason}" for reason, count in reasons.items() if count]
     return f"; left out: {', '.join(told)}" if told else ""

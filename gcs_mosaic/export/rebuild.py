@@ -26,7 +26,7 @@ KEPT_TILES = 128  # tiles in memory while holes are filled: 2 MB each with eight
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class RebuildSource:
     """Inputs for rebuilding an island. Frames of another kind (bands, depth) than most, and those whose originals are gone, are
     left out."""
 
@@ -58,7 +58,7 @@ class RebuiltTiles:
         return None if picture is None else picture.coverage
 
 
-def source_of(flight: Path, island: int) -> Source:
+def source_of(flight: Path, island: int) -> RebuildSource:
     """An island's data from the ledger. UsageError if none of its frames can be read."""
     with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
         painted, record = ledger.painted(island), ledger.flight()
@@ -74,7 +74,7 @@ def source_of(flight: Path, island: int) -> Source:
         raise UsageError(
             f"{flight} has no original of a frame that is painted on island {island}: only they have all bands."
         )
-    return Source(
+    return RebuildSource(
         frames=there,
         originals={one.name: flight / str(frames[one.name].original) for one in there},
         reductions={one.name: _reduction(one, frames[one.name]) for one in there},
@@ -85,7 +85,7 @@ def source_of(flight: Path, island: int) -> Source:
 
 
 @contextmanager
-def rebuilt(source: Source, keep_bands: KeepBands, scratch: Path) -> Iterator[RebuiltTiles]:
+def rebuilt(source: RebuildSource, keep_bands: KeepBands, scratch: Path) -> Iterator[RebuiltTiles]:
     """The island's tiles with all bands; `scratch` is a folder for what does not fit into memory."""
     island = source.frames[0].island
     with Canvas(source.load, source.canvas, scratch=scratch, keep_bands=keep_bands) as canvas:

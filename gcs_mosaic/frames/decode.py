@@ -6,20 +6,18 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
 from gcs_mosaic.frames.structure import StructureError, Whole
 from gcs_mosaic.messages import Frame, content_hash
+from gcs_mosaic.stitch.arrays import Bands
 
 logger = logging.getLogger(__name__)
 
-Bands = NDArray[Any]  # (h, w, bands) uint8 or uint16
 
 # Pixels as they were taken: a camera that turns its pictures would change its geometry.
 _AS_TAKEN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION

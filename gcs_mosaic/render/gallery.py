@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from gcs_mosaic.render.blend_modes import Mode
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.looks import LOOK_PIXELS, Of, Sight
-from gcs_mosaic.render.originals import LoadImage, Originals
+from gcs_mosaic.render.originals import LoadImage, OriginalsCache
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, frame_picture
 from gcs_mosaic.render.placed import PlacedFrame, placed
@@ -39,7 +39,7 @@ class Gallery:
     in the store."""
 
     def __init__(self, load_image: LoadImage, store: Store, mode: Mode, keep: KeepBands, pool: Executor) -> None:
-        self._originals = Originals(load_image, pool)
+        self._originals = OriginalsCache(load_image, pool)
         self._pool = pool
         self._store = store
         self._mode = mode

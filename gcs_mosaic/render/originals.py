@@ -16,7 +16,7 @@ MOST_BYTES = 80 << 20  # cached, except for the last one: two frames of 12 MP
 MOST_COMING = 2  # being loaded; those not taken by then are no longer needed
 
 
-class Originals:
+class OriginalsCache:
     """The images used last. `load(name)` returns a frame's original, or None if it is gone for good; callable from any thread."""
 
     def __init__(self, load: LoadImage, pool: Executor) -> None:

@@ -86,7 +86,7 @@ class Changes(Kept):
         return any((self.states, self.placements, self.tiles))
 
 
-class Picture(Protocol):
+class TileSource(Protocol):
     """What has been painted, in tiles; see `render.canvas.Canvas`."""
 
     def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]: ...
@@ -244,7 +244,7 @@ class FlightStore(Kept):
 
     def save(
         self,
-        picture: Picture,
+        picture: TileSource,
         islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]] = dict,
@@ -283,7 +283,7 @@ class FlightStore(Kept):
 
     def _save(
         self,
-        picture: Picture,
+        picture: TileSource,
         islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]],
@@ -305,7 +305,7 @@ class FlightStore(Kept):
 
     def _tell(
         self,
-        picture: Picture,
+        picture: TileSource,
         islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]],
@@ -351,7 +351,7 @@ class FlightStore(Kept):
 
     def _entries(
         self,
-        picture: Picture,
+        picture: TileSource,
         islands: Sequence[IslandRecord],
         frames_on: Mapping[int, int],
         held_out: Mapping[int, HeldOut],

@@ -38,7 +38,7 @@ class OriginalsSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kept:
+class KeptOriginal:
     """An original is at `path` (POSIX, relative to the output folder)."""
 
     path: str
@@ -65,7 +65,7 @@ class Originals:
         self.settings = settings or OriginalsSettings()
         self.used = sum(path.stat().st_size for path in (out / "frames").rglob("*") if path.is_file())
         self._said = False
-        self._ahead: dict[str, Kept] = {}  # kept before anybody asked for it, by content hash
+        self._ahead: dict[str, KeptOriginal] = {}  # kept before anybody asked for it, by content hash
         self._lock = threading.Lock()
 
     def keep_ahead(self, frame: Frame) -> Frame:
@@ -85,7 +85,7 @@ class Originals:
             self._ahead[frame.content_hash] = kept
         return replace(frame, path=self.out / kept.path)
 
-    def keep(self, frame: Frame) -> Kept | NotKept:
+    def keep(self, frame: Frame) -> KeptOriginal | NotKept:
         """Keep one frame. Raises DiskFull when even that does not fit."""
         kept = self._ahead.pop(frame.content_hash, None)  # without waiting for others that are just being kept ahead
         if kept is not None:
@@ -93,7 +93,7 @@ class Originals:
         with self._lock:
             return self._ahead.pop(frame.content_hash, None) or self._keep(frame)
 
-    def _keep(self, frame: Frame) -> Kept | NotKept:
+    def _keep(self, frame: Frame) -> KeptOriginal | NotKept:
         shortage = self._shortage(frame.size)
         notice = self._say_once(shortage) if shortage else None
         target = free_place(self.out / relative_place(frame.name), frame.content_hash)
@@ -103,7 +103,7 @@ class Originals:
             reason = shortage or self._copy(frame, target)
         if reason is not None:
             return NotKept(reason=reason, notice=notice)
-        return Kept(path=target.relative_to(self.out).as_posix(), linked=linked, notice=notice)
+        return KeptOriginal(path=target.relative_to(self.out).as_posix(), linked=linked, notice=notice)
 
     def _copy(self, frame: Frame, target: Path) -> str | None:
         """Copy the frame's file; returns a reason when its content is not what it was when the frame came."""

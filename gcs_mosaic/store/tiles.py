@@ -11,18 +11,17 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.render.painted import TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
+from gcs_mosaic.stitch.arrays import AnyImage, Coverage, ImageBGR
 from gcs_mosaic.store.disk import make_folder, write_beside
 from gcs_mosaic.store.stages import stage
 
 logger = logging.getLogger(__name__)
 
-Image = NDArray[np.uint8]
 Shown = Callable[[], TilePicture | None]
 MCU = 8  # px; the blocks of a JPEG without chroma subsampling
 QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
@@ -133,7 +132,7 @@ def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
     return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)
 
 
-def read_mask(root: Path, island: int, tile: Tile) -> Image | None:
+def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
     """A tile's coverage from the disk, `full_coverage(256)` itself if it is full; None as for `read_tile`."""
     path = mask_path(root, island, tile)
     if not path.exists():
@@ -142,7 +141,7 @@ def read_mask(root: Path, island: int, tile: Tile) -> Image | None:
     return coverage if coverage is not None and coverage.shape == (TILE_SIZE, TILE_SIZE) else None
 
 
-def encode_jpeg(colour: Image, coverage: Image, quality: int) -> bytes:
+def encode_jpeg(colour: ImageBGR, coverage: Coverage, quality: int) -> bytes:
     """JPEG bytes without chroma subsampling, so that a small red thing on green stays as red as it was."""
     filled = colour if int(coverage.min()) == 255 else _border_blocks_filled(colour, coverage)
     sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
@@ -157,7 +156,7 @@ def _put(path: Path, data: bytes) -> None:
         write_beside(path, data)
 
 
-def _border_blocks_filled(colour: Image, coverage: Image) -> Image:
+def _border_blocks_filled(colour: ImageBGR, coverage: Coverage) -> ImageBGR:
     """Uncovered pixels in blocks that are partly covered get the block's mean colour: black beside colour would ring."""
     size = colour.shape[1] // MCU, colour.shape[0] // MCU
     share = cv2.resize((coverage > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
@@ -166,7 +165,7 @@ def _border_blocks_filled(colour: Image, coverage: Image) -> Image:
     return np.asarray(cv2.copyTo(colour, coverage, blocks), dtype=np.uint8)
 
 
-def encode(suffix: str, image: Image, parameters: list[int]) -> bytes:
+def encode(suffix: str, image: AnyImage, parameters: list[int]) -> bytes:
     """The bytes of an image file. ValueError if OpenCV cannot make it."""
     done, data = cv2.imencode(suffix, image, parameters)
     if not done:
@@ -174,7 +173,7 @@ def encode(suffix: str, image: Image, parameters: list[int]) -> bytes:
     return bytes(data)
 
 
-def _read(path: Path, flags: int) -> Image | None:
+def _read(path: Path, flags: int) -> AnyImage | None:
     """Decoded from bytes read here, because OpenCV writes about missing files to the terminal."""
     try:
         data = path.read_bytes()

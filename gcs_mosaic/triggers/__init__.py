@@ -4,11 +4,11 @@ May import `messages`; called by `app`.
 """
 
 from gcs_mosaic.triggers.matcher import Pairing
-from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
+from gcs_mosaic.triggers.outcomes import EventCounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
 from gcs_mosaic.triggers.settings import PairingSettings
 
 __all__ = [
-    "Accounts",
+    "EventCounts",
     "Failed",
     "How",
     "Matched",

@@ -18,7 +18,7 @@ def lag(event: PendingEvent, frame: PendingFrame) -> float:
     return frame.frame.received - event.moment
 
 
-class Search:
+class FrameSearch:
     """Searches both indexes with the learnt offsets and delay; read-only."""
 
     def __init__(self, events: Index[PendingEvent], frames: Index[PendingFrame], settings: PairingSettings) -> None:

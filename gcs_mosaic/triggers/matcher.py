@@ -6,10 +6,10 @@ from collections import Counter, deque
 from collections.abc import Iterator
 
 from gcs_mosaic.messages import CaptureResult, Frame, TriggerEvent
-from gcs_mosaic.triggers.candidates import Search
+from gcs_mosaic.triggers.candidates import FrameSearch
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State, number_in
-from gcs_mosaic.triggers.outcomes import Accounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
+from gcs_mosaic.triggers.outcomes import EventCounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
 from gcs_mosaic.triggers.post_flight import match_by_sequence
 from gcs_mosaic.triggers.settings import PairingSettings
 
@@ -27,7 +27,7 @@ class Pairing:
         self._settings = settings or PairingSettings()
         self._events: Index[PendingEvent] = Index(self._settings.remembered)
         self._frames: Index[PendingFrame] = Index(self._settings.remembered)
-        self._search = Search(self._events, self._frames, self._settings)
+        self._search = FrameSearch(self._events, self._frames, self._settings)
         self._votes: deque[tuple[PendingEvent, PendingFrame]] = deque(maxlen=_MISLED)
         self._states: Counter[State] = Counter()
         self._duplicates = self._frames_seen = 0
@@ -92,11 +92,11 @@ class Pairing:
         pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
         return [*outcomes, *(self._missing(held) for held in pending)]
 
-    def accounts(self) -> Accounts:
+    def accounts(self) -> EventCounts:
         """The totals; every event and frame is counted exactly once."""
         states = {state.value: self._states[state] for state in State}
         orphans = self._frames_seen - self._states[State.MATCHED]
-        return Accounts(**states, duplicate=self._duplicates, orphans=orphans)
+        return EventCounts(**states, duplicate=self._duplicates, orphans=orphans)
 
     def _look_at(self, held: PendingEvent, event: TriggerEvent) -> Iterator[Outcome]:
         """Process one source's message about a shot."""

@@ -63,7 +63,7 @@ Outcome: TypeAlias = Matched | Unmatched | Missing | Failed | Orphan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Accounts:
+class EventCounts:
     """Number of events in each state, and of frames without an event."""
 
     pending: int

@@ -20,7 +20,7 @@ from rich.console import Console
 from gcs_mosaic.app.batch import progress_on, stitch
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.inbox import Inbox
-from gcs_mosaic.app.links import Source
+from gcs_mosaic.app.links import ItemSource
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
@@ -280,7 +280,7 @@ def test_a_source_that_fails_leaves_its_traceback(folder: FlightFolder) -> None:
 
     inbox = Inbox(threading.Event())
     with flight_log(folder, Config()):
-        inbox.fill([Source(items(), LinkReport(address="udp:14550", state="failed"))])
+        inbox.fill([ItemSource(items(), LinkReport(address="udp:14550", state="failed"))])
         inbox.join()
     assert "ERROR udp:14550 gcs_mosaic.app.inbox: a source has failed\n  | Traceback" in log_of(folder.path)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs_mosaic.app.inbox import FILES, PICTURES, Inbox
-from gcs_mosaic.app.links import Source
+from gcs_mosaic.app.links import ItemSource
 from gcs_mosaic.messages import DroppedFrame, Frame, SourceReport
 from tests.factories import frame
 
@@ -22,7 +22,7 @@ def picture(number: int, data: bytes | None) -> Frame:
 def brought(count: int, data: bytes | None) -> tuple[list[object], Inbox]:
     """What an inbox holds of so many frames that came while nobody took them."""
     inbox = Inbox(threading.Event())
-    inbox.fill([Source(iter([picture(number, data) for number in range(count)]), FAILED)])
+    inbox.fill([ItemSource(iter([picture(number, data) for number in range(count)]), FAILED)])
     deadline = time.monotonic() + 20
     while len(inbox) < count:
         assert time.monotonic() < deadline
@@ -37,7 +37,7 @@ def test_frames_of_a_stream_that_nobody_takes_are_dropped_one_by_one_and_lose_th
     assert isinstance(dropped, DroppedFrame)
     assert dropped.frame == picture(PICTURES + 2, None)
     assert "too slow" in dropped.reason
-    inbox.fill([Source(iter([picture(0, b"jpeg")]), FAILED)])  # there is room again
+    inbox.fill([ItemSource(iter([picture(0, b"jpeg")]), FAILED)])  # there is room again
     assert isinstance(inbox.next(20.0), Frame)
 
 
@@ -51,6 +51,6 @@ def test_of_a_folder_only_some_files_stay_in_memory(tmp_path: Path) -> None:
     for one in frames:
         one.path.write_bytes(b"jpeg")
     inbox = Inbox(threading.Event())
-    inbox.fill([Source(iter(frames), FAILED)])
+    inbox.fill([ItemSource(iter(frames), FAILED)])
     inbox.join()
     assert [inbox.next(0.0) for _ in frames] == [*frames[:FILES], *(replace(one, data=None) for one in frames[FILES:])]

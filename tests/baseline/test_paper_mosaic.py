@@ -8,7 +8,7 @@ import pytest
 from stitch_ground import SMALL_CAMERA, photograph
 
 from gcs_mosaic.baseline.mosaic import PaperMosaic, PaperSettings, footprint_window
-from gcs_mosaic.baseline.raster import Window
+from gcs_mosaic.baseline.raster import RasterBox
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixel_grid, similarity_between
 from gcs_mosaic.stitch.features.detectors import FeatureKind
@@ -52,7 +52,7 @@ def test_a_short_flight_lies_where_it_was_taken(ground: ImageBGR, kind: FeatureK
 
 def test_the_picture_shows_the_ground_where_the_placements_say(ground: ImageBGR) -> None:
     mosaic, _ = flown(ground, LINE)
-    there = Window(0, 0, 480, 360)  # the first frame, which later ones were laid on
+    there = RasterBox(0, 0, 480, 360)  # the first frame, which later ones were laid on
     colour, coverage = mosaic.raster.part(there)
     assert coverage.all()
     taken = frame(ground, LINE[0])
@@ -123,10 +123,10 @@ def test_what_no_camera_sees_has_no_footprint(homography: list[list[float]]) -> 
 
 
 def test_a_footprint_holds_whole_pixels() -> None:
-    assert footprint_window(np.eye(3), 480, 360) == Window(0, 0, 480, 360)
+    assert footprint_window(np.eye(3), 480, 360) == RasterBox(0, 0, 480, 360)
     shifted = np.array([[1, 0, 10.25], [0, 1, -3.0], [0, 0, 1]])
-    assert footprint_window(shifted, 480, 360) == Window(10, -3, 491, 357)
-    assert footprint_window(-shifted, 480, 360) == Window(10, -3, 491, 357)
+    assert footprint_window(shifted, 480, 360) == RasterBox(10, -3, 491, 357)
+    assert footprint_window(-shifted, 480, 360) == RasterBox(10, -3, 491, 357)
 
 
 def test_sixteen_bits_of_one_band_are_stitched_as_a_person_sees_them(ground: ImageBGR) -> None:
@@ -134,6 +134,6 @@ def test_sixteen_bits_of_one_band_are_stitched_as_a_person_sees_them(ground: Ima
     for k, pose in enumerate(LINE[:3]):
         thermal = photograph(ground, pose, SMALL_CAMERA).astype(np.uint16) * 4 + 7000
         assert isinstance(mosaic.add(thermal[..., None], str(k)), Placement)
-    colour, _ = mosaic.raster.part(Window(0, 0, 480, 360))
+    colour, _ = mosaic.raster.part(RasterBox(0, 0, 480, 360))
     assert (colour[..., 0] == colour[..., 2]).all()
     assert colour.std() > 20

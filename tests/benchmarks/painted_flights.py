@@ -31,7 +31,7 @@ from gcs_mosaic.render.sampling import places_in, sampled
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, level_from_canvas
 from gcs_mosaic.render.warp import shrunk, upscale
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.stitch.features.extraction import extract

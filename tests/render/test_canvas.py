@@ -20,7 +20,7 @@ from gcs_mosaic.render.placed import PlacedFrame, placed
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
 from gcs_mosaic.render.vignetting import FLAT
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera
 from tests.sure import sure

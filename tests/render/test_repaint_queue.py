@@ -15,7 +15,7 @@ from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.repaint_queue import CHECKED_AT_ONCE, Painter, PaintSettings
 from gcs_mosaic.render.tile_grid import tiles_over
 from gcs_mosaic.render.vignetting import FLAT
-from gcs_mosaic.stitch.camera.bands import Bands
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import FRAMES, NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gcs_mosaic.messages import content_hash
 from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.originals import (
-    Kept,
+    KeptOriginal,
     NotKept,
     Originals,
     OriginalsSettings,
@@ -36,7 +36,7 @@ def out(tmp_path: Path) -> Path:
 def test_subfolders_and_overwritten_names_are_kept(tmp_path: Path, out: Path) -> None:
     frame = written_frame(tmp_path / "watched", "DCIM/100MEDIA/a.jpg#2")
     kept = Originals(out, COPY).keep(frame)
-    assert kept == Kept(path="frames/DCIM/100MEDIA/a.jpg#2", linked=False, notice=None)
+    assert kept == KeptOriginal(path="frames/DCIM/100MEDIA/a.jpg#2", linked=False, notice=None)
     assert (out / "frames/DCIM/100MEDIA/a.jpg#2").read_bytes() == b"picture"
 
 
@@ -44,7 +44,7 @@ def test_copy_survives_a_camera_that_writes_again(tmp_path: Path, out: Path) -> 
     frame = written_frame(tmp_path / "watched")
     kept = Originals(out, COPY).keep(frame)
     frame.path.write_bytes(b"another")
-    assert isinstance(kept, Kept)
+    assert isinstance(kept, KeptOriginal)
     assert is_intact(out / kept.path, frame.content_hash)
 
 
@@ -52,14 +52,14 @@ def test_copy_survives_a_camera_that_writes_again(tmp_path: Path, out: Path) -> 
 def test_a_frame_of_a_stream_is_written_whatever_the_settings_say(out: Path, settings: OriginalsSettings) -> None:
     frame = replace(a_frame("stream/1.jpg"), data=b"picture", content_hash=content_hash(b"picture"))
     kept = Originals(out, settings).keep(frame)
-    assert kept == Kept(path="frames/stream/1.jpg", linked=False, notice=None)
+    assert kept == KeptOriginal(path="frames/stream/1.jpg", linked=False, notice=None)
     assert (out / "frames/stream/1.jpg").read_bytes() == b"picture"
 
 
 def test_link_takes_no_space_and_its_change_is_found_out(tmp_path: Path, out: Path) -> None:
     frame = written_frame(tmp_path / "watched")
     kept = Originals(out, LINK).keep(frame)
-    assert isinstance(kept, Kept)
+    assert isinstance(kept, KeptOriginal)
     assert kept.linked
     assert (out / kept.path).samefile(frame.path)
     frame.path.write_bytes(b"another")
@@ -69,7 +69,7 @@ def test_link_takes_no_space_and_its_change_is_found_out(tmp_path: Path, out: Pa
 def test_what_is_in_memory_is_kept_whatever_the_file_has_become(tmp_path: Path, out: Path) -> None:
     frame = replace(written_frame(tmp_path / "watched"), data=b"picture")
     frame.path.write_bytes(b"another")
-    assert Originals(out, COPY).keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
+    assert Originals(out, COPY).keep(frame) == KeptOriginal(path="frames/a.jpg", linked=False, notice=None)
     assert (out / "frames/a.jpg").read_bytes() == b"picture"
 
 
@@ -78,7 +78,7 @@ def test_a_frame_kept_ahead_is_not_kept_again(tmp_path: Path, out: Path) -> None
     ahead = originals.keep_ahead(frame)
     assert ahead == replace(frame, path=out / "frames/a.jpg")
     frame.path.unlink()
-    assert originals.keep(ahead) == Kept(path="frames/a.jpg", linked=False, notice=None)
+    assert originals.keep(ahead) == KeptOriginal(path="frames/a.jpg", linked=False, notice=None)
 
 
 def test_what_does_not_fit_ahead_is_kept_when_it_is_its_turn(tmp_path: Path, out: Path, full: list[Path]) -> None:
@@ -88,7 +88,7 @@ def test_what_does_not_fit_ahead_is_kept_when_it_is_its_turn(tmp_path: Path, out
     with pytest.raises(DiskFull):
         originals.keep(frame)
     full.clear()
-    assert originals.keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
+    assert originals.keep(frame) == KeptOriginal(path="frames/a.jpg", linked=False, notice=None)
 
 
 def test_what_has_no_room_ahead_is_kept_if_there_is_when_it_is_its_turn(
@@ -98,7 +98,7 @@ def test_what_has_no_room_ahead_is_kept_if_there_is_when_it_is_its_turn(
     with monkeypatch.context() as patch:
         patch.setattr(originals, "_shortage", lambda size: "only 0.0 GB are free on the disk")
         assert originals.keep_ahead(frame) == frame
-    assert originals.keep(frame) == Kept(path="frames/a.jpg", linked=False, notice=None)
+    assert originals.keep(frame) == KeptOriginal(path="frames/a.jpg", linked=False, notice=None)
 
 
 @pytest.fixture
@@ -125,8 +125,8 @@ def test_another_picture_of_the_same_name_overwrites_nothing(tmp_path: Path, out
     originals = Originals(out, COPY)
     first = originals.keep(written_frame(tmp_path / "one", data=b"first"))
     second = originals.keep(written_frame(tmp_path / "two", data=b"second"))
-    assert isinstance(first, Kept)
-    assert isinstance(second, Kept)
+    assert isinstance(first, KeptOriginal)
+    assert isinstance(second, KeptOriginal)
     assert (out / first.path).read_bytes() == b"first"
     assert (out / second.path).read_bytes() == b"second"
 
@@ -149,7 +149,7 @@ def test_file_taken_away_is_a_reason(tmp_path: Path, out: Path) -> None:
 def test_budget_is_said_once_and_frames_are_linked_from_then_on(tmp_path: Path, out: Path) -> None:
     originals = Originals(out, OriginalsSettings(reserve_gb=0.0, budget_gb=10e-9))
     kept = [originals.keep(written_frame(tmp_path / "watched", f"{n}.jpg")) for n in range(3)]
-    assert [one.linked for one in kept if isinstance(one, Kept)] == [False, True, True]
+    assert [one.linked for one in kept if isinstance(one, KeptOriginal)] == [False, True, True]
     assert [one.notice is not None for one in kept] == [False, True, False]
     assert kept[1].notice is not None
     assert "budget" in kept[1].notice.text
@@ -192,7 +192,7 @@ def test_very_long_names_stay_different(tmp_path: Path, out: Path) -> None:
         source = written_frame(tmp_path, letter, data=letter.encode())
         long = a_frame("é" * 400 + letter + ".jpg", tmp_path, letter.encode())
         kept = originals.keep(type(long)(**{f: getattr(long, f) for f in long.__slots__} | {"path": source.path}))
-        assert isinstance(kept, Kept)
+        assert isinstance(kept, KeptOriginal)
         assert kept.path.endswith(".jpg")
     assert len(list((out / "frames").iterdir())) == 2
 
@@ -200,12 +200,12 @@ def test_very_long_names_stay_different(tmp_path: Path, out: Path) -> None:
 def test_what_was_kept_ahead_waits_for_no_other(tmp_path: Path, out: Path) -> None:
     originals, frame = Originals(out, COPY), written_frame(tmp_path / "watched")
     originals.keep_ahead(frame)
-    found: list[Kept | NotKept] = []
+    found: list[KeptOriginal | NotKept] = []
     with originals._lock:  # another one is being copied
         thread = threading.Thread(target=lambda: found.append(originals.keep(frame)), daemon=True)
         thread.start()
         thread.join(5.0)
-    assert [type(kept) for kept in found] == [Kept]
+    assert [type(kept) for kept in found] == [KeptOriginal]
 
 
 def test_a_source_does_not_end_when_the_folder_is_gone(tmp_path: Path, out: Path) -> None:

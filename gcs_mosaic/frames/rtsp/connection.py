@@ -20,7 +20,7 @@ from av.video.stream import VideoStream
 from gcs_mosaic.frames.rtsp.address import StreamAddress
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
 from gcs_mosaic.frames.rtsp.packet_loss import DamageWatch, tells_of_damage
-from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 
 Log: TypeAlias = list[tuple[int, str, str]]
@@ -87,7 +87,7 @@ class Connection:
         codec = {"h264": "H.264", "hevc": "H.265"}.get(self._video.codec_context.name, self._video.codec_context.name)
         return f"{codec}, {self._video.width} x {self._video.height}, over {self._settings.transport.upper()}"
 
-    def read(self) -> list[Picture] | NotConnected:
+    def read(self) -> list[StreamPicture] | NotConnected:
         """The pictures in the next packet: one, or none."""
         self.paused_s = None
         try:
@@ -108,7 +108,7 @@ class Connection:
     def close(self) -> None:
         self._container.close()
 
-    def _decode(self, packet: Packet[VideoStream], arrival: float) -> list[Picture]:
+    def _decode(self, packet: Packet[VideoStream], arrival: float) -> list[StreamPicture]:
         try:
             frames = packet.decode()
         except (av.error.FFmpegError, ValueError):
@@ -122,7 +122,7 @@ class Connection:
             if frame.pts is not None and frame.time_base is not None:
                 picture_s = float(frame.pts * frame.time_base)
                 self._follow(picture_s, arrival)
-                pictures.append(Picture(frame, picture_s, self._clock, damaged))
+                pictures.append(StreamPicture(frame, picture_s, self._clock, damaged))
         return pictures
 
     def _follow(self, picture_s: float, arrival: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.messages import TriggerEvent
 
@@ -23,7 +23,7 @@ class Pick:
     """The picture that is taken for `ask`, and when it was made."""
 
     ask: Ask
-    picture: Picture
+    picture: StreamPicture
     moment: float
 
 
@@ -48,7 +48,7 @@ class Picker:
     def ask(self, ask: Ask, now: float) -> None:
         self._waiting.append((now, ask))
 
-    def due(self, pictures: Sequence[Picture], now: float) -> list[Pick | Unanswered]:
+    def due(self, pictures: Sequence[StreamPicture], now: float) -> list[Pick | Unanswered]:
         """What can be decided by now, in the order of asking; `pictures` are the ring's, oldest first."""
         if not self._waiting:
             return []
@@ -65,7 +65,7 @@ class Picker:
         self._waiting = left
         return decided
 
-    def _decide(self, ask: Ask, dated: list[tuple[float, Picture]]) -> Pick | Unanswered:
+    def _decide(self, ask: Ask, dated: list[tuple[float, StreamPicture]]) -> Pick | Unanswered:
         settings = self._settings
         near = [
             (abs(moment - ask.moment), moment, picture)
@@ -82,7 +82,7 @@ class Picker:
         return Pick(ask, picture, moment)
 
 
-def _nearest_sharp(near: list[tuple[float, float, Picture]], share: float) -> tuple[float, float, Picture]:
+def _nearest_sharp(near: list[tuple[float, float, StreamPicture]], share: float) -> tuple[float, float, StreamPicture]:
     """The first, nearest first, that is nearly as sharp as the sharpest: another moment is another place too."""
     if len(near) == 1:
         return near[0]

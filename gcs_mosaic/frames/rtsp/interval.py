@@ -6,7 +6,7 @@ import re
 from typing import Literal
 
 from gcs_mosaic.frames.rtsp.motion import ViewMotion
-from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 
 SHORTEST_S = 0.1  # a map has nothing from more frames than that
 LOOK_EACH_S = 0.15  # how often the motion of the view is measured: some milliseconds each
@@ -42,7 +42,7 @@ class Wishes:
             return f"whenever {self._moved:.0%} of the view is new"
         return f"every {self._every:g} s"
 
-    def moment(self, newest: Picture) -> float | None:
+    def moment(self, newest: StreamPicture) -> float | None:
         """The moment of which a frame is wanted, if one is wanted now."""
         if self._every is None:
             return None
@@ -60,7 +60,7 @@ class Wishes:
         self._looked = self._looked + interval_s if in_pace and self._looked is not None else moment
         return True
 
-    def _has_moved(self, picture: Picture) -> bool:
+    def _has_moved(self, picture: StreamPicture) -> bool:
         if self._motion.new_share(picture.grey()) < self._moved:
             return False
         self._motion.taken()

@@ -6,22 +6,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.stitch.arrays import ImageGrey
+
 _WIDTH = 320  # px; enough to follow the ground
 _CORNERS = 200
 _FEWEST = 12  # points in common below which nothing is known of the motion
 _ROBUST_PX = 2.0
-
-Image = NDArray[np.uint8]
 
 
 class ViewMotion:
     """Follows corners from picture to picture (Lucas and Kanade 1981) and adds up the similarities between them."""
 
     def __init__(self) -> None:
-        self._before: Image | None = None
+        self._before: ImageGrey | None = None
         self._now_from_taken = np.eye(3)
 
-    def new_share(self, grey: Image) -> float:
+    def new_share(self, grey: ImageGrey) -> float:
         """Share of the newest picture that the taken one does not show; 1 when the view cannot be followed."""
         small = _reduced(grey)
         before, self._before = self._before, small
@@ -38,12 +38,12 @@ class ViewMotion:
         self._now_from_taken = np.eye(3)
 
 
-def _reduced(grey: Image) -> Image:
+def _reduced(grey: ImageGrey) -> ImageGrey:
     scale = min(1.0, _WIDTH / grey.shape[1])
     return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _motion(before: Image, now: Image) -> NDArray[np.float64] | None:
+def _motion(before: ImageGrey, now: ImageGrey) -> NDArray[np.float64] | None:
     """now_from_before (3x3), a similarity; None if too little is seen in both."""
     corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 5)
     if corners is None or len(corners) < _FEWEST:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
 from gcs_mosaic.frames.rtsp.sharpness import sharpness
-
-Image = NDArray[np.uint8]
+from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey
 
 
 class VideoPicture(Protocol):
@@ -29,7 +28,7 @@ class VideoPicture(Protocol):
 
 
 @dataclass(slots=True, eq=False)
-class Picture:
+class StreamPicture:
     """A picture as it was received; its pixels stay in the video's own format until they are wanted."""
 
     video: VideoPicture
@@ -51,11 +50,11 @@ class Picture:
             self._sharpness = sharpness(self.grey())
         return self._sharpness
 
-    def grey(self) -> Image:
+    def grey(self) -> ImageGrey:
         """(height, width) uint8."""
         return np.asarray(self.video.to_ndarray(format="gray"), np.uint8)
 
-    def colour(self) -> Image:
+    def colour(self) -> ImageBGR:
         """(height, width, 3) BGR uint8."""
         return np.asarray(self.video.to_ndarray(format="bgr24"), np.uint8)
 
@@ -70,13 +69,13 @@ class Ring:
 
     def __init__(self, seconds: float, most_bytes: int) -> None:
         self._seconds, self._most_bytes = seconds, most_bytes
-        self._pictures: deque[tuple[float, Picture]] = deque()  # with when they came
+        self._pictures: deque[tuple[float, StreamPicture]] = deque()  # with when they came
         self._bytes = 0
         self._changed = threading.Condition()
         self.cut_short = False
         """Whether memory, not time, has ever decided how long a picture is kept."""
 
-    def put(self, picture: Picture, now: float) -> None:
+    def put(self, picture: StreamPicture, now: float) -> None:
         """Add the newest; the oldest leave."""
         with self._changed:
             self._pictures.append((now, picture))
@@ -85,7 +84,7 @@ class Ring:
                 self._bytes -= self._pictures.popleft()[1].bytes
             self._changed.notify_all()
 
-    def pictures(self) -> list[Picture]:
+    def pictures(self) -> list[StreamPicture]:
         """All of them, oldest first."""
         with self._changed:
             return [picture for _, picture in self._pictures]

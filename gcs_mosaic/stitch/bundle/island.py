@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.bundle.certainty import note_adjusted
 from gcs_mosaic.stitch.bundle.lens import expected
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens
 from gcs_mosaic.stitch.bundle.problem import Problem
-from gcs_mosaic.stitch.bundle.relief import Matched, displacements, matched, note_relief, sightings
+from gcs_mosaic.stitch.bundle.relief import MatchedPoints, displacements, matched, note_relief, sightings
 from gcs_mosaic.stitch.bundle.uncertainty import POSE, island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
@@ -65,7 +65,7 @@ class IslandTask:
     members: tuple[int, ...]  # frames, in the order of the problem
     root: int  # row of the island's founding frame
     problem: Problem
-    matches: Matched | None  # rows as in the problem
+    matches: MatchedPoints | None  # rows as in the problem
     numbers: tuple[CameraNumber, ...]  # of the problem's cameras
     cameras: tuple[Camera, ...]
     settings: AdjustmentSettings

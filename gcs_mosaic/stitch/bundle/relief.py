@@ -38,7 +38,7 @@ FEWEST = 10  # points of a frame below which no grid is fitted
 
 
 @dataclass(frozen=True, slots=True)
-class Matched:
+class MatchedPoints:
     """All matches of p linked pairs among n frames, k in all, as stored; quick to gather. See `sightings`."""
 
     pairs: IndexPairsNx2  # (p, 2) rows of the frames, 0 to n - 1
@@ -59,7 +59,7 @@ class Sightings:
     scales: Vector  # (n,) as in `Matched`
 
 
-def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = None) -> Matched | None:
+def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = None) -> MatchedPoints | None:
     """The matches of all links between these frames, or only of the links `of` some of them; None without links."""
     row = {frame: number for number, frame in enumerate(frames)}
     ends = {(f, o) for f in (of or frames) for o in graph.frames[f].inliers if o in row}
@@ -68,7 +68,7 @@ def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = 
         return None
     matches = [graph.links[key].features for key in keys]
     features = [graph.frames[frame].features for frame in frames]
-    return Matched(
+    return MatchedPoints(
         pairs=np.array([(row[a], row[b]) for a, b in keys], dtype=np.intp),
         counts=np.array([len(some) for some in matches], dtype=np.intp),
         features=np.concatenate(matches),
@@ -78,7 +78,7 @@ def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = 
     )
 
 
-def sightings(matches: Matched) -> Sightings:
+def sightings(matches: MatchedPoints) -> Sightings:
     """Observations from matches: a feature matched in several pairs is one ground point."""
     first = np.concatenate([[0], np.cumsum(matches.lengths)[:-1]])
     ends = first[matches.pairs].repeat(matches.counts, axis=0) + matches.features

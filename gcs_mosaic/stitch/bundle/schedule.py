@@ -15,7 +15,7 @@ from functools import partial
 
 from gcs_mosaic.stitch.bundle.island import IslandTask, adjust_island, island_task, take_in
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
-from gcs_mosaic.stitch.bundle.worker import Failed, Worker
+from gcs_mosaic.stitch.bundle.worker import Worker, WorkerFailed
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.transaction import EachWhole, Kept, Snapshot
 
@@ -153,7 +153,7 @@ class Upkeep(Kept):
         if task is None:
             return
         found = self._asked(task).result()
-        if isinstance(found, Failed):
+        if isinstance(found, WorkerFailed):
             # A flight whose map pauses now and then is better than none.
             self.problem = f"{found.reason}; from now on frames wait while it is adjusted"
             self._worker_failed = True

@@ -28,7 +28,7 @@ MOST_S = 900.0  # longest wait for a result that is due: 3,000 frames take half 
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class WorkerFailed:
     """The adjustment failed, and why; `traceback`: of the worker process, if available."""
 
     reason: str
@@ -51,7 +51,7 @@ class Worker(Protocol):
     def is_ready(self) -> bool:
         """Whether `result` would return at once."""
 
-    def result(self) -> AdjustedIsland | Failed:
+    def result(self) -> AdjustedIsland | WorkerFailed:
         """Result of the task begun last, never of another; waits for it, with a time limit. May be called again."""
 
 
@@ -64,7 +64,7 @@ class WorkerProcess:
         self._pipe: Connection | None = None
         self._sender: threading.Thread | None = None
         self._is_at_work = False
-        self._found: AdjustedIsland | Failed | None = None  # of the task begun last
+        self._found: AdjustedIsland | WorkerFailed | None = None  # of the task begun last
 
     def begin(self, task: IslandTask) -> None:
         if self._is_at_work:  # its task is obsolete: its answer must not be taken for that of the new one
@@ -77,30 +77,30 @@ class WorkerProcess:
     def is_ready(self) -> bool:
         return self._found is not None or self._pipe is None or self._pipe.poll()
 
-    def result(self) -> AdjustedIsland | Failed:
+    def result(self) -> AdjustedIsland | WorkerFailed:
         if self._found is None:
             self._found = self._received()
         self._is_at_work = False
         return self._found
 
-    def _received(self) -> AdjustedIsland | Failed:
+    def _received(self) -> AdjustedIsland | WorkerFailed:
         if self._pipe is None:
-            return Failed("no process is adjusting the map")
+            return WorkerFailed("no process is adjusting the map")
         try:
             if not self._pipe.poll(self._most_s):
                 logger.error("the process that adjusts the map has brought nothing for %g s", self._most_s)
                 self.close()
-                return Failed(f"the map was not adjusted within {self._most_s:g} s")
+                return WorkerFailed(f"the map was not adjusted within {self._most_s:g} s")
             found = self._pipe.recv()
         except (EOFError, OSError):
             logger.error("the process that adjusts the map has died, %s", self._last_sign(), exc_info=True)
             self.close()
-            return Failed("the process that adjusts the map has died")
+            return WorkerFailed("the process that adjusts the map has died")
         except BaseException:  # the rest of an answer may still be in the pipe
             self.close()
             raise
-        assert isinstance(found, AdjustedIsland | Failed)
-        if isinstance(found, Failed):
+        assert isinstance(found, AdjustedIsland | WorkerFailed)
+        if isinstance(found, WorkerFailed):
             logger.error("%s", found.reason, exc_info=InOtherProcess(found.traceback))
         return found
 
@@ -148,10 +148,10 @@ def _work(pipe: Connection) -> None:
         return
 
 
-def _tried(pipe: Connection) -> AdjustedIsland | Failed:
+def _tried(pipe: Connection) -> AdjustedIsland | WorkerFailed:
     try:
         return adjusted(pipe.recv())
     except (EOFError, OSError):  # of the pipe: an adjustment reads no files
         raise
     except Exception as error:  # reported and logged by the caller; the process continues with the next task
-        return Failed(f"the map could not be adjusted ({error!r})", traceback.format_exc())
+        return WorkerFailed(f"the map could not be adjusted ({error!r})", traceback.format_exc())

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import Band, ImageGrey
-from gcs_mosaic.stitch.arrays import Bands as Bands  # also imported from here, by `app`
+from gcs_mosaic.stitch.arrays import Bands
 
 
 def resized(image: Bands, size: tuple[int, int]) -> Bands:

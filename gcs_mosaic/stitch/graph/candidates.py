@@ -17,8 +17,8 @@ from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.registration import (
+    MatchPart,
     NotRegistered,
-    Part,
     Registration,
     RegistrationSettings,
     register,
@@ -86,12 +86,12 @@ class Search:
     def register(self, frame: int, other: int) -> Registration | None:
         """Register two frames whose relative position is unknown."""
         a, b = self._graph.frames[frame].features, self._graph.frames[other].features
-        parts = (Part(again=self._graph.matched_before(f)) for f in (frame, other))
+        parts = (MatchPart(again=self._graph.matched_before(f)) for f in (frame, other))
         return self._told(frame, other, register(a, b, self._registration, *parts))
 
     def compare(self, name: str, features: Features, other: int) -> Registration | None:
         """Register a frame that is not in the graph yet with one that is; same result as `register` later."""
-        part = Part(again=self._graph.matched_before(other))
+        part = MatchPart(again=self._graph.matched_before(other))
         found = register(features, self._graph.frames[other].features, self._registration, part_b=part)
         return self._told_of(name, other, found)
 
@@ -144,8 +144,8 @@ class Search:
         view_b = graph.pose_of(other), graph.camera_of(other)
         seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
-        part_a = Part(seen_a, again)
-        part_b = Part(seen_b, graph.matched_before(other))
+        part_a = MatchPart(seen_a, again)
+        part_b = MatchPart(seen_b, graph.matched_before(other))
         return register(a, b, self._registration, part_a, part_b)
 
     def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:

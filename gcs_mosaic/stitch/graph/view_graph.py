@@ -35,7 +35,7 @@ NO_INLIERS: Mapping[int, int] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
-class FrameState:
+class GraphFrame:
     """Everything known of a frame. `pose` is None until it is placed; `drawn` is the pose it is drawn at."""
 
     name: str
@@ -97,7 +97,7 @@ class ViewGraph(Kept):
     """
 
     def __init__(self, first_focal: float, matches_per_link: int) -> None:
-        self.frames: list[FrameState] = []
+        self.frames: list[GraphFrame] = []
         self.numbers: dict[str, int] = {}  # by the frame's name
         self.sizes: list[Camera] = []  # by camera: its size, and the lens expected of any
         self.lenses: dict[tuple[int, CameraNumber], Lens] = {}
@@ -136,7 +136,7 @@ class ViewGraph(Kept):
         if size not in sizes:
             self.sizes.append(Camera(*size, focal=self._first_focal))
             sizes.append(size)
-        self.frames.append(FrameState(name, features, sizes.index(size)))
+        self.frames.append(GraphFrame(name, features, sizes.index(size)))
         self.numbers[name] = number
         self.islands = np.append(self.islands, NOWHERE)
         self.cameras = np.append(self.cameras, sizes.index(size))
@@ -194,7 +194,7 @@ class ViewGraph(Kept):
         self.bridges = [bridge for bridge, same in zip(self.bridges, islands, strict=True) if not same]
 
     def note(self, frame: int, **known: object) -> None:
-        """Update a frame's state; the names are those of FrameState's fields."""
+        """Update a frame's state; the names are those of GraphFrame's fields."""
         self.frames[frame] = replace(self.frames[frame], **known)  # type: ignore[arg-type]
 
     def take_back(self, frame: int) -> None:

@@ -110,7 +110,7 @@ class _Pair:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class MatchPart:
     """Which of a frame's n features take part; each (n,), None means all or none.
 
     `seen`: those the other frame should see, as far as poses are known. `again`: those matched before, with other frames. In
@@ -125,11 +125,11 @@ class Part:
         return np.arange(len(features)) if self.seen is None else np.flatnonzero(self.seen)
 
 
-ALL = Part()
+ALL = MatchPart()
 
 
 def register(
-    a: Features, b: Features, settings: RegistrationSettings, part_a: Part = ALL, part_b: Part = ALL
+    a: Features, b: Features, settings: RegistrationSettings, part_a: MatchPart = ALL, part_b: MatchPart = ALL
 ) -> Registration | NotRegistered:
     """Find the overlap of two frames."""
     pair = _matched(a, b, part_a, part_b, settings.ratio)
@@ -157,7 +157,7 @@ def register(
     return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
 
 
-def _matched(a: Features, b: Features, part_a: Part, part_b: Part, ratio: float) -> _Pair:
+def _matched(a: Features, b: Features, part_a: MatchPart, part_b: MatchPart, ratio: float) -> _Pair:
     chosen_a, chosen_b = part_a.chosen(a), part_b.chosen(b)
     matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b], ratio)
     matches = matches[moving(a, b, np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1))]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
-from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 
 
 class Still:
@@ -27,9 +27,11 @@ def settled_clock() -> CaptureClock:
     return clock
 
 
-def picture(moment: float, *, blur: bool = False, damaged: bool = False, clock: CaptureClock | None = None) -> Picture:
+def picture(
+    moment: float, *, blur: bool = False, damaged: bool = False, clock: CaptureClock | None = None
+) -> StreamPicture:
     grey = np.random.default_rng(1).integers(100, 110 if blur else 200, (36, 48)).astype(np.uint8)
-    return Picture(Still(grey), moment, clock or CLOCK, damaged)
+    return StreamPicture(Still(grey), moment, clock or CLOCK, damaged)
 
 
 CLOCK = settled_clock()

@@ -4,7 +4,7 @@ import pytest
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
 from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
-from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from tests.factories import trigger_event
 from tests.frames.rtsp.pictures import picture
@@ -12,19 +12,19 @@ from tests.frames.rtsp.pictures import picture
 SETTINGS = StreamSettings()
 
 
-def decided(pictures: list[Picture], *moments: float, now: float = 1000.0) -> list[Pick | Unanswered]:
+def decided(pictures: list[StreamPicture], *moments: float, now: float = 1000.0) -> list[Pick | Unanswered]:
     picker = Picker(SETTINGS)
     for moment in moments:
         picker.ask(Ask(moment, trigger_event()), now=min(moment, now))
     return picker.due(pictures, now)
 
 
-def taken(pictures: list[Picture], *moments: float) -> list[float | str]:
+def taken(pictures: list[StreamPicture], *moments: float) -> list[float | str]:
     found = decided(pictures, *moments)
     return [round(one.moment, 3) if isinstance(one, Pick) else one.reason for one in found]
 
 
-def row(start: float = 10.0, end: float = 12.0, *, blur: bool = False, damaged: bool = False) -> list[Picture]:
+def row(start: float = 10.0, end: float = 12.0, *, blur: bool = False, damaged: bool = False) -> list[StreamPicture]:
     return [picture(start + k / 10, blur=blur, damaged=damaged) for k in range(round((end - start) * 10))]
 
 

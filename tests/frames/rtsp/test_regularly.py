@@ -6,7 +6,7 @@ import pytest
 
 from gcs_mosaic.frames.rtsp.interval import Wishes, parse_every
 from gcs_mosaic.frames.rtsp.motion import ViewMotion
-from gcs_mosaic.frames.rtsp.ring_buffer import Picture
+from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from tests.frames.rtsp.pictures import CLOCK, Still, picture
 
@@ -68,7 +68,7 @@ def test_the_new_share_of_a_moving_view_is_the_true_one(step: tuple[float, float
 
 def test_a_frame_is_taken_whenever_a_share_of_the_view_is_new() -> None:
     wishes = Wishes("overlap", 0.3)
-    pictures = [Picture(Still(view(400 + 8 * k, 500)), k / 5, CLOCK, False) for k in range(150)]
+    pictures = [StreamPicture(Still(view(400 + 8 * k, 500)), k / 5, CLOCK, False) for k in range(150)]
     taken = [one.time_s * 5 * 8 for one in pictures if wishes.moment(one) is not None]
     assert np.diff(taken) == pytest.approx(192, abs=16)  # 30 % of 640 px
 

@@ -11,7 +11,7 @@ from gcs_mosaic.stitch.bundle import schedule as upkeep
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjust_island, adjusted, island_task, take_in
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
-from gcs_mosaic.stitch.bundle.worker import Failed
+from gcs_mosaic.stitch.bundle.worker import WorkerFailed
 from gcs_mosaic.stitch.camera.geometry import Pose, moved_by_similarity
 from gcs_mosaic.stitch.camera.projection import pose_row
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -29,7 +29,7 @@ class FakeWorker:
     """Adjusts at once, and says that it is ready after having been asked some times."""
 
     def __init__(
-        self, asked: int = 1, change: Callable[[AdjustedIsland], AdjustedIsland | Failed] = lambda found: found
+        self, asked: int = 1, change: Callable[[AdjustedIsland], AdjustedIsland | WorkerFailed] = lambda found: found
     ) -> None:
         self._asked, self._change = asked, change
         self.tasks: list[IslandTask] = []
@@ -42,7 +42,7 @@ class FakeWorker:
         self._left -= 1
         return self._left <= 0
 
-    def result(self) -> AdjustedIsland | Failed:
+    def result(self) -> AdjustedIsland | WorkerFailed:
         return self._change(adjusted(self.tasks[-1]))
 
 
@@ -87,7 +87,7 @@ def test_small_islands_and_the_last_adjustment_are_not_left_to_the_worker(ground
 
 
 def test_a_worker_that_fails_is_said_and_frames_go_on_being_placed(ground: Image) -> None:
-    mosaic = flown(ground, Mosaic(SETTINGS, FakeWorker(change=lambda found: Failed("it has died"))))
+    mosaic = flown(ground, Mosaic(SETTINGS, FakeWorker(change=lambda found: WorkerFailed("it has died"))))
     assert mosaic.problem == "it has died; from now on frames wait while it is adjusted"
     mosaic.adjust(everything=True)
     assert map_error(mosaic.placements(), LINE) < 2

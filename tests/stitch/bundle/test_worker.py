@@ -14,7 +14,7 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, island_task
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
-from gcs_mosaic.stitch.bundle.worker import Failed, WorkerProcess
+from gcs_mosaic.stitch.bundle.worker import WorkerFailed, WorkerProcess
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
 
@@ -29,9 +29,9 @@ def task(ground: Image) -> IslandTask:
     return task
 
 
-def failed(worker: WorkerProcess) -> Failed:
+def failed(worker: WorkerProcess) -> WorkerFailed:
     found = worker.result()
-    assert isinstance(found, Failed)
+    assert isinstance(found, WorkerFailed)
     return found
 
 
@@ -109,7 +109,7 @@ def test_a_process_that_is_killed_is_told_and_begun_anew(
 ) -> None:
     worker.begin(task)
     signalled(worker, signal.SIGKILL)
-    assert worker.result() == Failed("the process that adjusts the map has died")
+    assert worker.result() == WorkerFailed("the process that adjusts the map has died")
     assert caplog.messages == ["the process that adjusts the map has died, exit code -9"]
     worker.begin(task)
     assert isinstance(worker.result(), AdjustedIsland)
@@ -119,7 +119,7 @@ def test_a_process_that_stands_still_is_given_up(task: IslandTask) -> None:
     worker = WorkerProcess(most_s=0.5)
     worker.begin(task)
     signalled(worker, signal.SIGSTOP)
-    assert worker.result() == Failed("the map was not adjusted within 0.5 s")
+    assert worker.result() == WorkerFailed("the map was not adjusted within 0.5 s")
     assert worker._process is None
 
 
