@@ -5,8 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Band, ImageGrey
-from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.stitch.arrays import Band, Bands, ImageGrey
 
 
 def resized(image: Bands, size: tuple[int, int]) -> Bands:
