@@ -17,6 +17,7 @@ SILENT = {
     ("app/heap.py", "share_heap"): (1, "another system, which has no such thing"),
     ("store/stages.py", "_tells_core"): (1, "another system, which has no such thing"),
     ("store/folder.py", "FlightFolder.close"): (1, "tidying up; the log is closed already"),
+    ("store/checkpoint.py", "Checkpoints._made"): (1, "`_failed` logs it, once for each trouble"),
     ("store/lock.py", "try_lock"): (1, "a network folder without locks, before there is a log"),
     ("store/lock.py", "is_still_there"): (1, "it is not there, which is the answer"),
     ("store/log.py", "tell"): (1, "the terminal is gone"),
