@@ -1,6 +1,6 @@
-"""Live mosaics from camera triggers, stitched from the images alone.
+"""Live mosaics from camera triggers, stitched from image content alone.
 
-The front door for programs and notebooks; nothing else has to run:
+Public API for programs and notebooks; no other process is needed:
 
     from gcs_mosaic import Mosaic
 
@@ -19,7 +19,7 @@ __all__ = ["Covered", "Mosaic", "Placement", "Rejection", "StitchSettings", "Wai
 
 
 def __getattr__(name: str) -> object:
-    """Load the stitching when it is asked for: a flight hears its links a second before that is done."""
+    """Import the stitching lazily: it takes a second, and a flight must listen to its links before that."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     room = "mosaic" if name in ("Mosaic", "StitchSettings") else "graph.placement"

@@ -1,4 +1,4 @@
-"""The program `gcs-mosaic`, also `python -m gcs_mosaic`: what is to be set before anything is loaded, then the command line."""
+"""Entry point of `gcs-mosaic` and `python -m gcs_mosaic`: sets the environment before imports, then runs the command line."""
 
 import os
 import sys
@@ -7,10 +7,10 @@ from gcs_mosaic.app.heap import share_heap
 
 
 def main() -> int:
-    """Run the program; returns its exit code."""
+    """Run the program; returns the exit code."""
     share_heap()
-    # numpy reads it when it is loaded. Threads of one product that wait for each other take a third of all the time of a
-    # flight; what is to go on side by side has threads of its own.
+    # numpy reads it on import. BLAS threads waiting for each other within one product cost a third of a flight's total time;
+    # parallel work has threads of its own.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from gcs_mosaic.cli.main import main as command_line
 

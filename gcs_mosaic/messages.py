@@ -1,7 +1,7 @@
-"""What flows in: camera events from the link, frames from a source, and the shots they make together.
+"""Data types that flow through the program: camera events from links, frames from sources, and the shots they form.
 
-All times named `received` are seconds on the host's monotonic clock (`time.monotonic()`); `utc` is seconds since 1970
-and only ever shown.
+Times named `received` are seconds on the host's monotonic clock (`time.monotonic()`); `utc` is seconds since 1970 and
+for display only.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Literal
 
-FEEDBACK_WRAP_S = 2**32 / 1e6  # ArduPilot counts CAMERA_FEEDBACK's time since boot in 32 bits of microseconds
+FEEDBACK_WRAP_S = 2**32 / 1e6  # ArduPilot stores CAMERA_FEEDBACK's time since boot as 32-bit microseconds
 
 
 def unwrapped(seconds: float, expected: float, wrap_s: float) -> float:
-    """`seconds` on a clock that begins anew every `wrap_s`, as one that goes on: what is nearest to `expected`."""
+    """Unwrap `seconds` from a clock that wraps every `wrap_s`: the value nearest to `expected`."""
     return seconds + wrap_s * round((expected - seconds) / wrap_s)
 
 
 class Source(IntEnum):
-    """Who told us of a shot; a higher value is the better witness (a request may never become a picture)."""
+    """Which message reported a shot; a higher value is more authoritative (a request may never become an image)."""
 
     CAMERA_TRIGGER = 1
     CAMERA_FEEDBACK = 2
@@ -37,7 +37,7 @@ class CaptureResult(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position:
-    """Where the vehicle says it was. A note for people and for anchors; it never reaches the stitching."""
+    """The vehicle's reported position. For display and georeferencing anchors only; never used in stitching."""
 
     latitude_deg: float
     longitude_deg: float
@@ -46,44 +46,44 @@ class Position:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriggerEvent:
-    """One camera message, whatever its kind (MAVLink messages 112, 180, 263)."""
+    """One camera message of any kind (MAVLink messages 112, 180, 263)."""
 
     vehicle: int  # MAVLink system id of the sender
     component: int  # MAVLink component id of the sender
-    camera: int  # camera id or index as the message gives it; 0 where it gives none
+    camera: int  # camera id or index from the message; 0 if it has none
     source: Source
     sequence: int | None  # the message's own counter
     received: float
     source_time: float | None  # seconds on the sender's clock
-    clock: Literal["boot", "epoch", "none"]  # what `source_time` counts from
+    clock: Literal["boot", "epoch", "none"]  # epoch of `source_time`
     utc: float | None
     result: CaptureResult
-    file_hint: str | None  # base name only, already stripped of any path
+    file_hint: str | None  # base name only, path already stripped
     position: Position | None
 
 
 def content_hash(data: bytes) -> str:
-    """What makes two files the same picture, every byte: hex of blake2b with 16 bytes over the whole file."""
+    """Content identity of a file: 16-byte blake2b over the whole file, as hex."""
     return blake2b(data, digest_size=16).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One image that has come completely. Pixels are loaded when they are wanted."""
+    """One completely received image. Pixels are loaded on demand."""
 
     name: str  # POSIX path relative to the watched folder; an overwritten name gets "#2"
-    path: Path  # of a stream's frame only its name counts, until it is kept
+    path: Path  # for stream frames only the name is meaningful until the original is kept
     content_hash: str  # `content_hash` of the whole file
     size: int  # bytes
-    received: float  # when the file was found whole
-    modified: float  # the file's own time, or that of capture where it is known, seconds since 1970
-    data: bytes | None = field(default=None, repr=False)  # the whole file as it was hashed, while it is in memory
-    taken_for: TriggerEvent | None = None  # what asked a live stream for it
+    received: float  # when the file was found complete
+    modified: float  # the file's modification time, or its capture time if known, seconds since 1970
+    data: bytes | None = field(default=None, repr=False)  # the whole file as hashed, while in memory
+    taken_for: TriggerEvent | None = None  # the event that requested it from a live stream
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DroppedFrame:
-    """A frame of a live stream for which there was no room; its picture is gone."""
+    """A live-stream frame dropped for lack of space; its image is lost."""
 
     frame: Frame
     reason: str
@@ -91,25 +91,25 @@ class DroppedFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamagedFile:
-    """A file that will not become a frame as it is; it is taken later if it becomes whole."""
+    """A file that cannot become a frame as it is; accepted later if it becomes complete."""
 
     name: str
     reason: str
 
 
 class Topic(Enum):
-    """What a notice is about, where somebody acts on it."""
+    """Subject of a notice, for code that reacts to it."""
 
-    DISK = "disk"  # writing, and what is left to write on
-    PAGE = "page"  # where the map can be looked at
-    FIRST_LOOK = "first look"  # every file that was there at the start has been looked at
+    DISK = "disk"  # writing, and remaining disk space
+    PAGE = "page"  # where the map can be viewed
+    FIRST_LOOK = "first look"  # every file present at the start has been inspected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
-    """Something a source wants said aloud (a folder was created, a link fell silent, a port is shared)."""
+    """Something to report to the operator (a folder was created, a link fell silent, a port is shared)."""
 
-    source: str  # for people; what programs go by is the topic
+    source: str  # for display; code uses the topic
     level: Literal["info", "warning", "error"]
     text: str
     topic: Topic | None = None
@@ -117,25 +117,25 @@ class Notice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusals:
-    """Packets that were not believed because of their signature; all are 0 where no key is set."""
+    """Packets rejected because of their signature; all 0 if no key is set."""
 
     unsigned: int = 0
-    forged: int = 0  # signed, but not with our key, or changed on the way
-    replayed: int = 0  # signed with our key, but not newer than what was heard before
+    forged: int = 0  # signed with another key, or altered in transit
+    replayed: int = 0  # signed with our key, but not newer than the last packet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkReport:
-    """How a link is; said when it changes, and about each second while something is heard."""
+    """Status of a link; sent on change, and about once a second while packets arrive."""
 
     address: str
     state: Literal["listening", "heard", "silent", "failed"]
-    last_heard_utc: float | None = None  # seconds since 1970: a moment, never an age, for a file does not grow older
-    silences: int = 0  # how often it has fallen silent
-    followed: int | None = None  # MAVLink system id of the aircraft whose triggers count
-    others: tuple[tuple[int, int], ...] = ()  # (system id, triggers left out), the busiest first
+    last_heard_utc: float | None = None  # seconds since 1970, not an age: an age in a file would go stale
+    silences: int = 0  # how often it fell silent
+    followed: int | None = None  # MAVLink system id of the selected aircraft, whose triggers count
+    others: tuple[tuple[int, int], ...] = ()  # (system id, ignored triggers), busiest first
     refused: Refusals = Refusals()
-    sent: int = 0  # packets; 0 unless announcing was asked for
+    sent: int = 0  # packets; 0 unless announcing is enabled
 
 
 SourceState = Literal["watching", "missing", "ended", "connecting", "connected", "silent", "lost"]
@@ -143,25 +143,25 @@ SourceState = Literal["watching", "missing", "ended", "connecting", "connected",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceReport:
-    """How the source of frames is: a folder is watching or missing, a stream connecting, connected, silent or lost.
+    """Status of a frame source: a folder is watching or missing, a stream connecting, connected, silent or lost.
 
-    Said when the state changes, and about each second while the numbers do. Times are seconds since 1970.
+    Sent when the state changes, and about once a second while the counts do. Times are seconds since 1970.
     """
 
     kind: Literal["folder", "stream"]
     name: str
     state: SourceState
-    since_utc: float | None = None  # when this state began
-    last_seen_utc: float | None = None  # when the newest file or picture came
-    seen: int = 0  # files that may be frames, or pictures received
-    taken: int = 0  # as frames
+    since_utc: float | None = None  # start of this state
+    last_seen_utc: float | None = None  # arrival of the newest file or image
+    seen: int = 0  # candidate files, or images received
+    taken: int = 0  # accepted as frames
     damaged: int = 0
-    gaps: int = 0  # times that the folder was missing or the stream brought nothing
+    gaps: int = 0  # how often the folder was missing or the stream silent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamOffer:
-    """The aircraft says where a video stream of its is (MAVLink message 269). The address may hold a password."""
+    """The aircraft announces a video stream (MAVLink message 269). The address may contain a password."""
 
     vehicle: int  # MAVLink system id of the sender
     url: str = field(repr=False)
@@ -169,7 +169,7 @@ class StreamOffer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shot:
-    """The unit of work: a frame and, where one is known, the event that announced it."""
+    """The unit of work: a frame and, if known, the event that announced it."""
 
     event: TriggerEvent | None
     frame: Frame

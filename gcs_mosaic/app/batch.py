@@ -40,9 +40,9 @@ STAGES = ("decode", "features", "place", "paint", "write")
 
 
 def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console, debug: Path | None = None) -> Path:
-    """Stitch frames in the order of `frames_in`; returns the folder that holds the flight. `debug`: folder for pictures.
+    """Stitch frames in the order of `frames_in`; returns the flight's folder. `debug`: folder for debug images.
 
-    Raises UsageError before anything is written, and NothingPlaced in the end.
+    Raises UsageError before anything is written, and NothingPlaced at the end.
     """
     _refuse_map_among_frames(sources, out)  # before anything is written
     given = frames_in(sources, config.frames)
@@ -51,13 +51,13 @@ def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console,
     with closing(folder), flight_log(folder, config):
         say(console, Notice(source="out", level="info", text=folder.said))
         _introduce(given, console)
-        # Nobody writes into a finished folder any more, so its frames need no copies.
+        # A finished folder is no longer written to, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
 
         def told(notice: Notice) -> None:
             say(console, notice)
 
-        # Nobody waits for the newest frame: all are painted once, in the end.
+        # No live view here: all frames are painted once, at the end.
         pipeline = Pipeline(folder.path, linking, told, punctual=True, paint_live=False, observer=pictures)
         with closing(pipeline):
             _stitch_into(pipeline, given, config, console)
@@ -89,7 +89,7 @@ def _introduce(given: Given, console: Console) -> None:
 
 
 def _seen(pipeline: Pipeline, name: str) -> NDArray[np.uint8] | None:
-    """A frame (h, w, 3) at full size for people, stretched by itself."""
+    """A frame (h, w, 3) at full size for display, with its own contrast stretch."""
     image = pipeline.load_original(name, reduction=1)
     return None if image is None else display_of(image).picture(image)
 
@@ -116,14 +116,14 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
 
 
 def prefetching(pipeline: Pipeline, config: Config) -> Preparation:
-    """Decodes frames ahead, in a row, for a pipeline."""
+    """Sequential look-ahead decoding for a pipeline."""
     return Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
 
 
 def _next(
     driver: Driver, preparation: Preparation, found: Iterator[Frame | DamagedFile]
 ) -> DecodedFrame | UndecodableFrame | None:
-    """The next frame, while enough of those behind it are being prepared."""
+    """The next frame, while enough of the following ones are being prepared."""
     while len(preparation) <= AHEAD and (item := next(found, None)) is not None:
         if (frame := driver.accept(item)) is not None:
             preparation.append(frame)
@@ -131,13 +131,13 @@ def _next(
 
 
 def progress_on(console: Console) -> Progress:
-    """Bars that vanish when they are done."""
+    """Progress bars that disappear when done."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=console, transient=True)
 
 
 def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
-    """One screen: what became of the frames, and where the time went."""
+    """Print a one-screen summary: frame outcomes and time by stage."""
     for line in _summary(pipeline, seconds):
         tell(console, line)
     table = Table("stage", "median s", "longest s", "total s", title="time per frame")
@@ -158,7 +158,7 @@ def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
 
 
 def _islands_in_words(islands: Sequence[tuple[int, int]]) -> str:
-    """Of numbers and how many frames each has, the largest first."""
+    """Islands given as (number, frame count), largest first."""
     if len(islands) == 1:
         return f"one island, {_frames(islands[0][1])}"
     sizes = ", ".join(f"number {number} with {_frames(count)}" for number, count in islands[:12])
@@ -174,7 +174,7 @@ def _counts(account: object) -> dict[str, int]:
 
 
 def _times(done: list[Done]) -> Iterator[tuple[str, ...]]:
-    """Each stage with its seconds a frame: the median, the longest, and those of all frames."""
+    """Seconds per frame of each stage: median, maximum and total."""
     for stage in STAGES:
         seconds = sorted(d.seconds[stage] for d in done if stage in d.seconds)
         if seconds:
@@ -182,13 +182,13 @@ def _times(done: list[Done]) -> Iterator[tuple[str, ...]]:
 
 
 def tell(console: Console, text: str) -> None:
-    """A line for the operator, which is written down too; it may quote names of files and words of errors."""
+    """Print a line for the operator and log it; it may quote file names and error messages."""
     logger.info("%s", text, extra={"said": True})
     console.print(text, markup=False)
 
 
 def say(console: Console, notice: Notice) -> None:
-    """Tell the operator."""
+    """Show a notice to the operator."""
     log_notice(logger, notice)
     text = f"{notice.level}: {notice.text}" if notice.level != "info" else notice.text
-    console.print(text, markup=False)  # it may quote names of files
+    console.print(text, markup=False)  # it may quote file names

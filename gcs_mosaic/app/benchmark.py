@@ -1,7 +1,7 @@
-"""`gcs-mosaic benchmark`: what a frame costs on this machine, stage by stage, at full, half and quarter size.
+"""`gcs-mosaic benchmark`: cost of a frame on this machine, stage by stage, at full, half and quarter size.
 
-Decoding and finding features run ahead on other cores during a flight; here they are added up too, so the sum is what a
-frame costs in all. Frames are processed one after another, nothing else running.
+During a flight, decoding and feature extraction run ahead on other cores; here they are included, so the sum is the
+total cost of a frame. Frames are processed one after another, with nothing else running.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SCALES = (1.0, 0.5, 0.25)
 
 
 def run(sources: Sequence[Path], config: Config, console: Console, most: int | None = None) -> None:
-    """Stitch the frames (the first `most` of them) at each scale into a folder that is thrown away; print a table."""
+    """Stitch the frames (the first `most` of them) at each scale into a temporary folder; print a table."""
     given = frames_in(sources, config.frames)
     frames = [item for item in given.frames if isinstance(item, Frame)][:most]
     table = Table("scale", *(f"{stage} s" for stage in STAGES), "sum s", title=f"median of {len(frames)} frames")

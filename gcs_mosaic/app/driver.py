@@ -1,6 +1,6 @@
-"""A frame's way, the same in every kind of run: accepted, decoded ahead, placed, painted, saved; and the end of a flight.
+"""Per-frame sequence shared by all modes: accept, decode ahead, place, paint, save; and the end of a flight.
 
-What differs between runs is where frames come from and whose turn it is.
+Modes differ in where frames come from and in their processing order.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Driver:
         self._pipeline = pipeline
 
     def accept(self, item: Frame | DamagedFile | DroppedFrame) -> Frame | None:
-        """Something has come; returns the frame that is to be processed, as it is kept, None if there is none."""
+        """Accept an arrival; returns the frame to process, as kept, or None."""
         match item:
             case Frame():
                 return self._pipeline.accept(item)
@@ -30,7 +30,7 @@ class Driver:
         return None
 
     def process(self, decoded: DecodedFrame | UndecodableFrame, between: Callable[[Done], None] | None = None) -> Done:
-        """Place a frame, paint it, and save; `between` is called before that is written."""
+        """Place, paint and save a frame; `between` is called before the save."""
         done = self._pipeline.process(decoded)
         if between is not None:
             between(done)
@@ -38,12 +38,12 @@ class Driver:
         return done
 
     def finish(self) -> Iterator[None]:
-        """The flight is over: settle it and paint all, step by step, each saved."""
+        """End the flight: settle it and paint everything, step by step, saving after each."""
         for _ in self._pipeline.finish():
             self.save()
             yield
         self.save()
 
     def save(self) -> float:
-        """Write everything that has changed; returns the seconds it took."""
+        """Write all changes; returns the seconds it took."""
         return self._pipeline.save()

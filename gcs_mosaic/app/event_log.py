@@ -1,4 +1,4 @@
-"""What became of every camera event: messages about one shot become one, shots find their frames, the ledger knows all."""
+"""Outcome of every camera event: messages about one shot are merged, shots are matched with frames, the ledger records all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ K = TypeVar("K")
 
 
 class EventLog:
-    """Matches events with frames; `save` writes what becomes of them into the ledger. `retry` is given all that writes."""
+    """Matches events with frames; `save` writes their outcomes into the ledger. `retry` runs every write."""
 
     def __init__(self, ledger: Ledger, pairing: PairingSettings, retry: Retry = at_once) -> None:
         self._ledger = ledger
@@ -32,16 +32,16 @@ class EventLog:
         self._pairing = Pairing(pairing)
         self._duplicates: list[tuple[int, int]] = []
         self._outcomes: list[Outcome] = []
-        self._ids: OrderedDict[TriggerEvent, int] = OrderedDict()  # of the shot that an event told of
+        self._ids: OrderedDict[TriggerEvent, int] = OrderedDict()  # id of the shot each event reported
         self._shots: OrderedDict[int, int] = (
             OrderedDict()
-        )  # ids of shots, by the number of the message that told of them first
+        )  # ids of shots, by the number of the first message about each
         self._remembered = pairing.remembered
 
     def resume(self, told: Iterable[EventRecord | FrameRecord], shots: Shots, started_utc: float, out: Path) -> None:
-        """Know all that was known: hear again, in their order, the events and frames of the flight that goes on.
+        """Restore the state by replaying the resumed flight's events and frames in order.
 
-        What was matched stays so: what a stream was asked for, and what was counted off at an end, is in the ledger only.
+        Matches are kept: requests to a stream, and matches by counting at the end, are recorded in the ledger only.
         """
         matched: list[tuple[int, str]] = []
         for record in told:
@@ -59,7 +59,7 @@ class EventLog:
             self._outcomes += self._pairing.known(event_id, name)
 
     def message(self, message: CameraMessage, now: float) -> None:
-        """A camera message has come."""
+        """Add a camera message."""
         event = message.event
         self._heard(message, self._retry(lambda: self._ledger.record_event(event)), now)
 
@@ -79,14 +79,14 @@ class EventLog:
                 self._outcomes += self._pairing.improve(shot, event, now)
 
     def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
-        """A frame has come and stands in the ledger; `fresh` if it was not there before the watch began."""
-        # Events name the file, wherever its frame is kept and however often it was written.
+        """Add a frame that is in the ledger; `fresh` if it arrived after the watch began."""
+        # Events name the original file, wherever its frame is kept and however often it was rewritten.
         frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
         self._outcomes += self._pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
 
     def tick(self, now: float) -> list[Missing]:
-        """Time has passed; returns the events whose frames are missing now."""
+        """Advance time; returns the events whose frames are now missing."""
         missing = self._pairing.tick(now)
         for event in missing:
             logger.info("no frame has come for %s", event.event)
@@ -94,11 +94,11 @@ class EventLog:
         return missing
 
     def close(self) -> None:
-        """Nothing more will come."""
+        """No more messages or frames will arrive."""
         self._outcomes += self._pairing.close()
 
     def save(self) -> None:
-        """Write what is new."""
+        """Write all changes."""
         if self._outcomes or self._duplicates:
             self._retry(self._write_all)
             self._duplicates.clear()

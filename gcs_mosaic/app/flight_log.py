@@ -1,4 +1,4 @@
-"""flight.log from the first line of a flight to the last, and everything that must end up in it."""
+"""flight.log for the duration of a flight, including everything unexpected."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PACKAGE = "gcs_mosaic"
 
 @contextmanager
 def flight_log(folder: FlightFolder, config: Config) -> Iterator[None]:
-    """Keep flight.log in the folder meanwhile. What nobody expected is written there and becomes FlightFailed."""
+    """Keep flight.log in the folder while the body runs. Unexpected exceptions are logged there and become FlightFailed."""
     path = folder.path / LOG_NAME
     file = LogFile(path, config.log, _tell)
     handlers: list[logging.Handler] = [file, TerminalHandler(config.log)] if config.log.verbose else [file]
@@ -40,13 +40,13 @@ def flight_log(folder: FlightFolder, config: Config) -> Iterator[None]:
                 yield
     except (UsageError, CannotWrite):
         if not (folder.path / LEDGER_NAME).exists():
-            path.unlink(missing_ok=True)  # of a flight that never began nothing stays behind
+            path.unlink(missing_ok=True)  # a flight that never began leaves nothing behind
         raise
 
 
 @contextmanager
 def _written_down(path: Path) -> Iterator[None]:
-    """How the flight ends."""
+    """Log how the flight ends."""
     try:
         yield
     except (UsageError, CannotWrite) as error:
@@ -63,7 +63,7 @@ def _written_down(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _listening(handlers: list[logging.Handler], level: int) -> Iterator[None]:
-    """All records reach the handlers: our own from `level` on, those of the libraries if they are warnings."""
+    """Route all records to the handlers: our own from `level` up, those of libraries from warning up."""
     root, ours = logging.getLogger(), logging.getLogger(PACKAGE)
     before = ours.level
     ours.setLevel(level)
@@ -80,7 +80,7 @@ def _listening(handlers: list[logging.Handler], level: int) -> Iterator[None]:
 
 @contextmanager
 def _catching() -> Iterator[None]:
-    """What Python would print on the terminal is logged: the ends of threads, of what is thrown away, warnings."""
+    """Log what Python would print on the terminal: exceptions in threads and finalisers, warnings."""
     before = threading.excepthook, sys.unraisablehook, logging.raiseExceptions
     threading.excepthook, sys.unraisablehook, logging.raiseExceptions = _thread_died, _thrown_away, False
     logging.captureWarnings(True)
@@ -117,7 +117,7 @@ def _tell(text: str) -> None:
 def _introduce(config: Config) -> None:
     versions = f"Python {platform.python_version()}, OpenCV {cv2.__version__}, numpy {np.__version__}"
     logger.info("gcs-mosaic %s, %s, %s", _version(), versions, platform.platform())
-    shown = dataclasses.replace(config, rtsp="…" if config.rtsp else None)  # it may hold a password
+    shown = dataclasses.replace(config, rtsp="…" if config.rtsp else None)  # may contain a password
     changed = ", ".join(_differences(shown, Config())) or "none"
     logger.info("settings that are not the defaults: %s", changed)
 

@@ -1,20 +1,20 @@
-"""How the system's allocator keeps memory that threads have given back."""
+"""Tuning of the system's memory allocator."""
 
 from __future__ import annotations
 
 import ctypes
 
-M_ARENA_MAX = -8  # glibc's number for it
+M_ARENA_MAX = -8  # from glibc's malloc.h
 ARENAS = 2
 
 
 def share_heap() -> None:
-    """Let all threads share a few heaps, where the system is glibc's; to be called before there are any.
+    """Limit glibc's malloc to a few arenas shared by all threads; call before starting any thread.
 
-    Else each thread has its own, of 64 MB and never given back once it was full: with those that prepare, paint and write, a
-    quarter of all that the program takes.
+    Otherwise each thread has its own, of 64 MB and never returned once filled: for the threads that prepare, paint and write, a
+    quarter of the program's memory.
     """
     try:
         ctypes.CDLL(None).mallopt(M_ARENA_MAX, ARENAS)
-    except (OSError, AttributeError, TypeError):  # another system, which has no such thing
+    except (OSError, AttributeError, TypeError):  # not glibc
         return

@@ -1,4 +1,4 @@
-"""What flows into a live flight: links and the watched folder, each on a thread of its own, into one inbox."""
+"""Inputs of a live flight: links and the watched folder, each on its own thread, into one queue."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from gcs_mosaic.store.folder import RECORDING_NAME
 
 logger = logging.getLogger(__name__)
 
-ROOM = 10_000  # items; a full inbox makes the sources wait, and what comes over the network waits in the kernel
+ROOM = 10_000  # items; a full inbox blocks the sources, and network input is then buffered by the kernel
 PICTURES = 64  # of a live stream, in memory while the disk is full: 0.1 GB of 4K
 FILES = 8  # in memory, to save reading them again
-PUT_S = 0.2  # longest wait for room before looking whether to stop
+PUT_S = 0.2  # longest wait for space between checks of `stop`
 STOP_S = 5.0  # for a source to end
 
 
 def record(config: Config, recording: Recording, out: Path) -> Notice | None:
-    """Begin the recording that the settings ask for, `out` being the flight's folder. Raises UsageError."""
+    """Start the recording if enabled in the settings; `out` is the flight's folder. Raises UsageError."""
     if not config.record:
         return None
     if config.record is True:
@@ -39,13 +39,13 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
 
 
 def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] | None = None) -> ItemSource:
-    """The watched folder, made if it is not there; `taken`: the files of a flight that goes on. Raises UsageError."""
+    """The watched folder, created if missing; `taken`: files already accepted by a resumed flight. Raises UsageError."""
     failed = replace(initial_report(config), state="ended")
     return ItemSource(watch(Path(config.watch), stop, config.frames, taken), failed)
 
 
 def attach_stream(address: str, links: Iterable[ItemSource], config: Config, stop: threading.Event) -> list[ItemSource]:
-    """The links, now also asking for frames, and the live stream that gives them. Raises UsageError."""
+    """The links, now also requesting frames, plus the live stream that provides them. Raises UsageError."""
     requests = Requests()
     frames = stream(address, stop, requests, config.stream)
     asking_links = [replace(link, items=asking(link.items, requests)) for link in links]
@@ -54,23 +54,23 @@ def attach_stream(address: str, links: Iterable[ItemSource], config: Config, sto
 
 
 def keeping(source: ItemSource, keep: Callable[[Frame], Frame]) -> ItemSource:
-    """The same source, each frame being kept as soon as it comes, on the source's own thread."""
+    """The same source, keeping each frame's original on arrival, on the source's own thread."""
     return replace(source, items=(keep(item) if isinstance(item, Frame) else item for item in source.items))
 
 
 def initial_report(config: Config) -> SourceReport:
-    """The source of frames before anything has come of it."""
+    """State of the frame source before its first report."""
     if config.rtsp:
         return SourceReport(kind="stream", name=stream_name(config.rtsp), state="connecting")
     return SourceReport(kind="folder", name=config.watch, state="watching")
 
 
 class Inbox:
-    """Collects what sources bring until `stop` is set."""
+    """Collects items from the sources until `stop` is set."""
 
     def __init__(self, stop: threading.Event) -> None:
         self._stop = stop
-        self._items: queue.Queue[Item | None] = queue.Queue(ROOM)  # None only wakes who waits
+        self._items: queue.Queue[Item | None] = queue.Queue(ROOM)  # None only wakes the reader
         self._threads: list[threading.Thread] = []
         self._pictures = threading.BoundedSemaphore(PICTURES)
 
@@ -85,7 +85,7 @@ class Inbox:
             self._threads[-1].start()
 
     def next(self, timeout_s: float) -> Item | None:
-        """The oldest item; None if there is none for so long, or until `wake` is called."""
+        """The oldest item; None after the timeout or a `wake`."""
         with suppress(queue.Empty):
             item = self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
             while item is None:
@@ -96,12 +96,12 @@ class Inbox:
         return None
 
     def wake(self) -> None:
-        """Let `next` wait no longer; from any thread."""
+        """Make `next` return at once; callable from any thread."""
         with suppress(queue.Full):
             self._items.put_nowait(None)
 
     def join(self) -> None:
-        """Wait until the sources have ended, which they do when `stop` is set; one that hangs is left to itself."""
+        """Wait for the sources to end, which they do once `stop` is set; one that hangs is abandoned."""
         for thread in self._threads:
             thread.join(STOP_S)
 
@@ -109,7 +109,7 @@ class Inbox:
         try:
             for item in source.items:
                 self._put(item)
-        except Exception as error:  # a source that dies must not go unnoticed
+        except Exception as error:  # a failing source must be reported
             logger.exception("a source has failed")
             self._put(source.failed)
             self._put(Notice(source="daemon", level="error", text=_last_words(source.failed, error)))
@@ -123,7 +123,7 @@ class Inbox:
                 return
 
     def _within_memory(self, frame: Frame) -> Frame | DroppedFrame:
-        """A file is read again when it is its turn; a picture that is nowhere but in memory is lost."""
+        """Drop the pixels if memory is short: a file is read again in its turn, a stream's image is lost."""
         is_file = frame.path.is_file()
         if not (is_file and len(self) >= FILES) and self._pictures.acquire(blocking=False):
             return frame

@@ -1,4 +1,4 @@
-"""The links of a live flight. Nothing here needs the stitching, so they are heard before that is loaded."""
+"""The links of a live flight. Independent of the stitching, so that they are received before it is imported."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Item = TriggerEvent | CameraMessage | StreamOffer | Frame | DamagedFile | Droppe
 
 @dataclass(frozen=True, slots=True)
 class ItemSource:
-    """What one thread brings, and what is to be reported if it fails."""
+    """Items produced on one thread, and the report to publish if it fails."""
 
     items: Iterator[Item]
     failed: Report
@@ -44,7 +44,7 @@ class ItemSource:
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """The links of a flight, opened; what records them once it is opened, and what speaks on them (nothing, as a rule)."""
+    """The open links of a flight, with their recording (once opened) and their transmitters (none by default)."""
 
     sources: list[ItemSource]
     recording: Recording
@@ -52,7 +52,7 @@ class Links:
 
 
 def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
-    """Open the links; `stack` gives them back. Raises UsageError."""
+    """Open the links; `stack` closes them. Raises UsageError."""
     check_identity(config.link)
     key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
     choice, recovery, taken = VehicleChoice(config.link.vehicle), Recovery(), threading.Event()
@@ -73,5 +73,5 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
 
 
 def _close(items: Generator[Item, None, None]) -> None:
-    with suppress(ValueError):  # its thread still waits for the other side
+    with suppress(ValueError):  # its thread is still waiting for the peer
         items.close()

@@ -1,4 +1,4 @@
-"""The loop of a live flight: what the sources bring goes in, one thread works it off, tiles and news go out."""
+"""Main loop of a live flight: takes input from the sources, processes it on one thread, publishes tiles and news."""
 
 from __future__ import annotations
 
@@ -50,23 +50,23 @@ from gcs_mosaic.web.server import WebServer
 
 logger = logging.getLogger(__name__)
 
-WAIT_S = 0.2  # longest wait for anything before looking whether to stop
-IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and to repaint what moved
-TAKE_IN_S = 0.5  # then frames that have come are processed before more are taken in
-CONNECT_SHARE = 4  # one part in so many of the time that is left at the end may go into connecting the parts of the map
-RETRY_S = 2.0  # between attempts to write on a full disk
+WAIT_S = 0.2  # longest wait between checks for shutdown
+IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and repaint moved frames
+TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
+CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands
+RETRY_S = 2.0  # between attempts to write to a full disk
 
 
 def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> None:
-    """Run until told to stop. Raises UsageError before anything is written if it cannot start.
+    """Run until stopped. Raises UsageError before anything is written if it cannot start.
 
-    `links` are those of these settings, opened; the sources of frames are added to them.
+    `links` are the open links of these settings; the frame sources are added to them.
     """
     watched, out = Path(config.watch), Path(config.out)
     if not config.rtsp:
         refuse_watching_ourselves(watched, out)
     with ExitStack() as stack:
-        # What can be refused comes first: addresses, ports and folders that are taken.
+        # Fail early: addresses, ports and folders in use.
         address = HttpAddress.parse(config.http) if config.http else None
         shots = Shots(config.shots)
         links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
@@ -97,7 +97,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
 
 
 def _saved(folder: FlightFolder, checkpoints: Checkpoints | None, config: Config) -> Snapshot | None:
-    """What was saved of the flight that is to go on, None for a new one. Raises UsageError."""
+    """The saved state of the flight to resume, None for a new one. Raises UsageError."""
     if not folder.resumed:
         return None
     paper = Unusable("a map of the paper's recipe is in memory only")
@@ -111,7 +111,7 @@ def _saved(folder: FlightFolder, checkpoints: Checkpoints | None, config: Config
 
 
 def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:
-    """Files that need not be taken again; None for a new flight."""
+    """Files already accepted; None for a new flight."""
     if not folder.resumed:
         return None
     with Ledger(folder.path / LEDGER_NAME, read_only=True) as ledger:
@@ -150,7 +150,7 @@ class _Daemon:
             self._pipeline.features_of,
             config.reduction,
             self._pipeline.feature_pixels,
-            # The paper's recipe refuses for good what does not overlap the frame before.
+            # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
             AsTheyCame() if config.method == "paper" else NewestFirst(),
             self._inbox.wake,
         )
@@ -159,15 +159,15 @@ class _Daemon:
         self._reporter = Reporter(folder.path, store.flight, store.ledger, console)
         self._reporter.watch = initial_report(config)
         self._event_log = EventLog(store.ledger, config.pairing, until_writable)
-        self._came: dict[str, float] = {}  # when files were whole, by frame name
+        self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._last_frame = 0.0
-        self._until = math.inf  # when to be done at the latest
+        self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
-        self._adjusting = False  # whether an adjustment that was begun in a pause is under way
-        self._looked = False  # whether all files that were there at the start have come
+        self._adjusting = False  # whether an adjustment started in a pause is still running
+        self._looked = False  # whether every file present at the start has been accepted
 
     def resume(self, saved: Snapshot, shots: Shots) -> None:
-        """Go on with the flight that the folder holds, before anything new comes."""
+        """Resume the folder's flight before accepting anything new."""
         store = self._pipeline.store
         told = told_again(store.ledger.events(), store.ledger.frames(), later_by(saved))
         self._event_log.resume(told, shots, store.flight.started_utc, store.out)
@@ -183,11 +183,11 @@ class _Daemon:
         self.say(Notice(source="out", level="info", text=text))
 
     def run(self, links: Links) -> None:
-        """Work until told to stop, then finish."""
+        """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
-        self._driver.save()  # so that a reader finds a map from the start, if an empty one
+        self._driver.save()  # so that a reader finds a map from the start, even if an empty one
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
@@ -206,10 +206,10 @@ class _Daemon:
         self._preparation.close()
         self._pipeline.close()
 
-    # Taking in
+    # Input
 
     def _take_in(self, timeout_s: float) -> None:
-        """What is in the inbox, as far as there is time; waits for a first item if there is none."""
+        """Take items from the inbox while there is time; waits for the first one if it is empty."""
         until = time.monotonic() + TAKE_IN_S
         item = self._inbox.next(timeout_s)
         while item is not None:
@@ -238,14 +238,14 @@ class _Daemon:
 
     def _take_frame(self, found: Frame) -> None:
         frame = self._driver.accept(found)
-        # A copy of an earlier picture may be what an event names, but its time says nothing about when it was taken.
+        # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
         self._event_log.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
             self._preparation.append(frame)
 
-    # Working off
+    # Processing
 
     def _has_work(self) -> bool:
         return self._preparation.is_ready or self._repainting()
@@ -254,7 +254,7 @@ class _Daemon:
         return not len(self._preparation) and self._pipeline.has_repaints
 
     def _work(self) -> None:
-        """Frames first; repainting only when there is none."""
+        """Frames first; repainting only when there are none."""
         if self._preparation.is_ready:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
@@ -268,7 +268,7 @@ class _Daemon:
             self._driver.save()
 
     def _begin_next(self, done: Done) -> None:
-        """With the newest frame that has come, while this one is written."""
+        """Start preparing the newest frame while this one is being written."""
         self._preparation.processed(done.name, done.on_map, waits=done.state is FrameState.WAITING)
         self._take_in(0.0)
         self._preparation.begin()
@@ -277,7 +277,7 @@ class _Daemon:
         self._adjusting = False
         try:
             self._adjusting = self._pipeline.adjust_in_a_pause()
-        except Exception as error:  # a map that cannot be bettered is still a map
+        except Exception as error:  # without this improvement the map is still valid
             logger.exception("the map could not be adjusted in a pause")
             self.say(Notice(source="daemon", level="error", text=f"the map could not be adjusted ({error!r})"))
 
@@ -303,10 +303,10 @@ class _Daemon:
         logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
         self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
 
-    # Ending
+    # Shutdown
 
     def _finish(self) -> None:
-        """Work off what has come, adjust and paint a last time, close the accounts."""
+        """Process what has arrived, adjust and paint a last time, close the accounts."""
         self._state = "settling"
         self._take_in_the_rest()
         self.say(Notice(source="daemon", level="info", text=self._farewell()))
@@ -344,7 +344,7 @@ class _Daemon:
                 self._report()
             if self._may_go_on():
                 self._repaint_all()
-        except Exception as error:  # the accounts close all the same
+        except Exception as error:  # close the accounts anyway
             logger.exception("the final painting has failed")
             text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
             self.say(Notice(source="daemon", level="error", text=text))
@@ -356,20 +356,20 @@ class _Daemon:
                 break
 
     def _time_to_connect(self) -> Callable[[], bool]:
-        """Whether there is still time to connect the parts of the map: a share of what is left now, none in a hurry."""
-        self._may_go_on()  # so that the end is known
+        """Whether there is time left to connect islands: a share of the remaining time, none when hurried."""
+        self._may_go_on()  # sets the deadline
         now = time.monotonic()
         until = now + (self._until - now) / CONNECT_SHARE
         return lambda: self._may_go_on() and time.monotonic() < until
 
     def _may_go_on(self) -> bool:
-        """Whether there is time: all there is until told to stop, then as much as the settings give."""
+        """Whether to continue: always until stopped, then for as long as the settings allow."""
         if self._shutdown.stop.is_set() and math.isinf(self._until):
             self._until = time.monotonic() + self._config.finish_s
         return not self._shutdown.hurry.is_set() and time.monotonic() < self._until
 
     def _wait_for_disk(self, trouble: CannotWrite) -> None:
-        """Between two attempts to write; at the end not for ever."""
+        """Pause between two attempts to write; limited at the end."""
         self._report(now=True)
         self._shutdown.hurry.wait(RETRY_S)
         if not self._may_go_on():
@@ -379,7 +379,7 @@ class _Daemon:
         left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
         return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
 
-    # Saying
+    # Output
 
     def _report(self, *, now: bool = False) -> None:
         pipeline, waiting = self._pipeline, self._preparation

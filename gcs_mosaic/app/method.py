@@ -1,6 +1,6 @@
-"""What a method must be able to do to place frames and to paint them, and which one the settings ask for.
+"""Protocols that a stitching method implements, and selection of the configured one.
 
-The default method and the paper's recipe stand behind the same two protocols; a third one needs a line in `method_of`.
+The default method and the paper's recipe implement the same two protocols; a third one needs a line in `method_of`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Stitcher(Protocol):
 
 
 class Picture(Protocol):
-    """What has been painted, in tiles; see `render.canvas.Canvas`."""
+    """The painted map as tiles; see `render.canvas.Canvas`."""
 
     @property
     def problem(self) -> str | None: ...
@@ -61,7 +61,7 @@ class Picture(Protocol):
 
 
 class Renderer(Protocol):
-    """Paints frames that have been placed; see `render.repaint_queue.Painter`."""
+    """Paints placed frames; see `render.repaint_queue.Painter`."""
 
     @property
     def canvas(self) -> Picture: ...
@@ -80,7 +80,7 @@ class Renderer(Protocol):
 
 
 class Method(NamedTuple):
-    """`features_of(image, reduction=)` is what frames are placed by; `feature_pixels`: of a frame that they are sought in."""
+    """`features_of(image, reduction=)` extracts features for placing; `feature_pixels`: frame size in pixels for the search."""
 
     stitcher: Stitcher
     renderer: Renderer
@@ -99,9 +99,9 @@ def method_of(
     punctual: bool,
     paint_live: bool,
 ) -> Method:
-    """The method that the settings ask for. `painted` is told of each frame that is painted, or is to be otherwise.
+    """The configured method. `painted` is called for each frame that is painted or repainted.
 
-    `out` has the tiles that were written, and room for scratch files.
+    `out` holds the tiles written so far, and scratch files.
     """
     if config.method == "paper":
         paper = PaperMosaic(config.paper, config.reduction)

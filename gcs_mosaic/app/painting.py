@@ -1,4 +1,4 @@
-"""Paints what has found its place and repaints what has moved, so that nothing that fails costs anything else."""
+"""Paints newly placed frames and repaints moved ones; a failure affects only the frame or tile concerned."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ logger = logging.getLogger(__name__)
 
 
 class Painting(Kept):
-    """What is done to the map by a painter and told to the store.
+    """Applies a painter's work to the map and notes it in the store.
 
-    `whole` is all that painting changes, and is put back when it fails; `load_original` gives a frame's picture;
-    `say` is given what the operator should hear.
+    `whole` is all state that painting changes, restored when it fails; `load_original` returns a frame's pixels;
+    `say` receives notices for the operator.
     """
 
-    FIXED = frozenset({"_painter", "_store", "_whole", "_load_original", "_say"})  # parts of the whole
+    FIXED = frozenset({"_painter", "_store", "_whole", "_load_original", "_say"})  # parts of `whole`
 
     def __init__(
         self,
@@ -41,13 +41,13 @@ class Painting(Kept):
         self._load_original = load_original
         self._say = say
         self._unpainted = Unpainted()
-        self._said = ""  # of what could not be repainted
+        self._said = ""  # last repaint failure reported
 
     def follow(self, moved: Sequence[Placement], prepared: DecodedFrame | None) -> None:
-        """Paint what has found its place; note what must be painted elsewhere.
+        """Paint newly placed frames; note those that must be repainted elsewhere.
 
-        If the frame in hand (`prepared`) cannot be painted, that is raised. It is not to pay for another one: that stays
-        unpainted and is tried again with the next frames, at most `MOST_TRIES` times.
+        Raises if the current frame (`prepared`) cannot be painted. A failure of another frame does not affect it: that one stays
+        unpainted and is retried with the next frames, at most `MOST_TRIES` times.
         """
         self._unpainted.add(placement for placement in moved if not self._painter.is_painted(placement.name))
         for placement in self._unpainted.all():
@@ -64,7 +64,7 @@ class Painting(Kept):
         return bool(steps)
 
     def repaint_all(self, placements: Iterable[Placement]) -> Iterator[None]:
-        """Bring everything to its final place and brightness, step by step."""
+        """Repaint everything at its final place and brightness, step by step."""
         for steps in self._painter.final_steps(placements):
             self._repaint(steps)
             yield
@@ -93,7 +93,7 @@ class Painting(Kept):
         self._unpainted.remove(placement.name)
 
     def _repaint(self, steps: Sequence[Step]) -> None:
-        """Do these steps together; each for itself if one of them raises, which is left out then and said."""
+        """Do these steps together; if that raises, one by one, skipping and reporting those that fail."""
         try:
             with transaction(self._whole):
                 changed = [step.do() for step in steps]
@@ -110,6 +110,6 @@ class Painting(Kept):
             self._tell(f"{steps[0].what} could not be repainted and stays as it is ({error!r})")
 
     def _tell(self, text: str) -> None:
-        if text != self._said:  # a fault that meets every tile is one fault
+        if text != self._said:  # the same fault on every tile is reported once
             self._say(Notice(source="painting", level="error", text=text))
         self._said = text

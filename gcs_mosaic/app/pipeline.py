@@ -1,4 +1,4 @@
-"""A frame's way through the program: the same for a live flight and for a folder of frames."""
+"""The processing pipeline, shared by live flights and folders of frames."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What became of a frame, for the operator. `seconds` by stage."""
+    """Outcome of a frame, for the operator. `seconds` by stage."""
 
     name: str
     state: FrameState
@@ -44,21 +44,21 @@ class Done:
     island: int | None
     seconds: dict[str, float]
     covered_by: str | None = None
-    on_map: tuple[str, ...] = ()  # frames that have their place since: this one, and such as waited for it
+    on_map: tuple[str, ...] = ()  # frames placed by this step: this one, and waiting ones
 
 
 class Pipeline(Kept):
-    """Owns the mosaic, the canvas and the output folder of one flight. Used by one thread.
+    """Owns the mosaic, the canvas and the output folder of one flight. For use by one thread.
 
-    A frame is placed and painted, or it is rejected and all is as if it had never come, whatever was raised on the way. What
-    is no fault of it does not cost it: an island that cannot be adjusted stays as it was, another frame that cannot be
-    painted stays unpainted and is tried again with the next ones, a part of the map that cannot be repainted
-    goes on showing what it shows. All that is said.
+    A frame is placed and painted, or it is rejected and the state is as if it had never arrived, whatever was raised. Other
+    failures do not reject it: an island that cannot be adjusted stays as it was, another frame that cannot be painted stays
+    unpainted and is retried with the next ones, a part of the map that cannot be repainted keeps its content. All failures
+    are reported.
 
-    `say` is given what the operator should hear; `published(revision, tiles)` is called when tiles are on disk. `punctual`:
-    the same frames always give the same map, however fast the machine is. `paint_live`: each frame is painted as it comes, not
-    all in the end. `observer` looks on while frames are placed. `utc` and `retry` are the store's;
-    `checkpoints`: where the flight is saved to be resumed from, if it is to be.
+    `say` receives notices for the operator; `published(revision, tiles)` is called once tiles are on disk. `punctual`:
+    the same frames always give the same map, whatever the machine's speed. `paint_live`: paint each frame on arrival, not
+    all at the end. `observer` is called while frames are placed. `utc` and `retry` are the store's;
+    `checkpoints`: where checkpoints are written, if any.
     """
 
     FIXED = frozenset({"_worker", "_say", "features_of", "_checkpoints", "_settings"})
@@ -90,11 +90,11 @@ class Pipeline(Kept):
         parts = self._worker, self.load_original, self._note_painted, out, observer
         method = method_of(config, *parts, punctual=punctual, paint_live=paint_live)
         self.mosaic, self._painter = method.stitcher, method.renderer
-        # Features of an image, by `reduction`: what frames are placed by. May be called from any thread.
+        # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
-        self._said_problems: dict[str, str | None] = {}  # what was said last, by source or by what was tried
+        self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
         self._reduction = config.reduction
-        self._processed: dict[str, None] = {}  # names of frames, in that order
+        self._processed: dict[str, None] = {}  # frame names, in order of processing
         self._settings = settings_of(config)
         self._checkpoints = checkpoints
         self._say = say
@@ -102,7 +102,7 @@ class Pipeline(Kept):
 
     @property
     def has_repaints(self) -> bool:
-        """Whether some frames lie elsewhere than where they are painted."""
+        """Whether some frames have moved from where they are painted."""
         return self._painter.has_repaints
 
     def accounts(self) -> Accounts:
@@ -111,9 +111,9 @@ class Pipeline(Kept):
     # Resuming
 
     def resume(self, saved: Snapshot) -> list[Frame]:
-        """Go on with the flight that the folder holds, from what was saved of it by `checkpoint`.
+        """Resume the folder's flight from the state saved by `checkpoint`.
 
-        Returns the frames that are still to be processed, in the order in which they came. `save` is to follow.
+        Returns the frames still to be processed, in order of arrival. Call `save` afterwards.
         """
         self.load(saved)
         shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
@@ -134,7 +134,7 @@ class Pipeline(Kept):
         return again
 
     def checkpoint(self, *, at_once: bool = False) -> None:
-        """Write down what is known, to be resumed from; now, or when it costs little. After `save`."""
+        """Write a checkpoint; `at_once`, or when it costs little. Call after `save`."""
         if self._checkpoints is not None:
             self._checkpoints.write(self._state, self.store.ledger.make_durable, at_once=at_once)
             self._say_problem("checkpoint", self._checkpoints.problem)
@@ -142,29 +142,29 @@ class Pipeline(Kept):
     def _state(self) -> Snapshot:
         return {"settings": self._settings, "utc_of_zero": utc_of_zero(), "pipeline": self.saved()}
 
-    # Frames come in
+    # Arrivals
 
     def accept(self, frame: Frame) -> Frame | None:
-        """Write down that a frame has come, and keep its original; returns the frame to process, as it is kept.
+        """Record a new frame and keep its original; returns the frame to process, as kept.
 
-        None if the same picture came before.
+        None if the same image arrived before.
         """
         kept, said = self.store.accept(frame)
         for notice in said:
             self._say(notice)
         return kept
 
-    # Frames are processed
+    # Processing
 
     def process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
-        """Place a frame, paint it and whatever finds its place because of it. `save` is to follow."""
+        """Place and paint a frame and any waiting frames it makes placeable. Call `save` afterwards."""
         name = prepared.frame.name
         try:
             with transaction(self):
                 done = self._process(prepared)
                 self._processed[name] = None
                 return done
-        except Exception as error:  # whatever is wrong with one frame must not end the flight, nor go unsaid
+        except Exception as error:  # no fault in one frame may end the flight or go unreported
             logger.exception("%s could not be processed", name)
             reason = f"it could not be processed ({error!r})"
             self._say(Notice(source="pipeline", level="error", text=f"{name}: {reason}"))
@@ -198,16 +198,16 @@ class Pipeline(Kept):
         return Done(name, state, reason, island, prepared.seconds | seconds, covered_by, on_map)
 
     def repaint_some(self) -> bool:
-        """Use spare time to paint a moved frame where it lies now; False if there is nothing to do. `save` is to follow."""
+        """Use spare time to repaint a moved frame; False if there is nothing to do. Call `save` afterwards."""
         with stage("repaint", ""):
             some = self._painting.repaint_some()
         self._say_problem("canvas", self._painter.canvas.problem)
         return some
 
     def adjust_in_a_pause(self) -> bool:
-        """Use a pause in the flight to adjust every island that has grown. `save` is to follow.
+        """Use a pause in the flight to adjust every island that has grown. Call `save` afterwards.
 
-        To be called again while it returns True: the adjustment is under way in the background.
+        Call again while it returns True: the adjustment is running in the background.
         """
         self.store.in_a_pause = True
         under_way = self._adjusted(self.mosaic.adjust_in_a_pause) or self._connected_some()
@@ -216,7 +216,7 @@ class Pipeline(Kept):
         return bool(under_way)
 
     def _connected_some(self) -> bool:
-        """Compare some frames that look alike and are not connected; whether there are more."""
+        """Compare some unconnected frames that look alike; returns whether there are more."""
         try:
             more = self.mosaic.connect_some()
         except Exception as error:
@@ -224,20 +224,20 @@ class Pipeline(Kept):
             self._say_problem(
                 "islands", f"some frames could not be compared with those that look like them ({error!r})"
             )
-            more = True  # maybe; what has raised is not compared again, so this comes to an end
+            more = True  # perhaps; a comparison that raised is not repeated, so this terminates
         self._adjusted(self.mosaic.adjust)
         return more
 
     def finish(self) -> Iterator[None]:
-        """The flight is over: settle it, then paint all, step by step. `save` may be called after each step."""
+        """End the flight: settle it, then paint everything, step by step. `save` may be called after each step."""
         yield from self.settle()
         yield from self.repaint_all()
 
     def settle(self, may_connect: Callable[[], bool] = lambda: True) -> Iterator[None]:
-        """The flight is over: connect what can be, adjust everything, reject the rest, step by step.
+        """End the flight: connect what can be connected, adjust everything, reject the rest, step by step.
 
-        To be gone through to its end, or frames stay waiting; when time is short, `may_connect` says so. It tells whether
-        more frames may be compared that are not connected: a map that is painted comes before one that is in fewer parts.
+        Must be exhausted, or frames stay waiting; when time is short, let `may_connect` return False. It decides whether to
+        compare more unconnected frames: a painted map takes priority over one with fewer islands.
         """
         self.store.in_a_pause = True
         self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
@@ -258,11 +258,11 @@ class Pipeline(Kept):
         yield
 
     def repaint_all(self) -> Iterator[None]:
-        """Bring everything to its final place and brightness, step by step; to be left off whenever time is over."""
+        """Repaint everything at its final place and brightness, step by step; may be abandoned at any step when time is up."""
         yield from self._painting.repaint_all(self.mosaic.placements())
 
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
-        """Paint what has found its place, and return the names; note what must be painted elsewhere."""
+        """Paint newly placed frames and return their names; note those that must be repainted elsewhere."""
         moved = self.mosaic.moved()
         self.store.changes.placements |= {placement.name: placement for placement in moved}
         found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
@@ -272,13 +272,13 @@ class Pipeline(Kept):
         return found
 
     def _adjusted(self, adjust: Callable[[], T]) -> T | None:
-        """What goes wrong here is not the fault of the frame that has just been placed: a map is a map, bettered or not."""
+        """A failure here must not reject the frame just placed: the map is valid without the adjustment."""
         found = self._tried(adjust, "the map could not be adjusted")
         self._say_problem("adjustment", self.mosaic.problem)
         return found
 
     def _tried(self, attempt: Callable[[], T], otherwise: str) -> T | None:
-        """What it returns; None if it raises. A fault that comes again at every frame is said and logged once."""
+        """The result of `attempt`; None if it raises. A fault that recurs at every frame is reported and logged once."""
         try:
             found = attempt()
         except Exception as error:
@@ -297,7 +297,7 @@ class Pipeline(Kept):
         self._said_problems[source] = problem
 
     def load_original(self, name: str, reduction: int | None = None) -> Bands | None:
-        """A frame as it came, reduced as in all of this flight or by another factor; None if it is gone or has changed."""
+        """A frame's original, reduced by this flight's factor or another; None if it is missing or has changed."""
         data = self.store.original(name)
         if data is None:
             return None
@@ -308,7 +308,7 @@ class Pipeline(Kept):
         self.store.changes.painted[painted.name] = painted
 
     def save(self) -> float:
-        """Write everything that has changed; returns the seconds it took."""
+        """Write all changes; returns the seconds it took."""
         start = time.perf_counter()
         mosaic = self.mosaic
         islands = [IslandRecord(id=island.number, merged_into=island.merged_into) for island in mosaic.islands]
@@ -316,7 +316,7 @@ class Pipeline(Kept):
         return time.perf_counter() - start
 
     def close(self) -> None:
-        """Let go of everything; what is not saved is lost."""
+        """Release all resources; unsaved changes are lost."""
         if self._checkpoints is not None:
             self._checkpoints.close()
         self._worker.close()

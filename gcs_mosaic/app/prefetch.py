@@ -1,4 +1,4 @@
-"""What can be done with a frame before it is its turn: decoding and finding features, a few frames ahead, on other cores."""
+"""Preparation of upcoming frames: decoding and feature extraction, a few frames ahead, on other cores."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ logger = logging.getLogger(__name__)
 
 
 class FindFeatures(Protocol):
-    """What finds the features of a frame; called from several threads."""
+    """Finds the features of a frame; called from several threads."""
 
     def __call__(self, image: Bands, *, reduction: int) -> Features:
-        """Of a picture (h, w, bands) that was reduced by a whole factor."""
+        """Features of an image (h, w, bands) that was reduced by an integer factor."""
 
 
 THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
@@ -33,7 +33,7 @@ THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
 
 @dataclass(frozen=True, slots=True)
 class DecodedFrame:
-    """A frame with its pixels (h, w, bands), reduced or not, features and thumbnail; `seconds` it took to make them."""
+    """A frame with its pixels (h, w, bands), reduced or not, features and thumbnail; `seconds` spent on them."""
 
     frame: Frame
     image: Bands
@@ -44,7 +44,7 @@ class DecodedFrame:
 
 @dataclass(frozen=True, slots=True)
 class UndecodableFrame:
-    """A frame whose picture cannot be read, and why."""
+    """A frame whose image cannot be read, and why."""
 
     frame: Frame
     reason: str
@@ -57,14 +57,14 @@ def prepare(
     least_pixels: float = 0.0,
     known: Features | None = None,
 ) -> DecodedFrame | UndecodableFrame:
-    """Decode a frame, at full size or reduced by a whole factor, and find its features unless they are known; never raises.
+    """Decode a frame, at full size or reduced by an integer factor, and find its features unless given; never raises.
 
-    least_pixels: in how many pixels features are sought. A frame that has fewer once it is reduced is looked at less reduced, so
-    that it lies where it would at full size, however coarsely it is painted.
+    least_pixels: image size for the feature search. If the reduced frame is smaller, a less reduced one is used, so that
+    the frame's pose is as at full size, however coarsely it is painted.
     """
     try:
         return _prepared(frame, find, reduction, least_pixels, known)
-    except Exception as error:  # one picture that OpenCV or the memory cannot cope with must not end a flight
+    except Exception as error:  # an image that OpenCV or the memory cannot handle must not end a flight
         logger.exception("%s could not be prepared", frame.name)
         return UndecodableFrame(frame, f"could not be decoded ({error!r})")
 
@@ -91,32 +91,32 @@ def _prepared(
 
 
 def finer_reduction(pixels: int, reduction: int, least_pixels: float) -> int:
-    """The largest of reduction, reduction / 2, ... 1 that leaves a frame so many pixels, or nearly.
+    """The largest of reduction, reduction / 2, ... 1 that leaves a frame at least about this many pixels.
 
-    pixels: what `reduction` leaves of it.
+    pixels: the frame's size at `reduction`.
     """
     while reduction > 1 and pixels < NEARLY * least_pixels:
         reduction, pixels = reduction // 2, 4 * pixels
     return reduction
 
 
-NEARLY = 0.9  # of the pixels wanted: rounding, and pictures that are not quite 4:3, are not worth four times the pixels
+NEARLY = 0.9  # of the pixels wanted: rounding or an aspect ratio slightly off 4:3 does not justify four times as many
 
 
 def thumbnail(image: Bands) -> Bands:
-    """A copy (h, w, bands) that is `THUMBNAIL_WIDTH` wide, or the image itself if it is no wider."""
+    """A copy (h, w, bands) `THUMBNAIL_WIDTH` wide, or the image itself if it is no wider."""
     if image.shape[1] <= THUMBNAIL_WIDTH:
         return image
     height = max(1, round(image.shape[0] * THUMBNAIL_WIDTH / image.shape[1]))
-    if image.shape[1] >= 4 * THUMBNAIL_WIDTH:  # to a half, OpenCV is ten times as fast as to any other size
+    if image.shape[1] >= 4 * THUMBNAIL_WIDTH:  # OpenCV halves ten times as fast as it resizes to any other size
         image = resized(image, (image.shape[1] // 2, image.shape[0] // 2))
     return resized(image, (THUMBNAIL_WIDTH, height))
 
 
 class Preparation:
-    """Frames that wait for their turn, those whose turn is next prepared ahead. Used by one thread.
+    """Queue of frames, of which the next few are prepared ahead. For use by one thread.
 
-    `turns` says whose turn it is, else frames are in a row; `woken()` is called, from any thread, when a frame is ready.
+    `turns` sets the order, by default that of arrival; `woken()` is called, from any thread, when a frame is ready.
     """
 
     def __init__(
@@ -132,27 +132,27 @@ class Preparation:
         self._woken = woken
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._numbers = count()
-        self._waiting: dict[int, Frame] = {}  # in the order in which they came
+        self._waiting: dict[int, Frame] = {}  # in order of arrival
         self._ahead: dict[int, Future[DecodedFrame | UndecodableFrame]] = {}
-        self._features: dict[int, Features] = {}  # of frames that were ready when another one's turn came
-        self._orders: dict[str, int] = {}  # of frames whose turn it was, by name
+        self._features: dict[int, Features] = {}  # of frames that were ready when another one took precedence
+        self._orders: dict[str, int] = {}  # of frames already taken, by name
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     @property
     def is_ready(self) -> bool:
-        """Whether the frame whose turn it is can be taken without waiting."""
+        """Whether the next frame can be taken without waiting."""
         self.begin()
         number = self._turns.next(self._ahead)
         return number is not None and self._ahead[number].done()
 
     def behind_s(self, now: float) -> float:
-        """How long the oldest frame that waits has waited, `now` being a moment like `Frame.received`; 0 if none does."""
+        """How long the oldest queued frame has waited at `now` (same clock as `Frame.received`); 0 if the queue is empty."""
         return max(0.0, now - min((frame.received for frame in self._waiting.values()), default=now))
 
     def append(self, frame: Frame) -> None:
-        """A frame has come, later than all before; `begin` is to follow, or whatever asks for a frame."""
+        """Queue a frame that arrived after all before it; call `begin` or `next` afterwards."""
         number = next(self._numbers)
         if len(self._waiting) > AHEAD and frame.path.is_file():
             frame = replace(frame, data=None)  # it will wait for long, and can be read again
@@ -160,7 +160,7 @@ class Preparation:
         self._turns.add(number)
 
     def next(self) -> DecodedFrame | UndecodableFrame | None:
-        """The frame whose turn it is, as soon as it is ready; None if none waits."""
+        """The next frame, once it is ready; None if the queue is empty."""
         if not self._waiting:
             return None
         self.begin()
@@ -175,24 +175,24 @@ class Preparation:
         return prepared
 
     def processed(self, name: str, on_map: Collection[str], *, waits: bool) -> None:
-        """What became of the frame that was taken last: which ones found their place with it, or that it matches nothing."""
+        """Report the outcome of the last taken frame: the frames placed with it, or that it has no match."""
         found = [self._orders[other] for other in on_map if other in self._orders]
         self._turns.processed(self._orders[name], found, waits=waits)
 
     def begin(self) -> None:
-        """Prepare those whose turn is next, of all that have come; at most AHEAD pictures are in memory or on the way there."""
+        """Start preparing the next frames of all queued; at most AHEAD images are in memory or being loaded."""
         soon = self._turns.soon()
         for number in soon:
             if number not in self._ahead and self._made_room(soon):
                 self._begin(number)
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until any more frames are ready, but not longer than this."""
+        """Wait until more frames are ready, or the timeout."""
         self.begin()
         self._wait_for_any(timeout_s)
 
     def close(self) -> None:
-        """Stop; frames still in the row stay where they came from."""
+        """Stop; frames still queued are discarded."""
         self._pool.shutdown(cancel_futures=True)
 
     def _ready(self) -> list[int]:
@@ -203,7 +203,7 @@ class Preparation:
         self.begin()
 
     def _made_room(self, soon: Sequence[int]) -> bool:
-        """Whether there is room for another picture, once those are put back whose turn is not next."""
+        """Whether there is room for another image, after putting back those that are no longer next."""
         for number in self._ready():
             if len(self._ahead) >= AHEAD and number not in soon:
                 prepared = self._ahead.pop(number).result()

@@ -1,6 +1,6 @@
-"""`gcs-mosaic replay`: a recorded flight through the same code as a live one, with the same result every time.
+"""`gcs-mosaic replay`: a recorded flight through the same code as a live one, with a reproducible result.
 
-Time is the recording's own, whatever the clock on the wall says, and adjustments come after fixed numbers of frames.
+Time is the recording's own, independent of the wall clock, and adjustments come after fixed numbers of frames.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.records import EventAccount
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 
-_FOUND_AFTER = 1.5  # looks: a file is taken at the second that finds it unchanged
+_FOUND_AFTER = 1.5  # looks: a file is accepted at the second look that finds it unchanged
 
 Happening: TypeAlias = tuple[float, CameraMessage | Notice | tuple[Look, bool]]
-"""When, in seconds of the recording, and what: a message, words, or a file and whether it came in the flight."""
+"""Time in seconds of the recording, and a message, a notice, or a file and whether it arrived in the flight."""
 
 
 def replay(recording: Path, frames: Path, out: Path, config: Config, console: Console, speed: float = 0.0) -> Path:
-    """Fly `recording` again with the pictures in `frames`; returns the folder that holds the flight.
+    """Fly `recording` again with the images in `frames`; returns the flight's folder.
 
-    `speed` is how many times as fast as it was flown; 0 as fast as it goes. Raises UsageError before anything is written.
+    `speed` is relative to real time; 0 means as fast as possible. Raises UsageError before anything is written.
     """
     if not 0 <= speed < math.inf:
         raise UsageError(f"--speed {speed:g} is not understood: give 1 for as it was flown, 2 for twice as fast, or 0.")
@@ -80,7 +80,7 @@ def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
 
 
 def _merged(link: RecordedLink, config: Config) -> list[tuple[float, CameraMessage | Notice]]:
-    """What was heard, with events told for what they are."""
+    """Recorded camera messages and notices, in order."""
     shots = Shots(config.shots)
     return [(at, shots.hear(what) if isinstance(what, TriggerEvent) else what) for at, what in link.heard]
 
@@ -88,9 +88,9 @@ def _merged(link: RecordedLink, config: Config) -> list[tuple[float, CameraMessa
 def _happenings(
     heard: Sequence[tuple[float, CameraMessage | Notice]], looks: Sequence[Look], came: Arrivals
 ) -> list[Happening]:
-    """All that happens, in order; a message before the file that comes at the same moment."""
+    """All happenings in order; a message precedes a file of the same time."""
     files = [(seconds, (look, fresh)) for seconds, look, fresh in zip(came.seconds, looks, came.fresh, strict=True)]
-    return sorted([*heard, *files], key=lambda happening: happening[0])  # stable, so nothing else decides
+    return sorted([*heard, *files], key=lambda happening: happening[0])  # stable, so ties keep this order
 
 
 def _described(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> str:
@@ -100,7 +100,7 @@ def _described(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> str
 
 class _Replay:
     def __init__(self, out: Path, config: Config, console: Console, link: RecordedLink) -> None:
-        # Nobody writes into a finished folder any more, so its frames need no copies.
+        # A finished folder is no longer written to, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
         self._config, self._console, self._now = config, console, 0.0
         began_utc = link.began_utc or 0.0
@@ -110,7 +110,7 @@ class _Replay:
         self._done: list[Done] = []
 
     def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
-        """All that happens, then the final painting; returns what became of the frames."""
+        """Process all happenings, then paint a last time; returns the frames' outcomes."""
         looks = [what[0] for _, what in happenings if isinstance(what, tuple)]
         task, start = progress.add_task("flying", total=len(looks)), time.monotonic()
         with closing(
@@ -125,7 +125,7 @@ class _Replay:
         return self._done
 
     def summarise(self, done: list[Done], seconds: float) -> None:
-        """What became of the frames and of the events."""
+        """Print the outcomes of the frames and events."""
         summarise(self._pipeline, done, seconds, self._console)
         tell(self._console, f"events: {_told(self._pipeline.accounts().events)}")
 
@@ -167,7 +167,7 @@ class _Replay:
 
 
 class _ReadAhead:
-    """Files in the order in which they came, read and prepared before it is their turn."""
+    """Files in order of arrival, read and prepared ahead."""
 
     def __init__(self, looks: Sequence[Look], config: Config, find: FindFeatures, least_pixels: float) -> None:
         self.taken = 0
@@ -176,7 +176,7 @@ class _ReadAhead:
         self._preparation = Preparation(find, config.reduction, least_pixels)
 
     def next(self) -> DecodedFrame | UndecodableFrame | DamagedFile:
-        """The next file; there must be one."""
+        """The next file; raises if there is none."""
         self._read_on()
         self.taken += 1
         found = self._read.popleft()

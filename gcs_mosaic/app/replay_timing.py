@@ -1,7 +1,7 @@
-"""When the frames of a recorded flight came: told by the recording and the files alone, so that it is the same every time.
+"""Arrival times of a recorded flight's frames, derived from the recording and the files alone, so that they are reproducible.
 
-The files' own times say it if they lie within the recording. Copies lose them, and a camera's clock may be wrong: then the
-events say it, by the file names they tell, else by their counters and the numbers in the files' names, else by their order.
+The files' own times are used if they lie within the recording. Copies lose them, and a camera's clock may be wrong: then
+the events decide, by the file names they give, else by their counters and the numbers in file names, else by order.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.index import number_in
 from gcs_mosaic.triggers.shots import CameraMessage, New
 
-MOST = 0.9  # of all files: some lie in the folder from before, or were touched later
-ENOUGH = 0.75  # of what could be told: fewer coincidences of names or numbers may be chance
-COARSE_S = 2.0  # what a card's file system (FAT) makes of a file's time
+MOST = 0.9  # of all files: some were there before the flight, or were touched later
+ENOUGH = 0.75  # of the candidates: fewer matching names or numbers may be chance
+COARSE_S = 2.0  # resolution of file times on a memory card's file system (FAT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrivals:
-    """Of each file, in the order given: when it came, in seconds on the recording's clock, and whether that is known to be
-    in the flight; `told_by` says for people what it follows from."""
+    """For each file, in the order given: its arrival in seconds on the recording's clock, and whether it is known to belong to
+    the flight; `told_by` names the evidence, for display."""
 
     seconds: list[float]
     fresh: list[bool]
@@ -36,7 +36,7 @@ class Arrivals:
 def arrivals(
     looks: Sequence[Look], link: RecordedLink, messages: Iterable[CameraMessage], found_after_s: float
 ) -> Arrivals:
-    """When files (in the order of their names) came; a file is found `found_after_s` after it was last written to."""
+    """When files (in the order of their names) arrived; a file is found `found_after_s` after its last write."""
     if by_times := _by_file_times(looks, link, found_after_s):
         return by_times
     taken = _taken(messages)
@@ -84,12 +84,12 @@ def _by_names(looks: Sequence[Look], events: Sequence[TriggerEvent]) -> dict[int
 
 
 def _by_numbers(looks: Sequence[Look], events: Sequence[TriggerEvent]) -> dict[int, float]:
-    """By the counter, and the difference to it, under which the most files have an event."""
+    """The matching of file numbers to a counter, at an offset, that gives the most files an event."""
     numbers = {place: number for place, look in enumerate(looks) if (number := number_in(look.path.name)) is not None}
     best: dict[int, float] = {}
     for counted in _counters(events):
         apart = Counter(number - count for number in numbers.values() for count in counted)
-        # Of equals the least surprising: the first file is the first shot.
+        # Ties go to the most natural offset: the first file is the first shot.
         first = next(iter(numbers.values()), 0) - next(iter(counted))
         offset = max(apart, key=lambda one: (apart[one], -abs(one - first)), default=0)
         known = {place: counted[number - offset] for place, number in numbers.items() if number - offset in counted}
@@ -98,7 +98,7 @@ def _by_numbers(looks: Sequence[Look], events: Sequence[TriggerEvent]) -> dict[i
 
 
 def _counters(events: Sequence[TriggerEvent]) -> list[dict[int, float]]:
-    """When each source had counted what."""
+    """Time of each count, per source."""
 
     def stream(event: TriggerEvent) -> StreamKey:
         return StreamKey(event.vehicle, event.component, event.camera, event.source)
@@ -119,7 +119,7 @@ def _by_order(looks: Sequence[Look], shots: Sequence[TriggerEvent]) -> dict[int,
 
 
 def _filled_up(known: dict[int, float], count: int) -> list[float]:
-    """A file of which nothing is known came with the one before it."""
+    """An unmatched file arrived with the one before it."""
     seconds, last = [], min(known.values())
     for place in range(count):
         last = known.get(place, last)

@@ -17,17 +17,17 @@ from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
 from gcs_mosaic.store.records import EventRecord, FrameRecord
 
-SAME_CLOCK_S = 60.0  # a clock that was set right meanwhile, by less than any start of a machine takes
-LARGE = (Features, Link, Registration)  # values of a checkpoint that are written once
+SAME_CLOCK_S = 60.0  # tolerance for clock corrections, shorter than any reboot takes
+LARGE = (Features, Link, Registration)  # types of checkpoint values that are written once
 
 
 def settings_of(config: Config) -> str:
-    """What must be the same for a map to be gone on with: how frames are placed and painted."""
+    """The settings that must match to resume a map: how frames are placed and painted."""
     return repr((config.method, config.scale, config.stitch, config.paint))
 
 
 def saved_flight(checkpoints: Checkpoints, config: Config) -> Snapshot | Unusable:
-    """What was saved of a flight, its `pipeline` being for `Pipeline.resume`, or why it cannot be resumed with these settings."""
+    """A flight's saved state, its `pipeline` being for `Pipeline.resume`, or why it cannot be resumed with these settings."""
     saved = checkpoints.load()
     if isinstance(saved, Unusable):
         return saved
@@ -39,12 +39,12 @@ def saved_flight(checkpoints: Checkpoints, config: Config) -> Snapshot | Unusabl
 
 
 def checkpoints_of(out: Path, config: Config) -> Checkpoints | None:
-    """Those of a flight's folder; the paper's recipe has none, its one picture is in memory only."""
+    """The checkpoints of a flight's folder; None for the paper's recipe, whose single image exists in memory only."""
     return None if config.method == "paper" else Checkpoints(out, LARGE)
 
 
 def files_taken(frames: Iterable[FrameRecord]) -> dict[str, Taken]:
-    """The newest version of each file that a flight has taken, by the file's name."""
+    """The newest version of each file accepted by a flight, by file name."""
     taken: dict[str, Taken] = {}
     for frame in frames:
         if frame.content_hash is not None and frame.size is not None and frame.modified is not None:
@@ -57,7 +57,7 @@ def files_taken(frames: Iterable[FrameRecord]) -> dict[str, Taken]:
 def told_again(
     events: Iterable[EventRecord], frames: Iterable[FrameRecord], later_s: float
 ) -> list[EventRecord | FrameRecord]:
-    """All events and frames of a flight in the order in which they came, as if they had come `later_s` later."""
+    """All events and frames of a flight in order of arrival, with times shifted by `later_s`."""
     told: list[EventRecord | FrameRecord] = []
     for record in events:
         told.append(replace(record, event=replace(record.event, received=record.event.received + later_s)))
@@ -72,12 +72,12 @@ def _came(record: EventRecord | FrameRecord) -> float:
 
 
 def later_by(saved: Snapshot) -> float:
-    """How far this run's monotonic clock is behind the one of the run that was saved, in seconds: times of that one must be
-    moved by so much. They share it unless the machine was started anew."""
+    """Offset in seconds from the saved run's monotonic clock to this run's, to be added to the saved run's times. 0 unless the
+    machine was rebooted."""
     apart = float(saved["utc_of_zero"]) - utc_of_zero()
     return apart if abs(apart) > SAME_CLOCK_S else 0.0
 
 
 def utc_of_zero() -> float:
-    """When the monotonic clock of this machine stood at 0, in seconds since 1970."""
+    """UTC at which this machine's monotonic clock read 0, in seconds since 1970."""
     return time.time() - time.monotonic()

@@ -1,4 +1,4 @@
-"""How a flight is told to end."""
+"""Shutdown signals of a flight."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shutdown:
-    """`stop` asks for the end, `hurry` for leaving out what may be left out."""
+    """`stop` requests the end, `hurry` also skips optional work."""
 
     stop: threading.Event
     hurry: threading.Event

@@ -1,4 +1,4 @@
-"""What the operator hears and sees of a running flight: lines in the terminal, notices in the ledger, status.json."""
+"""Operator output of a running flight: terminal lines, notices in the ledger, status.json."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ logger = logging.getLogger(__name__)
 STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
 ISLANDS_SHOWN = 12  # all are in mosaic.json
-STATUS_BYTES = 8192  # more than the document needs: it is filled up, so that it fits where it is when the disk is full
+STATUS_BYTES = 8192  # more than the document needs: padded, so that a full disk can still overwrite it in place
 STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
 class Reporter:
-    """Says things aloud and keeps status.json up to date. A full disk never stops it."""
+    """Reports to the operator and keeps status.json up to date. A full disk never stops it."""
 
     def __init__(self, out: Path, flight: FlightRecord, ledger: Ledger, console: Console) -> None:
         self._path = out / "status.json"
@@ -46,7 +46,7 @@ class Reporter:
         self.last_frame: LastFrame | None = None
 
     def say(self, notice: Notice) -> None:
-        """Tell the operator, and remember that it was told."""
+        """Show a notice to the operator and record it."""
         now = time.time()
         log_notice(logger, notice)
         self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
@@ -55,22 +55,22 @@ class Reporter:
             self._ledger.record_notice(notice, now)
 
     def line(self, text: str, style: str = "") -> None:
-        """One line in the terminal, with the time of day. A terminal that has gone must not end the flight."""
+        """Print one line with the time of day. A closed terminal must not end the flight."""
         line = f"{datetime.now():%H:%M:%S} {escape(text)}"
         try:
             self._console.print(line, style=style, highlight=False, soft_wrap=True)
-        except (OSError, SystemExit):  # the second is what rich makes of a broken pipe
+        except (OSError, SystemExit):  # the second is raised by rich on a broken pipe
             logger.info("the terminal is gone", exc_info=True)
             self._console = Console(quiet=True)
 
     def judge(self, held_out: Figures) -> None:
-        """Say how good the map has become."""
+        """Report the map's held-out error."""
         for line in held_out_lines(largest(held_out, ISLANDS_SHOWN)):
             logger.info("%s", line, extra={"said": True})
             self.line(line)
 
     def link(self, report: LinkReport) -> None:
-        """How a link is; when it was heard last stays known."""
+        """Update a link's status; the time it was last heard is retained."""
         before = self._links.get(report.address)
         heard = report.last_heard_utc or (before.last_heard_utc if before else None)
         self._links[report.address] = replace(report, last_heard_utc=heard)
@@ -85,12 +85,12 @@ class Reporter:
         *,
         now: bool = False,
     ) -> None:
-        """Write status.json, but not more often than is useful."""
+        """Write status.json, but not more often than useful."""
         if not now and time.monotonic() - self._written < STATUS_EACH_S:
             return
         try:
             counted = accounts()
-        except sqlite3.OperationalError:  # the disk is gone, as whoever writes the ledger tells
+        except sqlite3.OperationalError:  # the disk is missing, as reported by the ledger's writer
             logger.debug("the accounts cannot be read", exc_info=True)
             return
         status = Status(
@@ -113,7 +113,7 @@ class Reporter:
     def _put(self, data: bytes) -> None:
         try:
             write_beside(self._path, data)
-        except (DiskFull, OSError):  # whoever writes the map tells of it
+        except (DiskFull, OSError):  # reported by the map's writer
             logger.debug("%s cannot be written beside", self._path.name, exc_info=True)
             with suppress(DiskFull, OSError):
                 overwrite(self._path, data)

@@ -1,4 +1,4 @@
-"""What the operator at the ground station is told, in a few words, where announcing was asked for."""
+"""Short messages (STATUSTEXT) to the operator at the ground station, if announcing is enabled."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gcs_mosaic.triggers import Missing
 
 
 class Announcements:
-    """Picks what is worth a word from what happens, and has it said by the `speakers` of all links: none, as a rule."""
+    """Selects what to announce and sends it through the `speakers` of all links (none by default)."""
 
     def __init__(self) -> None:
         self.speakers: Sequence[Speaker] = ()
@@ -21,7 +21,7 @@ class Announcements:
         self._missing = 0
 
     def frame(self, state: FrameState) -> None:
-        """A frame was processed: does the flight still overlap with the map?"""
+        """A frame was processed: does the flight still overlap the map?"""
         if state is FrameState.WAITING and self._overlapping:
             self._overlapping = False
             self._tell("overlap", "Mosaic: overlap lost, frames match nothing")
@@ -31,7 +31,7 @@ class Announcements:
             self._overlapping = self._ever_overlapped = True
 
     def missing(self, events: Iterable[Missing]) -> None:
-        """These shots have no frame."""
+        """Announce shots without a frame."""
         for event in events:
             self._missing += 1
             number = event.event.sequence
@@ -40,7 +40,7 @@ class Announcements:
             self._tell("frames", f"Mosaic: {self._missing} {shots} without frame{last}")
 
     def notice(self, notice: Notice) -> None:
-        """Something was said aloud."""
+        """Announce a notice, if important enough."""
         if notice.topic is About.DISK and notice.level != "info":
             bad = notice.level == "error"
             self._tell("disk", "Mosaic: the disk cannot be written" if bad else "Mosaic: the disk is filling up")

@@ -1,4 +1,4 @@
-"""Camera events become requests to a live stream, on the link's own thread: a busy stitcher must not make them late."""
+"""Turns camera events into requests to a live stream, on the link's own thread: a busy stitcher must not delay them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def asking(items: Iterator[T], requests: Requests) -> Iterator[T]:
-    """What a link brings, passed on; one frame is asked for for each shot, when whoever wanted the item has dealt with it."""
+    """Pass on a link's items, requesting one frame per shot after the consumer has handled the item."""
     for item in items:
         yield item
         match item:

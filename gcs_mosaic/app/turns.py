@@ -1,4 +1,4 @@
-"""Whose turn it is, among frames that wait to be processed. A frame is its number in the order of capture: 0, 1, 2, ..."""
+"""Processing order of waiting frames. A frame is its number in the order of capture: 0, 1, 2, ..."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from bisect import bisect_right, insort
 from collections.abc import Collection
 from typing import Protocol
 
-AHEAD = 2  # decoded frames in memory besides the one in hand: 36 MB each at 12 MP
+AHEAD = 2  # decoded frames in memory besides the current one: 36 MB each at 12 MP
 
 
 class Turns(Protocol):
-    """Frames that wait, and which of them is next."""
+    """Waiting frames and their processing order."""
 
     def add(self, frame: int) -> None:
-        """A frame has come."""
+        """A frame has arrived."""
 
     def next(self, begun: Collection[int]) -> int | None:
-        """Whose turn it is, of those whose preparation has begun; None while that of no frame whose turn it may be has."""
+        """The next frame among those being prepared; None while no frame that may be next is being prepared."""
 
     def remove(self, frame: int) -> None:
-        """A frame waits no more."""
+        """Remove a frame from the queue."""
 
     def soon(self) -> list[int]:
-        """Those, at most AHEAD, whose turn comes soonest if nothing new comes; the next one first."""
+        """The frames, at most AHEAD, that come next if nothing new arrives, in order."""
 
     def processed(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
-        """What became of a frame: which ones found their place with it, or whether it matches nothing so far."""
+        """Report a frame's outcome: the frames placed with it, or whether it has no match so far."""
 
 
 class AsTheyCame:
-    """The oldest is first: the same frames give the same map, whatever the machine."""
+    """Oldest first: the same frames give the same map on any machine."""
 
     def __init__(self) -> None:
         self._waiting: list[int] = []
@@ -52,16 +52,16 @@ class AsTheyCame:
 
 
 class NewestFirst:
-    """The newest is first, so that the map shows where the aircraft is now, however many frames wait.
+    """Newest first, so that the map shows where the aircraft is now, however many frames wait.
 
-    What is passed over is filled in when nothing newer waits: from the newest back, each beside one that is on the map. The
-    front is the newest frame on the map. If a frame ahead of it finds no overlap there, one half as far ahead is next, and so
-    on until one finds its place, and often the others with it. Where not even the frame after the front matches, the flight
-    itself has lost its overlap, and what comes behind the gap is the front.
+    Skipped frames are filled in when nothing newer waits: from the newest back, each next to one already on the map. The
+    front is the newest frame on the map. If a frame ahead of it has no overlap there, one half as far ahead is next, and so
+    on until one is placed, often bringing others with it. If not even the frame right after the front matches, the flight
+    itself has a gap, and the frame after the gap becomes the front.
     """
 
     def __init__(self) -> None:
-        self._waiting: list[int] = []  # the oldest first
+        self._waiting: list[int] = []  # oldest first
         self._front = -1
         self._reach = math.inf  # how many frames ahead of the front the next one may be
 
@@ -76,7 +76,7 @@ class NewestFirst:
         self._waiting.remove(frame)
 
     def soon(self) -> list[int]:
-        """While several new frames wait, the newest alone: the machine has enough to do."""
+        """While several new frames wait, only the newest: the machine is busy enough."""
         among = self._whose_turn()
         if len(self._ahead()) > 1:
             return among[-1:]
@@ -99,7 +99,7 @@ class NewestFirst:
         return self._waiting[bisect_right(self._waiting, self._front) :]
 
     def _whose_turn(self) -> list[int]:
-        """Those among which the newest is next: ahead of the front as far as it may be, or else all that were passed over."""
+        """The candidates, of which the newest is next: those within reach ahead of the front, or else all skipped ones."""
         ahead = self._ahead()
         if not ahead:
             return self._waiting

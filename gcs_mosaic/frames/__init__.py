@@ -1,4 +1,4 @@
-"""Where frames come from: a watched folder, files, a live stream (`rtsp`). Each comes once, and whole.
+"""Frame sources: a watched folder, files, a live stream (`rtsp`). Each frame is delivered once, and complete.
 
-May import `messages`, `errors` and the types of pictures (`stitch.arrays`); called by `app`, and by `export` to decode originals.
+May import `messages`, `errors` and `stitch.arrays`; used by `app`, and by `export` to decode originals.
 """

@@ -1,5 +1,5 @@
-"""TIFFs that OpenCV does not read: two bands, or more than three, bands that are stored one after another; and the reason for
-those that are not read at all."""
+"""TIFFs that OpenCV cannot read: two bands, more than three, or planar storage; and the reason for those that are not
+supported at all."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gcs_mosaic.frames.tiff import TiffPage, first_page
 logger = logging.getLogger(__name__)
 
 _NONE, _DEFLATE = 1, (8, 32946)
-_COUNTS = frozenset({1, 4})  # sample formats: whole numbers without a sign, and not told
+_COUNTS = frozenset({1, 4})  # sample formats: unsigned integer, and undefined
 
 
 def needs_bands(data: bytes) -> bool:
-    """Whether a whole image file is a TIFF for `decode_bands`."""
+    """Whether a complete image file is a TIFF for `decode_bands`."""
     if not data.startswith((b"II", b"MM")):
         return False
     page = first_page(data)
@@ -31,9 +31,9 @@ def needs_bands(data: bytes) -> bool:
 
 
 def decode_bands(data: bytes) -> NDArray[Any]:
-    """(height, width, bands) uint8 or uint16 of a TIFF's first page without its transparency, three bands as blue, green, red.
+    """(height, width, bands) uint8 or uint16 of a TIFF's first page without transparency, three bands as blue, green, red.
 
-    Raises StructureError, with the reason, for what is not read: other samples than counts of 8 or 16 bits, compression
+    Raises StructureError, with the reason, for unsupported files: samples other than unsigned 8 or 16 bits, compression
     other than Deflate, or more data than the page has pixels.
     """
     page = first_page(data)
@@ -44,7 +44,7 @@ def decode_bands(data: bytes) -> NDArray[Any]:
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
             image = file.pages[0].asarray(maxworkers=1)
-    except Exception as error:  # the library raises whatever a damaged file leads it to
+    except Exception as error:  # the library may raise anything on a damaged file
         logger.info("a TIFF cannot be decoded", exc_info=True)
         raise StructureError(f"damaged: {error}") from error
     if image.size != page.height * page.width * page.samples:
@@ -57,7 +57,7 @@ def decode_bands(data: bytes) -> NDArray[Any]:
 
 
 def _refuse_bombs(data: bytes, page: TiffPage) -> None:
-    """The library unpacks a piece whatever comes out of it."""
+    """The library decompresses a piece without a size limit."""
     if page.compression == _NONE:
         return
     if page.compression not in _DEFLATE:

@@ -1,4 +1,4 @@
-"""An image file -> pixels, or the reason why not."""
+"""Decoding an image file to pixels, or the reason why it fails."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gcs_mosaic.stitch.arrays import Bands
 logger = logging.getLogger(__name__)
 
 
-# Pixels as they were taken: a camera that turns its pictures would change its geometry.
+# Pixels as captured: applying the orientation tag would change the camera's geometry.
 _AS_TAKEN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _COLOUR = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 _GREY = {1: cv2.IMREAD_GRAYSCALE, 2: cv2.IMREAD_REDUCED_GRAYSCALE_2, 4: cv2.IMREAD_REDUCED_GRAYSCALE_4}
@@ -28,13 +28,13 @@ _JPEG = b"\xff\xd8"
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """Why a file gives no picture."""
+    """Why a file cannot be decoded."""
 
     reason: str
 
 
 def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
-    """The frame's pixels as in `decode_image`; Unreadable also if the file is no longer the one that was found."""
+    """The frame's pixels as in `decode_image`; Unreadable also if the file has changed since it was found."""
     if frame.data is not None:
         return decode_image(frame.data, max_pixels, reduction)
     data = _read(frame.path.read_bytes)
@@ -52,10 +52,10 @@ def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> 
 
 
 def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
-    """(height, width, bands) uint8 or uint16 from a whole JPEG, PNG or TIFF, without transparency: three bands are blue, green
-    and red, others stand in the order of the file.
+    """(height, width, bands) uint8 or uint16 from a complete JPEG, PNG or TIFF, without transparency: three bands are blue, green
+    and red, others are in file order.
 
-    A `reduction` of 2 or 4 gives a picture of half or a quarter of the size (rounded up), which a JPEG is decoded to at once.
+    A `reduction` of 2 or 4 gives half or a quarter of the size (rounded up); a JPEG is decoded directly at that size.
     """
     whole = is_whole(data, max_pixels)
     if isinstance(whole, NotWhole):
@@ -77,14 +77,14 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
 
 
 def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
-    """What OpenCV reads: one band or three."""
+    """OpenCV's result: one band or three."""
     flags = (_GREY if whole.bands == 1 else _COLOUR)[reduction] | _AS_TAKEN
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     return image if image is None or image.ndim == 3 else image[..., None]
 
 
 def _reduced(image: Bands, reduction: int) -> Bands:
-    """The mean of each square of so many pixels; at the far borders of what there is of it, the last row or column repeated."""
+    """The mean of each square of `reduction` pixels; at the far borders the last row or column is repeated."""
     below, right = -image.shape[0] % reduction, -image.shape[1] % reduction
     size = (image.shape[1] + right) // reduction, (image.shape[0] + below) // reduction
     bands = [

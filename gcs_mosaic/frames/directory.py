@@ -1,4 +1,4 @@
-"""Frames from a watched folder. A poll is the truth: file events get lost, and network mounts deliver none."""
+"""Frames from a watched folder. Uses polling: file events get lost, and network mounts deliver none."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
 logger = logging.getLogger(__name__)
 
 REPORT_EACH_S = 1.0
-AGAIN_S = 0.08  # until the next look after one that has found a file new or changed: most are whole by then
-AGAIN_SHARE, LOOKING_SHARE = 0.2, 0.1  # of the time, at most, that such looks and all others may take of many files
+AGAIN_S = 0.08  # delay of the scan after one that found a new or changed file: most are complete by then
+AGAIN_SHARE, LOOKING_SHARE = 0.2, 0.1  # maximum shares of time for such scans and for all others
 
 Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
 
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What was taken of a file before the program was started: the newest version's number, size in bytes and time."""
+    """The newest version of a file accepted before a restart: its number, size in bytes and time."""
 
     version: int
     size: int
@@ -46,11 +46,11 @@ def watch(
     settings: FolderSettings | None = None,
     taken: Mapping[str, Taken] | None = None,
 ) -> Iterator[Item]:
-    """Frames as they become complete in `folder` and below it, until `stop` is set; a missing folder is made.
+    """Frames as they become complete in `folder` and below, until `stop` is set; a missing folder is created.
 
-    A file is ready when two looks find it unchanged and it is whole. Ready files of one look come in the order of
-    their times, then of their names. `taken`: files by name of a flight that goes on; all others are new, unless they are older
-    than all of these and than the settings ask for. Raises UsageError, at once, for a path that can be no folder.
+    A file is ready when two scans find it unchanged and it is complete. Files that become ready in one scan are sorted by
+    time, then by name. `taken`: files of a resumed flight by name; all others are new, unless they are older
+    than all of these and than the settings allow. Raises UsageError immediately for a path that cannot be a folder.
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
@@ -80,13 +80,13 @@ def _make_folder(folder: Path) -> list[Item]:
 
 
 class FolderWatch:
-    """What is known of every file in the folder; each `poll` is one look."""
+    """State of every file in the folder; each `poll` is one scan."""
 
     def __init__(
         self, folder: Path, settings: FolderSettings, started_utc: float, taken: Mapping[str, Taken] | None = None
     ) -> None:
         self._folder, self._settings = folder, settings
-        # What came while nobody watched is no older than the flight, also by a camera's clock that is wrong.
+        # Files that arrived unwatched are no older than the flight, even if the camera's clock is wrong.
         oldest = min((one.modified for one in (taken or {}).values()), default=math.inf)
         self._oldest_ns = min(started_utc - settings.from_age_s, oldest) * 1e9
         self._candidates: dict[Path, Candidate] = {}
@@ -98,10 +98,10 @@ class FolderWatch:
         self._since_utc = started_utc
         self._last_utc: float | None = None
         self._reported: tuple[SourceReport, float] | None = None
-        self.look_again_s = settings.poll_s  # until the next look
+        self.look_again_s = settings.poll_s  # delay until the next scan
 
     def poll(self, now: float) -> Iterator[Item]:
-        """What has become ready, or must be said, at the monotonic time `now`."""
+        """Items that are ready, and notices, at the monotonic time `now`."""
         start, changed = time.perf_counter(), self._changed
         found = scan(self._folder)
         self._polls += 1
@@ -182,7 +182,7 @@ class FolderWatch:
             yield report
 
     def _presence(self, found: Scan) -> Iterator[Notice]:
-        """Said when the folder goes (a card pulled out, a mount lost) and when it comes back."""
+        """Report when the folder disappears (card removed, mount lost) and when it returns."""
         if bool(found.missing) == self._missing:
             return
         self._missing, self._since_utc = bool(found.missing), time.time()

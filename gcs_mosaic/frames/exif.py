@@ -1,6 +1,6 @@
-"""When a frame was taken, by its camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
+"""Capture time by the camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
 
-A frame's time may tell when it is its turn, and nothing else. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B,
+Used only to order frames. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B,
 and the BigTIFF of libtiff.
 """
 
@@ -19,19 +19,19 @@ from gcs_mosaic.frames.structure import StructureError, unpack
 
 _EXIF_DIRECTORY, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 0x8769, 0x9003, 0x9291
 _TEXT = 2  # field type
-_POINTERS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # LONG, IFD, and BigTIFF's LONG8 and IFD8: how they are written
+_POINTERS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # LONG, IFD, and BigTIFF's LONG8 and IFD8: their struct formats
 _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)", re.ASCII)
 _APP1, _START_OF_SCAN, _END = 0xE1, 0xDA, 0xD9
 
-MOST_SEGMENTS = 64  # before a JPEG's picture; cameras write fewer than ten
-MOST_ENTRIES = 512  # of a directory; cameras write some dozens
+MOST_SEGMENTS = 64  # before a JPEG's image data; cameras write fewer than ten
+MOST_ENTRIES = 512  # of a directory; cameras write a few dozen
 LONGEST_TEXT = 64  # bytes; a date has 20
 
 
 def capture_time(path: Path, note: Callable[[str], None] = lambda text: None) -> datetime | None:
-    """The time by the camera's clock, whose zone is not known; None if the file has none that can be read.
+    """The time by the camera's clock, whose time zone is unknown; None if the file has no readable one.
 
-    `note` is given a sentence where that is the file's fault.
+    `note` receives a sentence if the file is at fault.
     """
     try:
         with path.open("rb") as file:
@@ -46,14 +46,14 @@ def capture_time(path: Path, note: Callable[[str], None] = lambda text: None) ->
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """A TIFF structure within a file, from byte `start` of it; every read is bounded by what is asked for."""
+    """A TIFF structure within a file, starting at byte `start`; each read is limited to the bytes requested."""
 
     file: BinaryIO
     start: int
     length: int
 
     def read(self, offset: int, count: int) -> bytes:
-        """Just so many bytes; raises StructureError if there are not as many."""
+        """Exactly `count` bytes; raises StructureError if there are fewer."""
         if offset + count > self.length:
             raise StructureError("damaged: EXIF points beyond its end")
         self.file.seek(self.start + offset)
@@ -64,12 +64,12 @@ class _Block:
 
 
 def _of_jpeg(file: BinaryIO) -> datetime | None:
-    """Walks from segment to segment, of which only the heads are read, up to the picture."""
+    """Walks the segments, reading only their headers, up to the image data."""
     at = 2
     for _ in range(MOST_SEGMENTS):
         file.seek(at)
         head = file.read(10)
-        if (fill := len(head) - len(head.lstrip(b"\xff")) - 1) > 0:  # a marker may have any number of these before it
+        if (fill := len(head) - len(head.lstrip(b"\xff")) - 1) > 0:  # fill bytes may precede a marker
             at += fill
             continue
         mark, marker, length = unpack(">BBH", head, 0)
@@ -100,11 +100,11 @@ def _of_tiff(block: _Block) -> datetime | None:
     return _moment(date, fraction)
 
 
-_Entry = tuple[int, int, bytes]  # field type, number of values, and the values or where they are
+_Entry = tuple[int, int, bytes]  # field type, number of values, and the values or their offset
 
 
 def _directory(block: _Block, order: str, at: int, *, big: bool) -> dict[int, _Entry]:
-    """The entries of the directory at `at` by tag, the first of each; no directory leads to another one but by a tag."""
+    """The entries of the directory at `at` by tag, the first of each; the offset of a next directory is ignored."""
     form, count_form = ("HHQ8s", "Q") if big else ("HHI4s", "H")
     count_size, size = struct.calcsize(order + count_form), struct.calcsize(order + form)
     (count,) = unpack(order + count_form, block.read(at, count_size), 0)
@@ -118,7 +118,7 @@ def _directory(block: _Block, order: str, at: int, *, big: bool) -> dict[int, _E
 
 
 def _text(block: _Block, order: str, entry: _Entry | None) -> str:
-    """A text as it is written, without what follows its end; empty if there is none."""
+    """A text value up to its terminator; empty if there is none."""
     if entry is None or entry[0] != _TEXT or entry[1] > LONGEST_TEXT:
         return ""
     _, count, value = entry
@@ -129,7 +129,7 @@ def _text(block: _Block, order: str, entry: _Entry | None) -> str:
 
 
 def _moment(date: str, fraction: str) -> datetime | None:
-    """Of "2021:06:05 14:03:59" and the digits behind the point of its seconds; None if that is no moment."""
+    """Parse "2021:06:05 14:03:59" and the fractional digits of its seconds; None if invalid."""
     found = _DATE.fullmatch(date)
     if not found:
         return None

@@ -1,4 +1,4 @@
-"""Frames that are all there: files and folders named on the command line."""
+"""Frames from existing files: files and folders named on the command line."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from gcs_mosaic.messages import DamagedFile, Frame, content_hash
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """How many files there are; each as a frame or with the reason why it is none, read when it is asked for.
+    """A number of files, each yielded as a frame or as a DamagedFile with the reason, read on demand.
 
-    In words for the operator: `order`, how they are ordered; `passed_over`, what could not be looked at. `notes`: what else is
-    worth to be written down.
+    As text for the operator: `order`, how they are sorted; `passed_over`, what could not be inspected. `notes`: further
+    remarks for the log.
     """
 
     count: int
@@ -36,9 +36,9 @@ class Given:
 def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = None) -> Given:
     """The frames of files and folders.
 
-    Files come in the order given. Those of folders (and below them) come in the order of their capture times, if every one
-    has one and no two are the same; else folder by folder in the order of their names, numbers counting as numbers.
-    Raises UsageError, at once, for a path that is not there and for a folder without images.
+    Files come in the order given. Those of folders (and subfolders) are sorted by capture time, if all have one
+    and no two are equal; otherwise folder by folder by name, in natural order.
+    Raises UsageError immediately for a path that does not exist and for a folder without images.
     """
     given, notes = [paths] if isinstance(paths, Path) else list(paths), list[str]()
     found = [looks_in(path) for path in given]
@@ -51,7 +51,7 @@ def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = No
 
 
 def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look], str]:
-    """Files that are in the order of their names, in the better order if there is one, and which it is."""
+    """Files sorted by name, in capture order instead if known; and which order it is."""
     by_names = "in the order of their names"
     times = [capture_time(look.path, note) for look in looks]
     firsts: dict[datetime, Look] = {}
@@ -65,12 +65,12 @@ def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look
 
 
 def name_order(name: str) -> tuple[tuple[tuple[int, str], ...], str]:
-    """Sort key: IMG_9 before IMG_10; no two names have the same one."""
+    """Natural sort key: IMG_9 before IMG_10; unique for each name."""
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)), name
 
 
 def looks_in(path: Path) -> tuple[list[Look], list[str]]:
-    """The file, or those of the folder in the order of their names; and what could not be looked at, in words.
+    """The file, or the files of the folder sorted by name; and what could not be inspected, as text.
 
     Raises UsageError as `frames_in` does.
     """
@@ -78,7 +78,7 @@ def looks_in(path: Path) -> tuple[list[Look], list[str]]:
         if not path.is_dir():
             status = path.stat()
             return [Look(path, shown_name(Path(path.name)), status.st_size, status.st_mtime_ns)], []
-        next(path.iterdir(), None)  # says why a folder cannot be read; a scan passes over it
+        next(path.iterdir(), None)  # raises the reason why a folder cannot be read; a scan skips it
     except OSError as error:
         raise UsageError(
             f"{str(path)!r} cannot be read ({error.strerror}): give image files or a folder of them."
@@ -100,7 +100,7 @@ def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | Dam
 
 
 def read_frame(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
-    """The file as a frame of this name, or why it is none."""
+    """The file as a frame of this name, or why it is not one."""
     data = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
     if isinstance(data, bytes):
         return frame_of(look, name, data, content_hash(data))

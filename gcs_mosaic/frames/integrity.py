@@ -1,4 +1,4 @@
-"""Is this image file complete? Answered from its structure, because decoders fill what is missing with grey."""
+"""Completeness check of image files, based on their structure, because decoders fill missing parts with grey."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from gcs_mosaic.frames.png import png_header
 from gcs_mosaic.frames.structure import StructureError, Whole
 from gcs_mosaic.frames.tiff import tiff_header
 
-MAX_PIXELS = 400_000_000  # a larger picture is a trap or a finished map, and would fill the memory of a laptop
+MAX_PIXELS = 400_000_000  # larger ones are decompression bombs or finished maps, and exhaust a laptop's memory
 
-MOST_BANDS = 64  # far more than cameras that take a frame at a time have
+MOST_BANDS = 64  # far more than frame cameras have
 
 _HEADERS: dict[bytes, Callable[[bytes], Whole]] = {
     b"\xff\xd8\xff": jpeg_header,
@@ -26,7 +26,7 @@ _HEADERS: dict[bytes, Callable[[bytes], Whole]] = {
 
 @dataclass(frozen=True, slots=True)
 class NotWhole:
-    """Why the bytes are no complete image (yet)."""
+    """Why the bytes are not a complete image (yet)."""
 
     reason: str
 
@@ -45,7 +45,7 @@ def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
     size = f"{whole.width} x {whole.height} pixels"
     if whole.width * whole.height > max_pixels:
         return NotWhole(f"{size}, more than the limit of {max_pixels / 1e6:g} million")
-    # The limit is meant for the memory that eight-bit colour takes.
+    # The limit is defined for the memory of 8-bit colour.
     if whole.bands > MOST_BANDS or whole.width * whole.height * whole.bands * whole.bits > 24 * max_pixels:
         limit = f"more than {max_pixels / 1e6:g} million in colour, or than {MOST_BANDS} bands"
         return NotWhole(f"{size} of {whole.bands} bands and {whole.bits} bits: {limit}")
@@ -53,6 +53,6 @@ def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in pixels of a whole image; None if it is not one."""
+    """(width, height) in pixels of a complete image; None otherwise."""
     whole = is_whole(data)
     return (whole.width, whole.height) if isinstance(whole, Whole) else None

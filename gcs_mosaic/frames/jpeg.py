@@ -1,4 +1,4 @@
-"""JPEG: a walk along the markers to the real end. Source: ITU-T T.81, annex B."""
+"""JPEG: walks the markers to the actual end. Source: ITU-T T.81, annex B."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
 _END, _SCAN = 0xD9, 0xDA
 _ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a segment
-_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOFn, which hold the size
+_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOFn, which contain the size
 _MARKER = re.compile(rb"\xff+([^\xff\x00])")
-# In coded data 0xFF is followed by zero, a restart marker or a fill byte; anything else ends the scan.
+# In entropy-coded data 0xFF is followed by zero, a restart marker or a fill byte; anything else ends the scan.
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 
 
 def jpeg_header(data: bytes) -> Whole:
-    """Size and bands; raises StructureError if the end marker of the picture itself is not there.
+    """Size and bands; raises StructureError if the main image's end marker is missing.
 
-    A thumbnail's end marker lies inside a segment and is stepped over; whatever follows the end is not looked at.
+    A thumbnail's end marker lies inside a segment and is skipped; data after the end is ignored.
     """
     position, size, scans = 2, None, 0
     while True:
@@ -39,7 +39,7 @@ def jpeg_header(data: bytes) -> Whole:
 
 
 def _marker(data: bytes, position: int) -> tuple[int, int]:
-    """The marker at `position` and where it ends; fill bytes before it are allowed."""
+    """The marker at `position` and its end; fill bytes before it are allowed."""
     unpack("BB", data, position)
     found = _MARKER.match(data, position)
     if not found:

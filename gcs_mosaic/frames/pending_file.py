@@ -1,4 +1,4 @@
-"""One file that is, or may become, a frame."""
+"""State of one file that is, or may become, a frame."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _VERSIONED = re.compile(r"(.+)#(\d+)", re.DOTALL)
 
 @dataclass(slots=True)
 class Candidate:
-    """What is remembered of a file between two looks. `content` is the hash of what was last taken from it."""
+    """A file's state between two scans. `content` is the hash of the last accepted content."""
 
     settings: FolderSettings
     content: str | None = None
@@ -29,26 +29,26 @@ class Candidate:
 
     @property
     def worth_keeping(self) -> bool:
-        """Whether the file must be known again if it vanishes and comes back."""
+        """Whether the state must be kept if the file vanishes and comes back."""
         return self._settled or self.content is not None
 
     def leave(self, look: Look) -> None:
-        """The file is not wanted as it is now."""
+        """Ignore the file in its current state."""
         self._signature, self._settled = look.signature, True
 
     def is_changed(self, look: Look) -> bool:
-        """Whether the file is not as it was at the last look; new ones are not."""
+        """Whether the file differs from its last scanned state; true for new ones."""
         return look.signature != self._signature
 
     def is_ready(self, look: Look, now: float) -> bool:
-        """Whether it is time to read the file: it has not changed since the last look, and is not known to be done."""
+        """Whether to read the file now: unchanged since the last scan, and not known to be done."""
         if look.signature != self._signature:
             self._signature, self._settled, self._broken_since, self._check_at = look.signature, False, None, now
             return False
         return not self._settled and now >= self._check_at
 
     def take(self, look: Look, now: float, version: int) -> Frame | DamagedFile | None:
-        """The file as a frame, as damaged (once), or nothing: not yet, gone again, or the content that was taken before."""
+        """The file as a frame, as damaged (once), or None: not yet, gone, or content that was accepted before."""
         data = read_whole(look, self.settings)
         if data is None:
             self._signature = None
@@ -71,7 +71,7 @@ class Candidate:
 
 
 def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
-    """The bytes of a complete image; why it is none; None if the file has gone or changed since the look."""
+    """The bytes of a complete image; or why it is not one; None if the file is gone or has changed since the scan."""
     if look.size > settings.max_file_bytes:
         return NotWhole(f"{look.size} bytes, more than the limit of {settings.max_file_bytes}")
     try:
@@ -87,7 +87,7 @@ def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
 
 
 def versioned(name: str, version: int) -> str:
-    """The frame's name: the file's, and a number from the second time on."""
+    """The frame's name: the file's, with a number from the second version on."""
     return name if version == 1 else f"{name}#{version}"
 
 
@@ -98,7 +98,7 @@ def file_and_version(name: str) -> tuple[str, int]:
 
 
 def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
-    """The frame that `data`, just read, is."""
+    """The frame for `data`, just read."""
     return Frame(
         name=name,
         path=Path(look.path),

@@ -1,4 +1,4 @@
-"""PNG: every chunk with its checksum, to the last. Source: ISO/IEC 15948, clause 5."""
+"""PNG: verifies every chunk and its checksum, to the last. Source: ISO/IEC 15948, clause 5."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FRAME = 12  # length, type and checksum around a chunk's data
 
 
 def png_header(data: bytes) -> Whole:
-    """Size and bands; raises StructureError if a chunk is cut off or broken, or if the end is missing."""
+    """Size and bands; raises StructureError if a chunk is truncated or corrupt, or if the end is missing."""
     position, whole, kinds = _SIGNATURE, Whole(0, 0), set[bytes]()
     while b"IEND" not in kinds:
         (length,) = unpack(">I", data, position)

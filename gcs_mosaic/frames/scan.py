@@ -1,4 +1,4 @@
-"""One look at a folder and all below it."""
+"""A single scan of a folder and its subfolders."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pathlib import Path
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
-_LEDGER = "flight.sqlite"  # a folder that holds it is a flight of ours: its pictures are not new ones
+_LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A file as it was at one moment. `name` is its POSIX path below the folder, made printable."""
+    """A file's state at one time. `name` is its POSIX path relative to the folder, made printable."""
 
     path: Path
     name: str
@@ -30,23 +30,23 @@ class Look:
 
 @dataclass(slots=True)
 class Scan:
-    """What one look found: images by name and suffix only, and what was passed over."""
+    """Result of a scan: images by name and suffix only, and what was skipped."""
 
     images: list[Look] = field(default_factory=list)
-    strangers: set[str] = field(default_factory=set)  # suffixes of files that are no images
+    strangers: set[str] = field(default_factory=set)  # suffixes of files that are not images
     links: set[str] = field(default_factory=set)  # names of symbolic links, which may lead anywhere
-    unreadable: set[str] = field(default_factory=set)  # sentences: what could not be looked at, and why
-    missing: str = ""  # why the folder itself cannot be looked into
+    unreadable: set[str] = field(default_factory=set)  # sentences: what could not be inspected, and why
+    missing: str = ""  # why the folder itself cannot be read
 
     def pass_over(self, path: str, error: OSError) -> None:
-        """Note what could not be looked at; what has gone meanwhile is no news."""
+        """Note what could not be inspected; files that have vanished are not reported."""
         if not isinstance(error, FileNotFoundError):
             shown = shown_name(Path(path))
             self.unreadable.add(f"{shown} cannot be looked at ({error.strerror}): it is passed over")
 
 
 def scan(folder: Path) -> Scan:
-    """Looks once. Hidden and unfinished files are passed over, and what vanishes meanwhile; links are not followed."""
+    """Scan once. Hidden, unfinished and vanishing files are skipped; links are not followed."""
     found = Scan()
     try:
         os.scandir(folder).close()
@@ -66,13 +66,13 @@ def scan(folder: Path) -> Scan:
 
 
 def shown_name(path: Path) -> str:
-    """A name that can be printed and stored: control characters and bytes that are no text are written out."""
+    """A name that can be printed and stored: control characters and undecodable bytes are escaped."""
     text = os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 
 
 def _entries(folder: Path, found: Scan) -> Iterator[os.DirEntry[str]]:
-    """Everything below `folder` that may be a file, folders of our own flights left out."""
+    """Everything below `folder` that may be a file, except folders of our own flights."""
     folders = [os.fspath(folder)]
     while folders:
         for entry in _listing(folders.pop(), found):
@@ -88,7 +88,7 @@ def _listing(folder: str, found: Scan) -> list[os.DirEntry[str]]:
     try:
         with os.scandir(folder) as listing:
             entries = list(listing)
-    except OSError as error:  # gone, or not ours to read
+    except OSError as error:  # gone, or no permission
         found.pass_over(folder, error)
         return []
     return [] if any(entry.name == _LEDGER for entry in entries) else entries
@@ -97,7 +97,7 @@ def _listing(folder: str, found: Scan) -> list[os.DirEntry[str]]:
 def _is_folder(entry: os.DirEntry[str], found: Scan) -> bool:
     try:
         return entry.is_dir(follow_symlinks=False)
-    except OSError as error:  # a network mount that has been lost
+    except OSError as error:  # a lost network mount
         found.pass_over(entry.path, error)
         return False
 
@@ -108,6 +108,6 @@ def _look(entry: os.DirEntry[str], name: str, found: Scan) -> Look | None:
     except OSError as error:
         found.pass_over(entry.path, error)
         return None
-    if not stat.S_ISREG(status.st_mode):  # reading a pipe would wait for ever
+    if not stat.S_ISREG(status.st_mode):  # reading a pipe would block for ever
         return None
     return Look(Path(entry.path), name, status.st_size, status.st_mtime_ns)

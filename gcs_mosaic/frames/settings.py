@@ -1,4 +1,4 @@
-"""The settings of the watched folder, and the words of `--from`."""
+"""Settings of the watched folder, and parsing of `--from`."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ class FolderSettings:
     """How a folder is watched. Times are in seconds."""
 
     poll_s: float = 0.1
-    """Time between two looks, less after one that has found a file new or changed; a file is taken at the second look that
-    finds it unchanged. 5,000 files cost 34 ms, and looking takes no more than a tenth of the time."""
+    """Time between two scans, less after one that found a new or changed file; a file is accepted at the second scan that
+    finds it unchanged. Scanning 5,000 files takes 34 ms, and scans use at most a tenth of the time."""
     from_age_s: float = 1800.0
-    """Files that are older than this when the watch starts are left alone: half an hour of setting up."""
+    """Files older than this when the watch starts are ignored: half an hour for setting up."""
     damaged_after_s: float = 5.0
-    """A file that has not changed for so long and still is not whole is reported as damaged: slow links pause."""
+    """A file that has been unchanged this long and is still incomplete is reported as damaged: slow links pause."""
     recheck_longest_s: float = 30.0
-    """A damaged file is looked into again at growing distances, at most this: some systems show changes late."""
+    """A damaged file is rechecked at increasing intervals, at most this: some systems show changes late."""
     max_pixels: int = MAX_PIXELS
-    """Width times height; larger images are refused by their header, before they are decoded."""
+    """Width times height; larger images are refused by their header, before decoding."""
     max_file_bytes: int = 1 << 30
-    """Larger files are not read at all: 1 GiB is ten times the largest frame of any camera that flies."""
+    """Larger files are not read at all: 1 GiB is ten times the largest frame of any airborne camera."""
 
 
 def parse_from(text: str) -> float:
-    """The age in seconds up to which files are taken: `now` (0), `start` (all there are), or a duration such as 30m."""
+    """Maximum file age in seconds: `now` (0), `start` (all existing files), or a duration such as 30m."""
     words = {"now": 0.0, "start": math.inf}
     duration = re.fullmatch(r"(\d+(?:\.\d+)?)([smhd])", text.strip().lower(), re.ASCII)
     if duration:

@@ -1,4 +1,4 @@
-"""TIFF and BigTIFF: every directory, and every strip or tile it lists, lies within the file. Source: TIFF 6.0."""
+"""TIFF and BigTIFF: checks that every directory and its strips or tiles lie within the file. Source: TIFF 6.0."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ _PALETTE, _ALPHA = 3, (1, 2)
 _LETTERS = {1: "B", 3: "H", 4: "I", 16: "Q"}  # field types: byte, short, long, long8
 _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
-_MOST_DIRECTORIES = 64  # pages and overviews; a chain that bites its tail ends here
+_MOST_DIRECTORIES = 64  # pages and overviews; also ends cyclic chains
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """How numbers are written: byte order, and the letters of an offset and of a directory's count."""
+    """Number formats: byte order, and the struct letters of an offset and of a directory's count."""
 
     order: str
     offset: str
     count: str
-    first: int  # where the file says where its first directory is
+    first: int  # position of the first directory's offset
 
 
 @dataclass(frozen=True, slots=True)
 class TiffPage:
-    """How the first page of a TIFF is stored; `pieces` are the places (offset, bytes) of its strips or tiles, `piece_bytes` what
-    each of them is at most when it is unpacked."""
+    """Storage of a TIFF's first page; `pieces` are the (offset, bytes) of its strips or tiles, `piece_bytes` the maximum size
+    of each when decompressed."""
 
     width: int
     height: int
     samples: int
-    transparent: tuple[int, ...]  # which of the samples are no bands, from 0
-    bits: int  # of a sample; the most, if they differ
-    formats: frozenset[int]  # 1: counts without a sign
+    transparent: tuple[int, ...]  # indices of samples that are not bands, from 0
+    bits: int  # per sample; the largest, if they differ
+    formats: frozenset[int]  # 1: unsigned integer
     compression: int
     palette: bool
     planar: bool
@@ -56,7 +56,7 @@ def tiff_header(data: bytes) -> Whole:
 
 
 def first_page(data: bytes) -> TiffPage:
-    """How the first page is stored; raises StructureError if any page is not completely in the file."""
+    """Storage of the first page; raises StructureError if any page is not completely in the file."""
     order = "<" if data[:1] == b"I" else ">"
     big = unpack(order + "H", data, 2) == (43,)
     layout = _Layout(order, "Q", "Q", 8) if big else _Layout(order, "I", "H", 4)
@@ -93,7 +93,7 @@ def _page(fields: dict[int, list[int]], pieces: list[tuple[int, int]]) -> TiffPa
 
 
 def _directory(data: bytes, layout: _Layout, start: int) -> tuple[dict[int, list[int]], int]:
-    """The fields we need of the directory at `start`, and where the next one is."""
+    """The fields needed from the directory at `start`, and the offset of the next one."""
     (entries,) = unpack(layout.order + layout.count, data, start)
     entry_size = 4 + 2 * _SIZES[layout.offset]
     first = start + _SIZES[layout.count]
@@ -108,7 +108,7 @@ def _directory(data: bytes, layout: _Layout, start: int) -> tuple[dict[int, list
 
 
 def _place(data: bytes, layout: _Layout, at: int, width: int) -> tuple[int, int]:
-    """Where the values of an entry begin (in the entry itself if they fit) and how many there are, all in the file."""
+    """Offset of an entry's values (in the entry itself if they fit) and their count, all within the file."""
     (count,) = unpack(layout.order + layout.offset, data, at)
     at += _SIZES[layout.offset]
     if count * width > _SIZES[layout.offset]:
@@ -119,7 +119,7 @@ def _place(data: bytes, layout: _Layout, at: int, width: int) -> tuple[int, int]
 
 
 def _pieces(data: bytes, fields: dict[int, list[int]]) -> list[tuple[int, int]]:
-    """Where the page's strips or tiles are, all in the file."""
+    """Offsets and sizes of the page's strips or tiles, all within the file."""
     for offsets, counts in _PIECES:
         pieces = list(zip(fields.get(offsets, []), fields.get(counts, []), strict=False))
         if any(offset + count > len(data) for offset, count in pieces):

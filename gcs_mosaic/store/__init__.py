@@ -1,4 +1,4 @@
-"""A flight's output folder: originals, ledger, tiles, documents, log. The contract with all who read it.
+"""A flight's output folder: originals, ledger, tiles, documents, log. The interface for all readers.
 
-May import `messages`, `errors`, what is drawn (`render`) and what a placement is; called by `app`, `export`, `web` and `cli`.
+May import `messages`, `errors`, `render` and the placement types; used by `app`, `export`, `web` and `cli`.
 """

@@ -1,11 +1,11 @@
-"""What a flight knows between two frames, on the disk, so that it can be resumed without doing anything twice.
+"""Checkpoints of a flight's state between two frames, so that it can be resumed without repeating work.
 
-Two files: `checkpoint` is written anew each time and refers to `checkpoint.values`, to which every large value (the features
-of a frame, the matches of a pair) is only appended once, because such values never change. A checkpoint is never ahead of the
-ledger: that reaches the disk first. What came after it is in the ledger, and is done again.
+Two files: `checkpoint` is rewritten each time and refers to `checkpoint.values`, to which each large value (the features
+of a frame, the matches of a pair) is appended once, because such values are immutable. A checkpoint is never ahead of the
+ledger, which is synced first. Frames recorded after the checkpoint are in the ledger and are processed again.
 
-The files are pickles, which could name any code; so they are read by a reader that knows numbers, containers and the plain
-records of this program, and refuses everything else.
+The files are pickles, which could name arbitrary code; a restricted unpickler accepts only numbers, containers and this
+program's own records.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ logger = logging.getLogger(__name__)
 NAME, VALUES_NAME = "checkpoint", "checkpoint.values"
 FORMAT = 1
 MAGIC = b"gcs-mosaic checkpoint\n"
-HEAD = struct.Struct("<I16s16sq")  # format, digest of what follows, which values these are, how many bytes of them
-LARGE = 1024  # bytes of a value that is worth to be written apart
-SHARE = 0.05  # of the time, at most, that may go into checkpoints
-# What may be made of a pickle, besides this program's own records.
+HEAD = struct.Struct("<I16s16sq")  # format, digest of the payload, name of the values file, its length in bytes
+LARGE = 1024  # bytes; smaller values are stored inline
+SHARE = 0.05  # maximum share of time spent on checkpoints
+# Allowed in a pickle besides this program's own records.
 KNOWN = {
     ("builtins", "set"),
     ("builtins", "frozenset"),
@@ -64,15 +64,15 @@ OURS = "gcs_mosaic."
 
 @dataclass(frozen=True, slots=True)
 class Unusable:
-    """Why a flight cannot be resumed from its checkpoint, as the end of a sentence."""
+    """Why a checkpoint cannot be used to resume a flight, phrased as the end of a sentence."""
 
     reason: str
 
 
 class Checkpoints:
-    """Reads and writes the checkpoint of one output folder; `close` waits for the last. Used by one thread.
+    """Reads and writes the checkpoint of one output folder; `close` waits for the last write. For use by one thread.
 
-    `large`: kinds of values that are written once and referred to.
+    `large`: types whose values are written once and referenced.
     """
 
     def __init__(self, out: Path, large: tuple[type, ...]) -> None:
@@ -80,24 +80,24 @@ class Checkpoints:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="checkpoint")
         self._writing: Future[None] | None = None
         self._due = -math.inf  # monotonic seconds
-        self.problem: str | None = None  # why the last one could not be written
+        self.problem: str | None = None  # why the last write failed
 
     def load(self) -> Any:
-        """What the last checkpoint holds, or `Unusable`. To be called before anything is written, if at all."""
+        """Return the last checkpoint's content, or `Unusable`. Call before any write, if at all."""
         try:
             data = self._path.read_bytes()
             return self._loaded(data)
         except FileNotFoundError:
             return Unusable("it has no checkpoint")
-        except Exception as error:  # whatever a damaged file makes of its reader
+        except Exception as error:  # a damaged file may raise anything in the unpickler
             logger.warning("the checkpoint cannot be read", exc_info=True)
             return Unusable(f"its checkpoint cannot be read ({error!r})")
 
     def write(self, state: Callable[[], object], ledger_durable: Callable[[], None], *, at_once: bool = False) -> None:
-        """Write what `state` returns, if it is time or `at_once`. What fails is logged and tried again with the next.
+        """Write the result of `state` if due or `at_once`. Failures are logged and retried with the next checkpoint.
 
-        `ledger_durable()` is called, from another thread, before the checkpoint counts: it must bring to the disk all that the
-        ledger knows.
+        `ledger_durable()` is called, from another thread, before the checkpoint becomes valid: it must sync everything the
+        ledger contains.
         """
         if not at_once and (time.monotonic() < self._due or (self._writing and not self._writing.done())):
             return
@@ -113,7 +113,7 @@ class Checkpoints:
             self._wait()
 
     def _made(self, state: Callable[[], object]) -> tuple[bytes, bytes] | None:
-        """The checkpoint, and what is new of the values; None if it cannot be made, which must not end a flight."""
+        """The checkpoint and the new values; None if pickling fails, which must not end a flight."""
         try:
             self._values.begin()
             return self._pickled(state()), self._values.end()
@@ -122,7 +122,7 @@ class Checkpoints:
             return None
 
     def close(self) -> None:
-        """Wait for what is being written."""
+        """Wait for a write in progress."""
         self._wait()
         self._pool.shutdown()
         self._values.close()
@@ -171,30 +171,30 @@ class Checkpoints:
 
 
 class _Values:
-    """The file of large values: a name of 16 bytes, then each value with its length before it."""
+    """The file of large values: a 16-byte name, then each value prefixed with its length."""
 
     LENGTH = struct.Struct("<q")
 
     def __init__(self, path: Path, large: tuple[type, ...]) -> None:
         self.large = large
-        self.name = b""  # of this file: a checkpoint refers to one of that name only
+        self.name = b""  # of this file: a checkpoint refers to a file by its name
         self._path = path
         self._file: BinaryIO | None = None
-        self._end = 0  # of the values, also of those that are still to be appended
-        self._sure = 0  # of those that are on the disk
+        self._end = 0  # end of all values, pending appends included
+        self._sure = 0  # end of the values known to be on disk
         self._known: dict[
             int, tuple[object, int]
-        ] = {}  # where values are, by identity; they are held, so that it is theirs
-        self._seen: dict[int, tuple[object, int]] = {}  # those that the checkpoint in the making refers to
+        ] = {}  # offset by id(); the value is referenced so that its id stays valid
+        self._seen: dict[int, tuple[object, int]] = {}  # values referenced by the checkpoint being made
         self._new: list[bytes] = []
         self._read: dict[int, object] = {}
 
     def begin(self) -> None:
-        """A checkpoint is being made."""
+        """Start a checkpoint."""
         self._seen, self._new = {}, []
 
     def refer(self, value: object) -> int:
-        """Where the value is, or will be when what is new is appended."""
+        """Return the value's offset, assigning one past the end if it is new."""
         known = self._seen.get(id(value)) or self._known.get(id(value))
         if known is None:
             data = pickle.dumps(value, protocol=5)
@@ -205,17 +205,17 @@ class _Values:
         return known[1]
 
     def end(self) -> bytes:
-        """The checkpoint is made; returns what is new. What it does not refer to is not held any longer."""
+        """Finish the checkpoint; returns the new values' bytes. Values it does not reference are released."""
         self._known, self._seen = self._seen, {}
         return b"".join(self._new)
 
     def append(self, new: bytes) -> int:
-        """Bring what is new to the disk; returns the end of the file."""
+        """Write and sync new values; returns the end of the file."""
         with telling_disk_full(self._path):
             if self._file is None:
                 self._file = self._begun()
             start = len(self.name) + self._sure
-            self._file.truncate(start)  # of an earlier attempt
+            self._file.truncate(start)  # discard an earlier failed attempt
             self._file.seek(start)
             _write_whole(self._file, new)
             os.fsync(self._file.fileno())
@@ -223,12 +223,12 @@ class _Values:
             return len(self.name) + self._sure
 
     def take_back(self) -> None:
-        """What was to be appended last may be there or not."""
+        """The last append failed: its values may or may not be on disk."""
         self._end = self._sure
         self._known = {key: known for key, known in self._known.items() if known[1] < self._sure}
 
     def open(self, name: bytes, end: int) -> None:
-        """Go on with a file of this name after so many bytes. Raises ValueError and OSError."""
+        """Continue a file of this name from this offset. Raises ValueError and OSError."""
         file = self._path.open("r+b", buffering=0)
         if file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
             file.close()
@@ -237,7 +237,7 @@ class _Values:
         self._end = self._sure = end - len(name)
 
     def value(self, place: int) -> object:
-        """The value at a place."""
+        """The value at an offset."""
         if place not in self._read:
             assert self._file is not None, "opened before it is read"
             self._file.seek(len(self.name) + place)
@@ -247,7 +247,7 @@ class _Values:
         return self._read[place]
 
     def loaded(self) -> None:
-        """All has been read."""
+        """Reading is complete."""
         self._read = {}
 
     def close(self) -> None:
@@ -293,20 +293,20 @@ class _Reader(pickle.Unpickler):
         if module.startswith(OURS):
             found = super().find_class(module, name)
             record = isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum | tuple))
-            if record and (found.__module__, found.__qualname__) == (module, name):  # not what a module of ours imports
+            if record and (found.__module__, found.__qualname__) == (module, name):  # not one imported by our module
                 return found
         raise pickle.UnpicklingError(f"{module}.{name} does not belong into a checkpoint")
 
 
 def _write_whole(file: BinaryIO, data: bytes) -> None:
-    """A disk that is nearly full takes a part, and says that it is full only when it is given the rest."""
+    """A nearly full disk accepts a partial write and reports ENOSPC only for the remainder."""
     rest = memoryview(data)
     while rest:
         rest = rest[file.write(rest) :]
 
 
 def _reference(place: int) -> object:
-    """Stands for a value of the other file; the reader puts its own in its place."""
+    """Placeholder for a value in the other file; the unpickler substitutes its own."""
     raise TypeError(f"value {place} is read by a checkpoint's reader only")
 
 

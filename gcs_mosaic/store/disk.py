@@ -1,4 +1,4 @@
-"""Writing where another program may be reading, on a disk that may be full."""
+"""Writing files that another program may be reading, on a disk that may be full."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-UNSYNCABLE = (errno.EINVAL, errno.ENOTSUP)  # some network and user-space file systems know no such thing for folders
+UNSYNCABLE = (errno.EINVAL, errno.ENOTSUP)  # some network and user-space file systems cannot sync folders
 FULL = (errno.ENOSPC, errno.EDQUOT)
 # SQLite reports a full disk under its own codes; the second is the shared-memory file of its write-ahead log.
 SQLITE_FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
 
 
-class CannotWrite(Exception):  # noqa: N818 - it says what is, not that somebody erred
-    """The output folder takes nothing now (a card pulled out, a mount lost); the same call may be tried again later."""
+class CannotWrite(Exception):  # noqa: N818 - names a state, not an error
+    """The output folder is not writable now (card removed, mount lost); the same call may be retried later."""
 
 
 class DiskFull(CannotWrite):
-    """Nothing more fits on the disk. What was written before is whole, and the same call may be tried again later."""
+    """The disk is full. Earlier writes are intact, and the same call may be retried later."""
 
 
 def is_disk_full(error: BaseException) -> bool:
-    """Whether this is the operating system's or SQLite's way to say that nothing more fits."""
+    """Whether the error is the operating system's or SQLite's "disk full"."""
     if isinstance(error, sqlite3.Error):
         return getattr(error, "sqlite_errorcode", None) in SQLITE_FULL
     return isinstance(error, OSError) and error.errno in FULL
@@ -32,7 +32,7 @@ def is_disk_full(error: BaseException) -> bool:
 
 @contextmanager
 def telling_disk_full(path: Path) -> Iterator[None]:
-    """Turn every way of saying "no space" into one `DiskFull` that names `path`."""
+    """Convert every kind of "no space" error into a `DiskFull` that names `path`."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:
@@ -42,7 +42,7 @@ def telling_disk_full(path: Path) -> Iterator[None]:
 
 
 def make_folder(path: Path, *, durable: bool = False) -> None:
-    """Make a folder and those above it; `durable` as in `write_beside`. Raises DiskFull."""
+    """Make a folder and its parents; `durable` as in `write_beside`. Raises DiskFull."""
     with telling_disk_full(path):
         missing = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
@@ -51,10 +51,10 @@ def make_folder(path: Path, *, durable: bool = False) -> None:
 
 
 def write_beside(path: Path, data: bytes, *, durable: bool = False) -> None:
-    """Write `data` to `path` so that a reader finds the old file or the new one, never half of one.
+    """Write `data` to `path` atomically: a reader sees the old file or the new one, never a partial one.
 
-    `durable`: it survives a power cut, at the cost of waiting for the disk: milliseconds, on a memory card up to seconds. A
-    killed process loses nothing either way. Raises DiskFull.
+    `durable`: survives a power cut, at the cost of a sync: milliseconds, on a memory card up to seconds. A killed process
+    loses nothing either way. Raises DiskFull.
     """
     beside = path.with_name(f".{path.name}.part")
     try:
@@ -73,13 +73,13 @@ def write_beside(path: Path, data: bytes, *, durable: bool = False) -> None:
 
 
 def sync_file(path: Path) -> None:
-    """Wait until what a file holds has reached the disk."""
+    """Wait until a file's content has reached the disk."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 def sync_folder(path: Path) -> None:
-    """Wait until the names in a folder have reached the disk, where the system can do that (Windows writes them itself)."""
+    """Wait until a folder's entries have reached the disk, where supported (Windows writes them itself)."""
     if os.name != "posix":
         return
     descriptor = os.open(path, os.O_RDONLY)
@@ -93,9 +93,9 @@ def sync_folder(path: Path) -> None:
 
 
 def overwrite(path: Path, data: bytes) -> None:
-    """Write `data` into the space that the file at `path` has already, which most full disks still allow.
+    """Overwrite the file at `path` in place, which most full disks still allow.
 
-    A reader may find half of it for a moment. Raises DiskFull if it is longer than the file, and OSError without a file.
+    A reader may briefly see a partial file. Raises DiskFull if `data` is longer than the file, and OSError if there is none.
     """
     with telling_disk_full(path), path.open("r+b", buffering=0) as file:
         file.write(data)

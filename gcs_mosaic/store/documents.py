@@ -1,4 +1,4 @@
-"""JSON files that other programs read while we write them."""
+"""JSON files that other programs read while they are being written."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from pathlib import Path
 
 from gcs_mosaic.store.disk import write_beside
 
-FORMAT = 1  # of every JSON file in the output folder; raised when a reader of the old one would misread the new one
+FORMAT = 1  # of every JSON file in the output folder; raised on incompatible changes
 
 Document = dict[str, object]
 
 
 def write_json(path: Path, document: Document) -> None:
-    """Write a document beside and rename it. Raises DiskFull, and ValueError for a NaN or infinity that slipped in."""
+    """Write a document atomically. Raises DiskFull, and ValueError for NaN or infinity."""
     write_beside(path, compact(document).encode("ascii"))
 
 
 def compact(document: Document) -> str:
-    """JSON on one line, in ASCII. Raises ValueError for a NaN or infinity."""
+    """JSON on one line, in ASCII. Raises ValueError for NaN or infinity."""
     return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
 def finite(value: float) -> float | None:
-    """The number, or None (null) for what JSON cannot hold."""
+    """The number, or None (null) for NaN and infinity."""
     return float(value) if math.isfinite(value) else None
 
 

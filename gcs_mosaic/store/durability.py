@@ -1,4 +1,4 @@
-"""Keeps the ledger at most a second behind what was written into it, should the power be cut."""
+"""Periodic syncs that limit the ledger's loss in a power cut to one second."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 logger = logging.getLogger(__name__)
 
-EACH_S = 0.5  # so that with the disk's own time it is less than a second
+EACH_S = 0.5  # with the disk's own latency, less than a second
 
 
 class Durability:
-    """Calls `make_durable` twice a second, from a thread of its own, until `close`. What fails is logged once, tried again."""
+    """Calls `make_durable` twice a second on its own thread until `close`. A failure is logged once and retried."""
 
     def __init__(self, make_durable: Callable[[], None]) -> None:
         self._make_durable = make_durable
@@ -22,7 +22,7 @@ class Durability:
         self._thread.start()
 
     def close(self) -> None:
-        """Once more, then no longer."""
+        """Call it once more, then stop."""
         self._ended.set()
         self._thread.join()
 

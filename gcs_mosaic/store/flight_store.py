@@ -1,6 +1,6 @@
-"""A flight on the disk: frames are accepted, changes are noted, all is saved; a full disk is waited for in here.
+"""A flight on disk: accepts frames, collects changes, saves them; a full disk is waited for here.
 
-Changes are collected in memory and written by `save`, those of one moment together: ledger, tiles, documents.
+Changes are collected in memory; `save` writes a consistent set of them: ledger, tiles, documents.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ logger = logging.getLogger(__name__)
 
 @dataclass
 class Changes(Kept):
-    """What is not written yet."""
+    """Unsaved changes."""
 
-    states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # and reason, by frame name
+    states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # with reason, by frame name
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
     placements: dict[str, Placement] = field(default_factory=dict)
     covered: dict[str, Covered] = field(default_factory=dict)
     painted: dict[str, Painted] = field(default_factory=dict)
-    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # what looks different, a set for each step of work
+    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # changed tiles, one set per processing step
 
     def cover(self, covered: Covered) -> str:
-        """A placed frame covers a new one, which pages are to learn of though no tile changes; returns its name."""
+        """Note that a placed frame covers a new one (pages are told although no tile changes); returns the new frame's name."""
         self.covered[covered.name] = covered
         self.tiles.append(frozenset())
         return covered.by
@@ -63,7 +63,7 @@ class Changes(Kept):
         return self.is_public or any((self.sizes, self.painted))
 
     def news(self, estimates: Sequence[Estimate], newest: str | None) -> FrameNews:
-        """What readers are told of the frames; `estimates` are those of the placements."""
+        """The frame news for readers; `estimates` are those of the placements."""
         states = self.states.items()
         return FrameNews(
             estimates=estimates,
@@ -82,25 +82,25 @@ class Changes(Kept):
 
     @property
     def is_public(self) -> bool:
-        """Whether the documents tell of any of it."""
+        """Whether any of it appears in the documents."""
         return any((self.states, self.placements, self.tiles))
 
 
 class TileSource(Protocol):
-    """What has been painted, in tiles; see `render.canvas.Canvas`."""
+    """The painted map as tiles; see `render.canvas.Canvas`."""
 
     def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]: ...
     def extent(self, island: int) -> Extent | None: ...
 
 
 class FlightStore(Kept):
-    """Owns one output folder, which holds nothing or a flight to go on with. Used by one thread.
+    """Owns one output folder, which is empty or holds a flight to resume. For use by one thread.
 
-    `published(revision, tiles)` is called when tiles are on disk.
+    `published(revision, tiles)` is called once tiles are on disk.
 
-    `canvas`: how the flight is painted. `retry` is given all that writes, and may try it again; what it raises is raised.
-    `utc` gives the time that is written into documents, in seconds since 1970. What is in the folder cannot be put back as it
-    was, so nothing is written while a frame is processed.
+    `canvas`: how the flight is painted. `retry` runs every write and may repeat it; its exceptions propagate.
+    `utc` returns the time written into documents, in seconds since 1970. Writes to the folder cannot be rolled back, so
+    nothing is written while a frame is processed.
     """
 
     FIXED = frozenset({"out", "ledger", "flight", "_originals", "_tiles", "_manifest", "_published", "_utc", "_retry"})
@@ -120,20 +120,20 @@ class FlightStore(Kept):
         self.ledger = Ledger(out / LEDGER_NAME)
         self.flight = self.ledger.flight() or self._begin_flight(canvas or CanvasSettings(), utc())
         self.changes = Changes()
-        self.taken_in = 0  # files, whatever became of them
-        self.in_a_pause = False  # or at the end: there is time to list every frame, and nothing may come after it
+        self.taken_in = 0  # files accepted, whatever their outcome
+        self.in_a_pause = False  # or at the end: list every frame now, as no further save may follow
         self._originals = Originals(out, originals)
         self._tiles = TileWriter(out, tiles)
         self._manifest = Manifest(out)
         self._published = published
         self._utc = utc
         self._retry = retry
-        self._orders: dict[str, int] = {}  # in which frames came, by name
+        self._orders: dict[str, int] = {}  # arrival order, by frame name
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
         self._names: dict[str, str] = {}  # first frame's name by content hash
-        self._told: Accounts | None = None  # as the documents have them: events change them without any frame
+        self._told: Accounts | None = None  # as last written to the documents: events change them without any frame
         self._islands_known = 0
-        self._extents: dict[int, Extent] = {}  # a merged island is told of with its last one
+        self._extents: dict[int, Extent] = {}  # a merged island is reported with its last extent
 
     def _begin_flight(self, canvas: CanvasSettings, utc: float) -> FlightRecord:
         flight = FlightRecord(name=self.out.resolve().name, started_utc=utc, canvas=canvas)
@@ -141,18 +141,18 @@ class FlightStore(Kept):
         return flight
 
     def saved(self) -> Snapshot:
-        """What the ledger does not have, see `resume`: it knows no order of frames that were damaged when they came first."""
+        """State missing from the ledger, see `resume`: it has no arrival order for frames that first arrived damaged."""
         return {"_orders": self._orders, "_extents": self._extents}
 
     def resume(self, processed: Collection[str], on_map: Collection[str]) -> list[Frame]:
-        """Go on with the flight that the folder holds, of which these frames were processed, and have a place. After `load`.
+        """Resume the folder's flight, in which `processed` frames were processed and `on_map` have a place. Call after `load`.
 
-        Returns the frames that are to be processed, as they are kept, in the order in which they came.
+        Returns the frames still to be processed, as kept, in order of arrival.
         """
         frames = self.ledger.frames()
         known = [frame for frame in frames if frame.content_hash is not None and frame.state not in SET_ASIDE]
         self.taken_in = len(frames)
-        for frame in known:  # those that came after what was saved
+        for frame in known:  # arrived after the saved state
             self._orders.setdefault(frame.name, len(self._orders))
         known.sort(key=lambda frame: self._orders[frame.name])
         self._names = {frame.content_hash: frame.name for frame in known if frame.content_hash is not None}
@@ -167,7 +167,7 @@ class FlightStore(Kept):
         return again
 
     def remove_tiles_but(self, known: Collection[TileKey]) -> None:
-        """Remove tiles that are none of these: written just before a kill, or waiting to be repainted then."""
+        """Remove all other tiles: written just before a kill, or awaiting a repaint at that time."""
         self._retry(lambda: remove_strays(self.out, known))
 
     @property
@@ -177,19 +177,19 @@ class FlightStore(Kept):
     def accounts(self) -> Accounts:
         return self.ledger.accounts()
 
-    # What comes
+    # Arrivals
 
     def keep_ahead(self, frame: Frame) -> Frame:
-        """Keep the original of a frame that will be accepted later; from any thread. Returns it as it is kept.
+        """Keep the original of a frame to be accepted later; callable from any thread. Returns the frame as kept.
 
-        Whatever becomes of the file meanwhile, what was found is what is stitched.
+        The frame is stitched from the file as found, whatever happens to that file afterwards.
         """
         return frame if frame.content_hash in self._names else self._originals.keep_ahead(frame)
 
     def accept(self, frame: Frame) -> tuple[Frame | None, list[Notice]]:
-        """Keep a frame's original and write both down; returns the frame as it is kept, and what is to be said.
+        """Keep a frame's original and record both; returns the frame as kept, and notices for the operator.
 
-        None if the same picture came before.
+        None if the same image arrived before.
         """
         self.taken_in += 1
         earlier = self._names.get(frame.content_hash)
@@ -205,41 +205,41 @@ class FlightStore(Kept):
         return kept, said
 
     def accept_dropped(self, dropped: DroppedFrame) -> None:
-        """Write down that there was no room for a stream's frame."""
+        """Record a stream frame dropped for lack of space."""
         self.taken_in += 1
         self._retry(lambda: self._record_as(dropped.frame, FrameState.DROPPED, dropped.reason))
         logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
-        """Write down that a file is not whole."""
+        """Record an incomplete file."""
         self.taken_in += 1
         self._retry(lambda: self.ledger.record_damaged(damaged))
         logger.info("%s: damaged, %s", damaged.name, damaged.reason)
 
     def may_come_again(self, frame: Frame) -> None:
-        """The same picture, should it come again, is no duplicate: this one could not be read."""
+        """Do not treat the same image as a duplicate if it arrives again: this one could not be read."""
         self._names.pop(frame.content_hash, None)
 
-    # What is known of frames
+    # Queries
 
     def order_of(self, name: str) -> int:
-        """A frame's place in the row in which they came, from 0."""
+        """A frame's position in the order of arrival, from 0."""
         return self._orders[name]
 
     def original(self, name: str) -> bytes | None:
-        """The file that a frame was made of; None if it is gone or has changed."""
+        """The frame's original file; None if it is missing or has changed."""
         return read_intact(*self._places[name])
 
-    # What changes
+    # Changes
 
     def settle(self, name: str, state: FrameState, reason: str | None) -> None:
-        """Note what became of a frame."""
+        """Note a frame's outcome."""
         if self.changes.states.get(name) != (state, reason):
             logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
         self.changes.states[name] = (state, reason)
 
     def note_tiles(self, tiles: Iterable[TileKey]) -> None:
-        """Note that these tiles look different, in one step of work."""
+        """Note that these tiles changed in one processing step."""
         self.changes.tiles.append(frozenset(tiles))
 
     def save(
@@ -249,15 +249,15 @@ class FlightStore(Kept):
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]] = dict,
     ) -> None:
-        """Write all changes: the ledger, then the tiles, then the documents, so that a kill in between leaves no tile of which
-        the ledger does not know, and no document tells of what is not there.
+        """Write all changes: the ledger, then the tiles, then the documents, so that a kill in between leaves no tile unknown to
+        the ledger, and no document refers to missing data.
 
-        Whatever is raised on the way, they stay to be written by the next call.
+        If anything is raised, the changes remain for the next call.
         """
         self._retry(lambda: self._save(picture, islands, frames_on, held_out))
 
     def close(self) -> None:
-        """Let go of everything; what is not saved is lost."""
+        """Release all resources; unsaved changes are lost."""
         self._manifest.close()
         self._tiles.close()
         self.ledger.close()
@@ -296,7 +296,7 @@ class FlightStore(Kept):
         with stage("ledger", of):
             estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
             self._save_ledger(islands, estimates)
-            self.ledger.make_durable()  # also after a power cut no document is ahead of it
+            self.ledger.make_durable()  # no document is ahead of the ledger even after a power cut
         with stage("tiles", of):
             self._tiles.write(set().union(*self.changes.tiles), picture.tile_later)
         with stage("documents", of):
@@ -311,7 +311,7 @@ class FlightStore(Kept):
         held_out: Callable[[], Mapping[int, HeldOut]],
         estimates: Sequence[Estimate],
     ) -> None:
-        """Write the documents, if they are to tell of anything new."""
+        """Write the documents, if anything in them changed."""
         accounts = self.ledger.accounts()
         if self.changes.is_public or accounts != self._told:
             entries = list(self._entries(picture, islands, frames_on, held_out()))
@@ -337,7 +337,7 @@ class FlightStore(Kept):
                 self.ledger.record_covered(covered.name, covered.by, covered.by_from_frame)
             for painted in changes.painted.values():
                 self.ledger.record_painted(painted)
-        # A resumed flight has the islands yet to be found again in its ledger.
+        # A resumed flight's ledger may have more islands than have been found again so far.
         self._islands_known = max(self._islands_known, len(islands))
 
     def _contents(self, islands: list[IslandEntry], accounts: Accounts, estimates: Sequence[Estimate]) -> Contents:
@@ -371,12 +371,12 @@ class FlightStore(Kept):
                 )
 
 
-# Frames that were never to be placed.
+# Frames that will not be placed.
 SET_ASIDE = (FrameState.DUPLICATE, FrameState.DROPPED, FrameState.DAMAGED)
 
 
 def frame_of(record: FrameRecord, out: Path) -> Frame:
-    """A frame as it is kept, as it came when the program was told of it."""
+    """A frame as kept, as it was when it arrived."""
     assert record.content_hash is not None, "a frame has come whole"
     return Frame(
         name=record.name,

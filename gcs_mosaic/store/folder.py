@@ -1,4 +1,4 @@
-"""Which folder a flight is written into: a new flight never touches an old one."""
+"""Selects the output folder: a new flight never touches an old one."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ OUR_NAMES = (
     *("checkpoint", "checkpoint.values"),
     *("tiles", "masks", "frames"),
 )
-MOST_FLIGHTS = 1000  # beside each other; more than that is a mistake in a script
+MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFolder:
-    """A folder that is ours alone to write until `close`; `said` is the sentence for the operator."""
+    """A folder locked for our writing until `close`; `said` is the sentence for the operator."""
 
     path: Path
     said: str
     lock: FolderLock
     existed: bool = True
-    resumed: bool = False  # it holds a flight that is to be gone on with
+    resumed: bool = False  # it holds a flight to resume
 
     def close(self) -> None:
-        """Let others write; of a flight that never began nothing stays behind."""
+        """Release the lock; the folder of a flight that never began is removed."""
         if not (self.path / LEDGER_NAME).exists():
             with suppress(OSError):
                 (self.path / LOCK_NAME).unlink()
@@ -42,7 +42,7 @@ class FlightFolder:
 
 
 def open_flight_folder(out: Path) -> FlightFolder:
-    """The folder `out`, or if that is taken the first free one of `out-2`, `out-3`, …, made and locked.
+    """Make and lock `out` or, if that is taken, the first free one of `out-2`, `out-3`, …
 
     Raises UsageError if no such folder can be made or written.
     """
@@ -58,9 +58,9 @@ def open_flight_folder(out: Path) -> FlightFolder:
 
 
 def resume_flight_folder(out: Path) -> FlightFolder:
-    """The flight of `out`, `out-2`, `out-3`, … that was written last, locked; any of them may have been removed meanwhile.
+    """Lock the most recently written flight of `out`, `out-2`, `out-3`, …; there may be gaps in the numbering.
 
-    Raises UsageError where none is, or it is being written.
+    Raises UsageError if there is none, or if it is being written.
     """
     held = [path for path in candidates(out) if (path / LEDGER_NAME).is_file()]
     if not held:
@@ -76,14 +76,14 @@ def resume_flight_folder(out: Path) -> FlightFolder:
 
 
 def written_ns(path: Path) -> int:
-    """When a flight's ledger was written last, its write-ahead log included: a reader leaves an empty one."""
+    """Modification time of a flight's ledger, its write-ahead log included unless empty: a reader leaves an empty one."""
     files = [path / LEDGER_NAME, path / f"{LEDGER_NAME}-wal"]
     stats = [file.stat() for file in files if file.exists()]
     return max(stat.st_mtime_ns for stat in stats if stat.st_size or len(stats) == 1)
 
 
 def find_flight(path: Path) -> Path:
-    """`path` if it holds a flight that can be read. Raises UsageError."""
+    """`path` if it holds a readable flight. Raises UsageError."""
     if (path / LEDGER_NAME).is_file() or (path / "mosaic.json").is_file():
         return path
     what = "holds no flight" if path.is_dir() else "is not a folder" if path.exists() else "does not exist"
@@ -91,7 +91,7 @@ def find_flight(path: Path) -> Path:
 
 
 def refuse_watching_ourselves(watched: Path, out: Path) -> None:
-    """Raises UsageError if pictures that we write would appear in the watched folder and become frames."""
+    """Raises UsageError if images we write would appear in the watched folder and become frames."""
     if (watched / LEDGER_NAME).exists():
         raise UsageError(
             f"{watched} holds a flight that gcs-mosaic has written: watch the folder that the camera fills"
@@ -106,16 +106,16 @@ def refuse_watching_ourselves(watched: Path, out: Path) -> None:
 
 
 def candidates(out: Path) -> Iterator[Path]:
-    """`out`, then its neighbours by number."""
+    """`out`, then its numbered siblings."""
     yield out
-    whole = out.resolve()  # so that "." has a name to number
+    whole = out.resolve()  # so that "." has a name to append a number to
     beside = whole.parent if not out.name else out.parent
     for number in range(2, MOST_FLIGHTS + 2):
         yield beside / f"{whole.name}-{number}"
 
 
 def take(path: Path) -> tuple[FolderLock | None, str]:
-    """Make and lock one folder; or None and why it is taken. Raises UsageError if it cannot be written."""
+    """Make and lock one folder; or None and the reason it is taken. Raises UsageError if it cannot be written."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         if obstacle := occupied(path):
@@ -125,14 +125,14 @@ def take(path: Path) -> tuple[FolderLock | None, str]:
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another --out") from error
     if lock is None:
         return None, f"{path} is being written by another gcs-mosaic"
-    if obstacle := occupied(path):  # another one may have come and gone while we waited for the lock
+    if obstacle := occupied(path):  # another program may have used it while we waited for the lock
         lock.release()
         return None, obstacle
     return lock, ""
 
 
 def occupied(path: Path) -> str:
-    """What of ours already is in the folder, as a sentence; empty if nothing."""
+    """Which of our files the folder already holds, as a sentence; empty if none."""
     if (path / LEDGER_NAME).exists() or (path / "mosaic.json").exists():
         return f"{path} holds an earlier flight, which is left as it is"
     for name in OUR_NAMES:

@@ -1,4 +1,4 @@
-"""How good the islands are, as documents and people are told: how far the map tears held-out matches apart."""
+"""Held-out error of the islands, for documents and display: how far apart the map places held-out matches."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ Figures = Mapping[int, HeldOut]  # by island
 
 
 def largest(figures: Figures, count: int) -> Figures:
-    """The figures of so many islands, of those with most matches."""
+    """The figures of the `count` islands with most matches."""
     most = sorted(figures.items(), key=lambda item: -item[1].matches)[:count]
     return dict(sorted(most))
 
 
 def held_out_entry(found: HeldOut | None) -> Document | None:
-    """Pixels of the island's median frame; None, for null, while nothing is known."""
+    """In pixels of the island's median frame; None (null) while unknown."""
     if found is None:
         return None
     return {"median": _rounded(found.median_px), "p95": _rounded(found.p95_px), "matches": found.matches}
 
 
 def held_out_words(island: object, entry: dict[str, Any]) -> str:
-    """The entry of an island, for people."""
+    """An island's entry as text."""
     median, p95 = ("endless" if px is None else f"{px:.1f} px" for px in (entry["median"], entry["p95"]))
     return f"held-out matches: {median} median, {p95} 95 % (island {island}, {entry['matches']:,} matches)"
 
 
 def held_out_lines(figures: Figures) -> list[str]:
-    """How good islands are, a line for each."""
+    """The islands' held-out errors, one line each."""
     entries = ((island, held_out_entry(found)) for island, found in figures.items())
     return [held_out_words(island, entry) for island, entry in entries if entry is not None]
 

@@ -1,8 +1,8 @@
-"""The ledger: everything that a flight's output depends on, besides the originals' pixels.
+"""The ledger: everything a flight's output depends on, except the originals' pixels.
 
 One SQLite file, owned by one thread (SQLite itself refuses calls from another). Every method is one transaction unless
-it stands inside `with ledger.transaction():`, which makes all of a frame's changes appear together or not at all.
-All methods that write raise DiskFull when nothing more fits; the ledger then is as it was before and may be used again.
+called inside `with ledger.transaction():`, which commits all of a frame's changes together or none.
+All writing methods raise DiskFull when the disk is full; the ledger is then unchanged and remains usable.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Ledger(LedgerFile):
     # The flight
 
     def begin_flight(self, flight: FlightRecord) -> None:
-        """Write down which flight this is; a ledger holds exactly one."""
+        """Record the flight; a ledger holds exactly one."""
         values = (flight.name, flight.started_utc, json.dumps(asdict(flight.canvas)))
         self.write("INSERT INTO flight (id, name, started_utc, canvas) VALUES (1, ?, ?, ?)", *values)
 
@@ -72,7 +72,7 @@ class Ledger(LedgerFile):
         return None
 
     def record_notice(self, notice: Notice, utc: float) -> None:
-        """Keep what was said aloud, and when (seconds since 1970)."""
+        """Record a notice shown to the operator, and when (seconds since 1970)."""
         columns = "INSERT INTO notices (utc, source, level, text) VALUES (?, ?, ?, ?)"
         self.write(columns, utc, notice.source, notice.level, printable(notice.text))
 
@@ -84,7 +84,7 @@ class Ledger(LedgerFile):
     # Events
 
     def record_event(self, event: TriggerEvent, *, duplicate_of: int | None = None) -> int:
-        """A new event, pending unless another one about the same shot (`duplicate_of`) counts; returns its id."""
+        """Record a new event, pending unless it is a duplicate of another (`duplicate_of`); returns its id."""
         state = EventState.PENDING if duplicate_of is None else EventState.DUPLICATE
         values = (state, duplicate_of, *event_row(event))
         columns = f"state, duplicate_of, {EVENT_COLUMNS}"
@@ -93,7 +93,7 @@ class Ledger(LedgerFile):
     def settle_event(
         self, event_id: int, state: EventState, *, frame: str | None = None, duplicate_of: int | None = None
     ) -> None:
-        """What became of an event: matched (to `frame`), duplicate (of the event `duplicate_of`), missing or failed."""
+        """Set an event's outcome: matched (to `frame`), duplicate (of the event `duplicate_of`), missing or failed."""
         frame_id = None if frame is None else self._frame_id(frame)
         self.update(
             "UPDATE events SET state = ?, frame = ?, duplicate_of = ? WHERE id = ?",
@@ -101,7 +101,7 @@ class Ledger(LedgerFile):
         )
 
     def events(self, state: EventState | None = None) -> list[EventRecord]:
-        """All events, or those in one state, in the order in which they were recorded."""
+        """All events, or those in one state, in the order recorded."""
         select = "SELECT events.*, frames.name AS frame_name FROM events LEFT JOIN frames ON frames.id = events.frame"
         rows = self.rows(f"{select} WHERE ? IS NULL OR events.state = ? ORDER BY events.id", state, state)
         return [event_record_of(row) for row in rows]
@@ -109,7 +109,7 @@ class Ledger(LedgerFile):
     # Frames
 
     def record_frame(self, frame: Frame) -> None:
-        """A frame has come, whole. A file that was damaged before becomes pending; any other known name is an error."""
+        """Record a complete frame. A file that was damaged before becomes pending; any other known name is an error."""
         values = (frame.content_hash, frame.size, frame.received, frame.modified, stored(frame.name))
         with self.transaction():
             mend = "state = 'pending', reason = NULL, content_hash = ?, size = ?, received = ?, modified = ?"
@@ -118,28 +118,28 @@ class Ledger(LedgerFile):
                 self.write(f"INSERT INTO frames ({columns}) VALUES ({marks(values)})", *values)
 
     def record_damaged(self, damaged: DamagedFile) -> None:
-        """A file that is not whole. Told again, it keeps its newest reason; the name of a whole frame is an error."""
+        """Record an incomplete file. If repeated, the newest reason is kept; the name of a complete frame is an error."""
         values = (printable(damaged.reason), stored(damaged.name))
         with self.transaction():
             if not self.changed("UPDATE frames SET reason = ? WHERE name = ? AND state = 'damaged'", *values):
                 self.write("INSERT INTO frames (reason, name, state) VALUES (?, ?, 'damaged')", *values)
 
     def record_original(self, name: str, original: str) -> None:
-        """Where the frame's original is kept: a POSIX path relative to the output folder."""
+        """Record where the frame's original is kept: a POSIX path relative to the output folder."""
         self.update("UPDATE frames SET original = ? WHERE name = ?", stored(original), stored(name))
 
     def record_size(self, name: str, width: int, height: int) -> None:
-        """The frame's size in pixels, known once it was decoded."""
+        """Record the frame's size in pixels, known once decoded."""
         self.update("UPDATE frames SET width = ?, height = ? WHERE name = ?", width, height, stored(name))
 
     def settle_frame(self, name: str, state: FrameState, reason: str | None = None) -> None:
-        """What became of a frame; `reason` is wanted for rejected, duplicate, damaged and dropped."""
+        """Set a frame's outcome; `reason` is required for rejected, duplicate, damaged and dropped."""
         reason = None if reason is None else printable(reason)
         self.update("UPDATE frames SET state = ?, reason = ? WHERE name = ?", state, reason, stored(name))
 
     def process_again(self, names: Iterable[str], on_map: Iterable[str]) -> None:
-        """What became of these frames is forgotten: they are to be processed anew. So are places of all but those `on_map`, and
-        which islands were merged."""
+        """Reset these frames to pending. Places of all frames but those `on_map` are removed, and so is the record of merged
+        islands."""
         with self.transaction():
             for name in names:
                 self.settle_frame(name, FrameState.PENDING)
@@ -152,7 +152,7 @@ class Ledger(LedgerFile):
             self.write("UPDATE islands SET merged_into = NULL")
 
     def frames(self, state: FrameState | None = None) -> list[FrameRecord]:
-        """All frames, or those in one state, in the order in which they came."""
+        """All frames, or those in one state, in order of arrival."""
         had_event = "EXISTS (SELECT 1 FROM events WHERE events.frame = frames.id) AS had_event"
         rows = self.rows(f"SELECT *, {had_event} FROM frames WHERE ? IS NULL OR state = ? ORDER BY id", state, state)
         return [frame_record_of(row) for row in rows]
@@ -160,11 +160,11 @@ class Ledger(LedgerFile):
     # Placements
 
     def record_island(self, island: int) -> None:
-        """A new island. Ids are never used again, so a known one is an error."""
+        """Record a new island. Ids are never reused, so a known one is an error."""
         self.write("INSERT INTO islands (id) VALUES (?)", island)
 
     def merge_island(self, island: int, into: int) -> None:
-        """`island` has become a part of `into`; its frames are re-recorded by whoever moved them."""
+        """Record that `island` was merged into `into`; the caller records its moved frames."""
         self.update("UPDATE islands SET merged_into = ? WHERE id = ?", into, island)
 
     def islands(self) -> list[IslandRecord]:
@@ -172,7 +172,7 @@ class Ledger(LedgerFile):
         return [IslandRecord(id=row["id"], merged_into=row["merged_into"]) for row in rows]
 
     def record_estimates(self, estimates: Iterable[Estimate]) -> None:
-        """The newest estimates of some frames, all at once."""
+        """Record the newest estimates of some frames in one transaction."""
         columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}, homography"
         with self.transaction():
             for one in estimates:
@@ -182,16 +182,16 @@ class Ledger(LedgerFile):
                 self.write(f"INSERT OR REPLACE INTO estimates ({columns}) VALUES ({marks(values)})", *values)
 
     def estimates(self) -> list[Estimate]:
-        """The newest estimate of every frame that has one, in the order in which the frames came."""
+        """The newest estimate of every frame that has one, in order of arrival."""
         return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id"))]
 
     def record_covered(self, name: str, by: str, by_from_frame: Homography) -> None:
-        """The frame lies where its keyframe `by` lies; replaces what was recorded for it before."""
+        """Record that the frame is covered by its keyframe `by`; replaces any earlier record."""
         values = (self._frame_id(name), self._frame_id(by), homography_row(by_from_frame))
         self.write("INSERT OR REPLACE INTO covered (frame, keyframe, keyframe_from_frame) VALUES (?, ?, ?)", *values)
 
     def covered(self) -> list[CoveredRecord]:
-        """Every frame that a placed one covers, in the order in which they came; none in a ledger from before there were."""
+        """Every frame covered by a placed one, in order of arrival; none in a ledger older than this table."""
         if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'covered'"):
             return []
         frame = (
@@ -201,12 +201,12 @@ class Ledger(LedgerFile):
         return [covered_of(row) for row in self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame")]
 
     def newest_on_map(self) -> str | None:
-        """The frame that came last of those that have a place."""
+        """The most recently arrived frame that has a place."""
         rows = self.rows("SELECT name FROM frames WHERE state IN ('placed', 'covered') ORDER BY id DESC LIMIT 1")
         return name_of(rows[0]) if rows else None
 
     def record_painted(self, painted: Painted) -> None:
-        """How a frame is painted now; replaces what was recorded for it before."""
+        """Record how a frame is painted now; replaces any earlier record."""
         columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {LOOK_COLUMNS}, {RELIEF_COLUMNS}'
         with self.transaction():
             head = (self._frame_id(painted.name), int(painted.order), int(painted.island), int(painted.level))
@@ -215,19 +215,19 @@ class Ledger(LedgerFile):
             self.write(f"INSERT OR REPLACE INTO painted ({columns}) VALUES ({marks(values)})", *values)
 
     def forget_painted(self, name: str) -> None:
-        """The frame is not painted any more."""
+        """Record that the frame is no longer painted."""
         self.write("DELETE FROM painted WHERE frame = ?", self._frame_id(name))
 
     def painted(self, island: int) -> list[Painted]:
-        """Every frame painted on an island, in the order of painting."""
+        """Every frame painted on an island, in painting order."""
         rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)
         return [painted_of(row) for row in rows]
 
-    # The accounts
+    # Accounts
 
     def accounts(self) -> Accounts:
-        """How many events and frames are in each state. The sums are the numbers of rows, always."""
-        announced = "SELECT count(DISTINCT frame) FROM events"  # four times as fast as asking for each frame
+        """How many events and frames are in each state. The sums always equal the numbers of rows."""
+        announced = "SELECT count(DISTINCT frame) FROM events"  # four times as fast as one query per frame
         return Accounts(
             events=EventAccount(**self._count_by_state("events")),
             frames=FrameAccount(**self._count_by_state("frames")),
@@ -237,7 +237,7 @@ class Ledger(LedgerFile):
     def _count_by_state(self, table: str) -> dict[str, int]:
         return {row["state"]: row["n"] for row in self.rows(f"SELECT state, count(*) AS n FROM {table} GROUP BY state")}
 
-    # Looking up
+    # Lookups
 
     def _frame_id(self, name: str) -> int:
         rows = self.rows("SELECT id FROM frames WHERE name = ?", stored(name))
@@ -253,7 +253,7 @@ class Ledger(LedgerFile):
 
 
 def placed_in(table: str, order: str, where: str = "") -> str:
-    """A query for the rows of `painted` or `estimates` with the frame's name and the camera's values beside them."""
+    """A query for the rows of `painted` or `estimates` joined with the frame's name and the camera's values."""
     return (
         f"SELECT {table}.*, frames.name, cameras.width AS camera_width, cameras.height AS camera_height, {LENS_COLUMNS} "
         f"FROM {table} JOIN frames ON frames.id = {table}.frame JOIN cameras ON cameras.id = {table}.camera "
@@ -262,10 +262,10 @@ def placed_in(table: str, order: str, where: str = "") -> str:
 
 
 def marks(values: tuple[object, ...]) -> str:
-    """A question mark for each value."""
+    """One question mark per value."""
     return ", ".join("?" * len(values))
 
 
 def printable(text: str) -> str:
-    """A text for people that may quote a file name with bytes that are no characters."""
+    """Display text that may quote a file name with undecodable bytes."""
     return text.encode("utf-8", "replace").decode("utf-8")

@@ -1,4 +1,4 @@
-"""The file under the ledger: transactions, and telling a full disk."""
+"""The ledger's SQLite file: transactions and detection of a full disk."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gcs_mosaic.store.schema import connect, connect_for_reading
 
 
 class LedgerFile:
-    """One SQLite file that holds a flight. Use it from the thread that opened it."""
+    """One SQLite file that holds a flight. Use it only from the thread that opened it."""
 
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
-        """Open the ledger at `path`; make it if there is none (unless `read_only`). Raises UsageError and DiskFull."""
+        """Open the ledger at `path`; create it if missing (unless `read_only`). Raises UsageError and DiskFull."""
         self.path = path
         self._connection = connect_for_reading(path) if read_only else connect(path)
 
@@ -33,17 +33,17 @@ class LedgerFile:
         self._connection.close()
 
     def make_durable(self) -> None:
-        """Bring to the disk what has been committed; from any thread. Raises DiskFull and OSError.
+        """Sync all committed changes to disk; callable from any thread. Raises DiskFull and OSError.
 
-        With `synchronous = NORMAL` SQLite itself does so only when it moves its write-ahead log into the file.
+        With `synchronous = NORMAL` SQLite itself syncs only at a checkpoint of its write-ahead log.
         """
         log = self.path.with_name(f"{self.path.name}-wal")
-        with telling_disk_full(self.path), suppress(FileNotFoundError):  # without a log all is in the file
+        with telling_disk_full(self.path), suppress(FileNotFoundError):  # without a log everything is in the main file
             sync_file(log)
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All changes inside appear together, or none of them. Inside another transaction it is part of that one."""
+        """Commit all changes inside together, or none. Nested transactions are part of the outer one."""
         if self._connection.in_transaction:
             yield
             return
@@ -53,22 +53,22 @@ class LedgerFile:
                 yield
                 self._connection.execute("COMMIT")
             finally:
-                # SQLite ends the transaction itself on some errors (a full disk), not on others.
+                # SQLite rolls back by itself on some errors (a full disk), not on others.
                 if self._connection.in_transaction:
                     self._connection.execute("ROLLBACK")
 
     def write(self, sql: str, *values: object) -> int:
-        """Run one statement; returns the id of the row that it made."""
+        """Run one statement; returns the id of the inserted row."""
         with telling_disk_full(self.path):
             return self._connection.execute(sql, values).lastrowid or 0
 
     def changed(self, sql: str, *values: object) -> int:
-        """Run one statement; returns how many rows it changed."""
+        """Run one statement; returns the number of changed rows."""
         with telling_disk_full(self.path):
             return self._connection.execute(sql, values).rowcount
 
     def update(self, sql: str, *values: object) -> None:
-        """Change exactly one row, named by the last value. Raises LookupError if there is none."""
+        """Change exactly one row, identified by the last value. Raises LookupError if there is none."""
         if self.changed(sql, *values) != 1:
             raise LookupError(f"nothing of that name in {self.path}: {values[-1]!r}")
 

@@ -1,4 +1,4 @@
-"""The frames of a flight as readers see them: each in the list of its fate, kept as text, so that all are soon listed again."""
+"""The frames of a flight by outcome, as in placements.json; entries are cached as text, so that listing all is fast."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from gcs_mosaic.store.records import CoveredRecord, Estimate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameNews:
-    """What is told of some frames; it replaces whatever was told of them before. `newest` holds for the flight."""
+    """News about some frames; replaces earlier news about them. `newest` is for the whole flight."""
 
     estimates: Sequence[Estimate] = ()  # of placed frames
     covered: Sequence[CoveredRecord] = ()
     rejected: Mapping[str, str] = field(default_factory=dict)  # reason by name
     waiting: Sequence[str] = ()
-    newest: str | None = None  # of the frames that have a place, the one that came last
+    newest: str | None = None  # the most recently arrived frame that has a place
 
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
     estimate: Estimate
-    text: str  # its entry but for the camera, which is a number in one document and another in the next
+    text: str  # its entry without the camera, whose index differs between documents
 
 
 @dataclass(frozen=True, slots=True)
 class _Unplaced:
-    kind: str  # the list that it is in
+    kind: str  # the list that contains it
     text: str
 
 
@@ -42,14 +42,14 @@ _Entry: TypeAlias = _Placed | CoveredRecord | _Unplaced
 
 
 class Listing:
-    """All that was told of the frames of a flight."""
+    """All published news about the frames of a flight."""
 
     def __init__(self) -> None:
-        self._entries: dict[str, _Entry] = {}  # in the order in which the frames were first told of
+        self._entries: dict[str, _Entry] = {}  # in order of first news
         self._newest: str | None = None
 
     def tell(self, news: FrameNews) -> list[str]:
-        """Take in what is new; returns the names of the frames that it is about."""
+        """Add news; returns the names of the frames concerned."""
         told: dict[str, _Entry] = {}
         for name, reason in news.rejected.items():
             told[name] = _Unplaced("rejected", compact({"name": name, "reason": reason}))
@@ -64,7 +64,7 @@ class Listing:
         return list(told)
 
     def text(self, revision: int, names: Iterable[str] | None = None) -> str:
-        """The content of placements.json; with only these frames in it, a line of placements.jsonl.
+        """The content of placements.json; limited to `names`, a line of placements.jsonl.
 
         A frame's `camera` is an index into `cameras`.
         """
@@ -94,7 +94,7 @@ class Listing:
 
 
 def frame_entry(estimate: Estimate) -> Document:
-    """A placed frame, but for its camera."""
+    """A placed frame's entry, without its camera."""
     deviation = estimate.corner_deviation_px
     placed = canvas_from_frame(estimate.pose, estimate.camera).tolist()
     return {
@@ -112,7 +112,7 @@ def frame_entry(estimate: Estimate) -> Document:
 
 
 def covered_entry(covered: CoveredRecord, keyframe: Estimate | None) -> Document:
-    """A frame that follows its keyframe, wherever that lies now."""
+    """A covered frame's entry; it moves with its keyframe."""
     return {
         "name": covered.name,
         "covered_by": covered.by,
@@ -126,7 +126,7 @@ def covered_entry(covered: CoveredRecord, keyframe: Estimate | None) -> Document
 
 @lru_cache(maxsize=65536)
 def followed(pose: Pose, camera: Camera, by_from_frame: Homography) -> list[list[float]]:
-    """`canvas_from_frame` of a covered frame whose keyframe lies at this pose; kept, because most keyframes stay."""
+    """`canvas_from_frame` of a covered frame for this keyframe pose; cached, because most keyframes do not move."""
     canvas_from_covered = canvas_from_frame(pose, camera) @ np.array(by_from_frame)
     rows: list[list[float]] = (canvas_from_covered / canvas_from_covered[2, 2]).tolist()
     return rows

@@ -1,4 +1,4 @@
-"""One program at a time writes into a folder."""
+"""Folder lock: one writing program at a time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ LOCK_NAME = ".gcs-mosaic.lock"
 
 
 def lock_file(descriptor: int) -> None:
-    """Lock the open file at once. Raises BlockingIOError, or PermissionError on Windows, if another program has."""
+    """Lock the open file without waiting. Raises BlockingIOError (on Windows PermissionError) if another program holds it."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -22,7 +22,7 @@ def lock_file(descriptor: int) -> None:
 
 
 class FolderLock:
-    """Holds a folder until `release`, or until the process ends in whatever way."""
+    """Holds a folder until `release`, or until the process ends for any reason."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
@@ -38,11 +38,11 @@ def try_lock(folder: Path) -> FolderLock | None:
     descriptor = os.open(folder / LOCK_NAME, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         lock_file(descriptor)
-    except (BlockingIOError, PermissionError):  # the second is how Windows says it
+    except (BlockingIOError, PermissionError):  # the second is raised on Windows
         os.close(descriptor)
         return None
     except OSError:
-        # Some network folders know no locks. Flying without one is better than not flying.
+        # Some network file systems have no locks. Flying without one is better than not flying.
         return FolderLock(descriptor)
     if not is_still_there(descriptor, folder / LOCK_NAME):
         os.close(descriptor)
@@ -51,7 +51,7 @@ def try_lock(folder: Path) -> FolderLock | None:
 
 
 def is_still_there(descriptor: int, path: Path) -> bool:
-    """Whether the open file still is the one at `path`: another program may have removed it while we took its lock."""
+    """Whether the open file is still the one at `path`: another program may have removed it while we took its lock."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.stat())
     except OSError:

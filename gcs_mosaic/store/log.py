@@ -1,7 +1,7 @@
-"""flight.log: what was said, refused and caught during a flight, for whoever must find out afterwards what went wrong.
+"""flight.log: notices, refusals and exceptions of a flight, for diagnosis afterwards.
 
-A record is a line: UTC, level, thread, logger, message; the lines of a traceback follow behind a bar. File names, texts from
-the link and words of exceptions come from outside: nothing in them can look like another record.
+A record is a line: UTC, level, thread, logger, message; traceback lines follow, prefixed with a bar. File names, texts
+from the link and exception messages are untrusted: nothing in them can imitate another record.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from gcs_mosaic.store.documents import iso_utc
 BAR = "  | "  # before each line of a traceback
 LEVELS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
-# User, password and host of a stream's address, then all that follows; paths carry passwords too, and passwords quotes.
+# User, password and host of a stream address, then the rest; paths may contain passwords too, and passwords quotes.
 _STREAM = re.compile(r"(?i)\b(rtsps?)://(?:\S*@)?([^/\s'\"?#]*)(\S*)")
 _HARMLESS_PATH = re.compile(r"[/\w.-]{0,80}['\"]?[])},;:]*", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogSettings:
-    """What is written into flight.log."""
+    """What flight.log contains."""
 
-    # what is less important is not written; debug: each pair of frames that was believed, too
+    # records below this level are omitted; debug also logs each accepted pair of frames
     level: Literal["debug", "info", "warning", "error"] = "info"
-    file_mb: int = 10  # size at which flight.log becomes flight.log.1 and a new one is begun
-    files: int = 5  # how many of them are kept, the oldest is removed
-    verbose: bool = False  # the same on the terminal (standard error), without tracebacks
+    file_mb: int = 10  # size at which flight.log is rotated to flight.log.1
+    files: int = 5  # how many are kept; the oldest is removed
+    verbose: bool = False  # also log to the terminal (standard error), without tracebacks
 
     def __post_init__(self) -> None:
         if self.file_mb < 1:
@@ -46,7 +46,7 @@ class LogSettings:
 
 
 class LogFile(RotatingFileHandler):
-    """Writes records to `path` and never raises. `trouble` is called once with why a record could not be written."""
+    """Writes records to `path` and never raises. `trouble` is called once with the reason why a record could not be written."""
 
     def __init__(self, path: Path, settings: LogSettings, trouble: Callable[[str], None]) -> None:
         size, older = settings.file_mb * 1_000_000, settings.files - 1
@@ -55,7 +55,7 @@ class LogFile(RotatingFileHandler):
         self.setLevel(LEVELS[settings.level])
         self._trouble = trouble
         self._said = self._failed = False
-        self._lost = 0  # records since one was last written
+        self._lost = 0  # records since the last successful write
 
     def emit(self, record: logging.LogRecord) -> None:
         self._failed = False
@@ -65,11 +65,11 @@ class LogFile(RotatingFileHandler):
             text = f"{lost} records before the last one could not be written and are missing"
             super().emit(logging.LogRecord(__name__, logging.WARNING, __file__, 0, text, None, None))
 
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - as the base class calls it
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - overrides the base class
         self._failed = True
         self._lost += 1
         if self.stream is not None and self.stream.closed:
-            self.stream = None  # it is opened again with the next record
+            self.stream = None  # reopened with the next record
         if not self._said:
             self._said = True
             error = sys.exc_info()[1]
@@ -86,7 +86,7 @@ class LogFile(RotatingFileHandler):
 
 
 class _WholeLines(io.FileIO):
-    """Half a line would be glued to the next one when the disk has room again: what does not fit whole is not written."""
+    """Never writes part of a line: the next one would be appended to it once the disk has space again."""
 
     def write(self, data: bytes, /) -> int:  # type: ignore[override]
         end, done = self.seek(0, io.SEEK_END), 0
@@ -101,7 +101,7 @@ class _WholeLines(io.FileIO):
 
 
 class TerminalHandler(logging.Handler):
-    """Tells the operator who asked for it (--verbose) what is logged, but not again what was said anyway."""
+    """Shows log records on the terminal (--verbose), except those already shown as notices."""
 
     def __init__(self, settings: LogSettings) -> None:
         super().__init__(LEVELS[settings.level])
@@ -112,7 +112,7 @@ class TerminalHandler(logging.Handler):
 
 
 class RecordFormatter(logging.Formatter):
-    """A record as it stands in flight.log, without the last line break."""
+    """A record as in flight.log, without the final line break."""
 
     def format(self, record: logging.LogRecord) -> str:
         traceback = self.formatException(record.exc_info) if record.exc_info and record.exc_info[0] else ""
@@ -122,13 +122,13 @@ class RecordFormatter(logging.Formatter):
 
 
 def line_of(record: logging.LogRecord) -> str:
-    """The record without its traceback, as one line that shows what cannot be printed."""
+    """The record without its traceback, as one line with unprintable characters escaped."""
     head = f"{iso_utc(record.created)} {record.levelname} {record.threadName} {record.name}"
     return masked(f"{head}: {_message(record)}")
 
 
 def masked(text: str) -> str:
-    r"""`text` with escapes (\n, \x1b, \u202e) for all that breaks lines or cannot be seen, and without passwords of streams."""
+    r"""`text` with line breaks and invisible characters escaped (\n, \x1b, \u202e) and stream passwords masked."""
     if "://" in text:
         text = _STREAM.sub(_without_password, text)
     if text.isprintable():
@@ -137,27 +137,25 @@ def masked(text: str) -> str:
 
 
 def log_notice(logger: logging.Logger, notice: Notice) -> None:
-    """Write down what the operator is told."""
+    """Log a notice shown to the operator."""
     logger.log(LEVELS[notice.level], "%s: %s", notice.source, notice.text, extra={"said": True})
 
 
 def tell(text: str) -> None:
-    """A line on the terminal. One that has gone must not end the flight."""
-    with suppress(OSError, ValueError):  # the second is how Python says that it is closed
+    """Print a line to the terminal. A closed terminal must not end the flight."""
+    with suppress(OSError, ValueError):  # the second is raised by Python for a closed stream
         print(text, file=sys.stderr, flush=True)
 
 
 def _message(record: logging.LogRecord) -> str:
     try:
         return record.getMessage()
-    except (
-        Exception
-    ):  # the words do not fit their numbers, or one of them cannot be told: what can be is better than nothing
+    except Exception:  # format mismatch, or a value whose repr fails: log what can be described
         return f"{_described(record.msg)} with {_described(record.args)}"
 
 
 def _described(value: object) -> str:
-    """As Python writes it, or of what type it is."""
+    """Its repr, or else its type."""
     try:
         return repr(value)
     except Exception:

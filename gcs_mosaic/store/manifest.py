@@ -1,4 +1,4 @@
-"""What the output folder says about itself, revision by revision: mosaic.json, after what is told of the frames (format 1)."""
+"""The output folder's documents, revision by revision: mosaic.json, written after the frame lists (format 1)."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IslandEntry:
-    """One island as readers see it. A merged one stays listed, so that a reader knows where its tiles went."""
+    """One island as readers see it. A merged one stays listed, so that a reader knows which island now has its tiles."""
 
     id: int
     bounds: tuple[float, float, float, float]  # left, top, right, bottom in canvas units
-    minzoom: int  # the coarsest level with tiles
-    maxzoom: int  # the finest level with tiles
+    minzoom: int  # coarsest level with tiles
+    maxzoom: int  # finest level with tiles
     frames: int
     merged_into: int | None = None
-    held_out: HeldOut | None = None  # how good it is; None while that is not known
+    held_out: HeldOut | None = None  # held-out error; None while unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """Everything that is told at one revision; of the frames only what is new."""
+    """Everything published at one revision; for frames, only the news."""
 
     flight: str
     updated_utc: float
@@ -44,18 +44,18 @@ class Contents:
 
 
 class Manifest:
-    """Writes the documents of one output folder; the revision rises with every writing, also over restarts."""
+    """Writes the documents of one output folder; the revision increases with every write, also across restarts."""
 
     def __init__(self, out: Path) -> None:
         self.out = out
         self.revision = last_revision(out)
-        self._given = self.revision  # also to a writing that failed on the way: some of it may have been read
+        self._given = self.revision  # includes failed writes: readers may have seen parts of them
         self._placements = Placements(out)
 
     def write(self, contents: Contents, *, everything: bool = False) -> int:
-        """Write what is told of the frames, of all of them if `everything`, then mosaic.json; returns the new revision.
+        """Write the frame news (all frames if `everything`), then mosaic.json; returns the new revision.
 
-        After DiskFull the old revision stays, and what was new is to be told again.
+        After DiskFull the old revision stays, and the news must be passed again.
         """
         self._given += 1
         self._placements.write(self._given, contents.frames, everything=everything)
@@ -64,16 +64,16 @@ class Manifest:
         return self.revision
 
     def catch_up(self) -> None:
-        """Bring placements.json to this revision. Raises DiskFull."""
+        """Bring placements.json up to this revision. Raises DiskFull."""
         self._placements.catch_up()
 
     def close(self) -> None:
-        """Nothing more is written."""
+        """Stop writing."""
         self._placements.close()
 
 
 def last_revision(out: Path) -> int:
-    """The revision of the folder's mosaic.json, 0 if there is none that can be read."""
+    """The revision of the folder's mosaic.json, 0 if there is no readable one."""
     try:
         return int(json.loads((out / "mosaic.json").read_bytes())["revision"])
     except FileNotFoundError:

@@ -1,8 +1,8 @@
-"""Keeping the frames a flight was made of, as they were when they came.
+"""Keeps the original frames of a flight as they were on arrival.
 
-A camera that is still flying may write again into a file that it has finished, and a hard link would follow it: so
-frames are copied, and checked against their hash, unless nobody writes there any more (a finished folder) or space has
-run short.
+A camera in flight may rewrite a file that it has finished, and a hard link would follow: so frames are copied and
+checked against their hash, unless the folder is finished (nobody writes there any more) or disk space is
+short.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from gcs_mosaic.store.disk import CannotWrite, make_folder, sync_file, sync_fold
 logger = logging.getLogger(__name__)
 
 GB = 10**9
-LONGEST_PART = 200  # bytes of UTF-8; most file systems take 255, and a temporary name is a little longer
+LONGEST_PART = 200  # bytes of UTF-8; most file systems allow 255, and a temporary name is a little longer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OriginalsSettings:
-    """How the original frames are kept."""
+    """How original frames are kept."""
 
-    # "copy" is safe whatever the camera does. "link" takes no space, but follows a file that is written again.
+    # "copy" is always safe. "link" takes no space, but follows a file that is rewritten.
     keep: Literal["copy", "link"] = "copy"
-    # Beyond this frames are only linked, which takes no space; said aloud. A long day is about 5 000 frames of 5 MB.
+    # Beyond this, frames are only linked, which takes no space; reported. A long day is about 5 000 frames of 5 MB.
     budget_gb: float = 50.0
-    # What must stay free on the disk for the map (about 1 GB for a flight); below it frames are only linked.
+    # Disk space reserved for the map (about 1 GB for a flight); below it, frames are only linked.
     reserve_gb: float = 2.0
 
 
@@ -43,21 +43,21 @@ class KeptOriginal:
 
     path: str
     linked: bool
-    notice: Notice | None  # said once, when the budget or the disk's reserve is reached
+    notice: Notice | None  # issued once, when the budget or the disk's reserve is reached
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotKept:
-    """Why there is no original of a frame."""
+    """Why a frame's original was not kept."""
 
     reason: str
     notice: Notice | None
 
 
 class Originals:
-    """The folder `frames` of one output folder. Nothing in it is ever changed or overwritten. Used by any threads.
+    """The folder `frames` of one output folder. Its files are never changed or overwritten. Thread-safe.
 
-    What is kept has reached the disk: a row of the ledger may name it.
+    A kept original has been synced to disk: a ledger row may name it.
     """
 
     def __init__(self, out: Path, settings: OriginalsSettings | None = None) -> None:
@@ -65,11 +65,11 @@ class Originals:
         self.settings = settings or OriginalsSettings()
         self.used = sum(path.stat().st_size for path in (out / "frames").rglob("*") if path.is_file())
         self._said = False
-        self._ahead: dict[str, KeptOriginal] = {}  # kept before anybody asked for it, by content hash
+        self._ahead: dict[str, KeptOriginal] = {}  # kept before `keep` was called, by content hash
         self._lock = threading.Lock()
 
     def keep_ahead(self, frame: Frame) -> Frame:
-        """Keep a frame for which `keep` will be called later; returns it as it is kept, or as it is if nothing fits now."""
+        """Keep a frame for which `keep` will be called later; returns it as kept, or unchanged if there is no space now."""
         with self._lock:
             if frame.content_hash in self._ahead:
                 return frame
@@ -77,17 +77,17 @@ class Originals:
                 if self._shortage(frame.size) is not None:
                     return frame
                 kept = self._keep(frame)
-            except (CannotWrite, OSError):  # `keep` waits until the folder is there again; a source that raises is over
+            except (CannotWrite, OSError):  # `keep` waits until the folder is back; raising would end the source
                 logger.debug("%s cannot be kept now", frame.name, exc_info=True)
                 return frame
-            if isinstance(kept, NotKept):  # maybe there is room, or the file can be read, when it is its turn
+            if isinstance(kept, NotKept):  # there may be space, or the file may be readable, when its turn comes
                 return frame
             self._ahead[frame.content_hash] = kept
         return replace(frame, path=self.out / kept.path)
 
     def keep(self, frame: Frame) -> KeptOriginal | NotKept:
-        """Keep one frame. Raises DiskFull when even that does not fit."""
-        kept = self._ahead.pop(frame.content_hash, None)  # without waiting for others that are just being kept ahead
+        """Keep one frame. Raises DiskFull."""
+        kept = self._ahead.pop(frame.content_hash, None)  # does not wait for other frames being kept ahead
         if kept is not None:
             return kept
         with self._lock:
@@ -106,7 +106,7 @@ class Originals:
         return KeptOriginal(path=target.relative_to(self.out).as_posix(), linked=linked, notice=notice)
 
     def _copy(self, frame: Frame, target: Path) -> str | None:
-        """Copy the frame's file; returns a reason when its content is not what it was when the frame came."""
+        """Copy the frame's file; returns the reason if that fails or the content has changed since the frame arrived."""
         if target.exists():
             return None
         data = frame.data
@@ -120,13 +120,13 @@ class Originals:
         try:
             make_folder(target.parent, durable=True)
             write_beside(target, data, durable=True)
-        except OSError as error:  # such as a folder where there was a file of that name
+        except OSError as error:  # such as a folder in place of a file of that name
             return f"{target} could not be written ({error.strerror})"
         self.used += len(data)
         return None
 
     def _shortage(self, size: int) -> str | None:
-        """Why this many bytes should not be copied any more."""
+        """Why this many bytes should no longer be copied."""
         free = shutil.disk_usage(self.out).free
         if free - size < self.settings.reserve_gb * GB:
             return (
@@ -145,12 +145,12 @@ class Originals:
 
 
 def is_intact(path: Path, expected_hash: str) -> bool:
-    """Whether an original still is what came: a linked one may have been written again."""
+    """Whether an original is unchanged: a linked one may have been rewritten."""
     return read_intact(path, expected_hash) is not None
 
 
 def read_intact(path: Path, expected_hash: str) -> bytes | None:
-    """The whole file, None if it no longer is what came or cannot be read."""
+    """The whole file, None if it has changed or cannot be read."""
     try:
         data = path.read_bytes()
     except OSError:
@@ -160,13 +160,13 @@ def read_intact(path: Path, expected_hash: str) -> bytes | None:
 
 
 def relative_place(name: str) -> PurePosixPath:
-    """Where under the output folder a frame of this name is kept; whatever the name, it is inside `frames/`."""
+    """Path under the output folder for a frame of this name; always inside `frames/`, whatever the name."""
     parts = [part for part in name.replace("\0", "_").replace("\\", "_").split("/") if part not in ("", ".", "..")]
     return PurePosixPath("frames", *[short(part) for part in parts or ["unnamed"]][-16:])
 
 
 def short(part: str) -> str:
-    """A part of a path that every file system takes; different long names stay different."""
+    """A path component short enough for every file system; different long names stay different."""
     if len(os.fsencode(part)) <= LONGEST_PART:
         return part
     mark = hashlib.blake2b(os.fsencode(part), digest_size=6).hexdigest()
@@ -175,14 +175,14 @@ def short(part: str) -> str:
 
 
 def free_place(target: Path, expected_hash: str) -> Path:
-    """`target`, or a name beside it if another picture is kept there already."""
+    """`target`, or a sibling name if another image is kept there already."""
     if not target.exists() or is_intact(target, expected_hash):
         return target
     return target.with_name(f"{target.stem}~{expected_hash[:12]}{target.suffix}")
 
 
 def link(source: Path, target: Path) -> bool:
-    """Hard link `target` to `source`; False where that cannot be done (another disk, a file system without links)."""
+    """Hard link `target` to `source`; False if impossible (another disk, a file system without links)."""
     if target.exists():
         return True
     try:

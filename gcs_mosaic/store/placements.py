@@ -1,7 +1,7 @@
-"""placements.json, which lists every frame, and placements.jsonl, which tells what has changed meanwhile.
+"""placements.json, which lists every frame, and placements.jsonl, a journal of changes since then.
 
-To list all frames costs the more, the longer the flight. So it is done every few seconds, and each revision only adds a
-line to the journal: a document like placements.json, of the frames of which something new is told.
+Listing all frames takes longer as a flight grows, so it is done every few seconds; each revision only appends a
+line to the journal: a document like placements.json, limited to the changed frames.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from gcs_mosaic.store.documents import FORMAT, compact
 from gcs_mosaic.store.listing import FrameNews, Listing
 
 WHOLE_NAME, JOURNAL_NAME = "placements.json", "placements.jsonl"
-WHOLE_EACH_S = 5.0  # placements.json is no older than that while frames come,
-WHOLE_SHARE = 0.02  # unless more than this part of the time would go into writing it
-JOURNAL_BYTES = 1 << 18  # a longer journal is begun anew, or whoever opens the page would have to read ever more
+WHOLE_EACH_S = 5.0  # maximum age of placements.json while frames arrive,
+WHOLE_SHARE = 0.02  # unless writing it would take more than this share of the time
+JOURNAL_BYTES = 1 << 18  # a longer journal is restarted, to limit what a newly opened page must read
 
 
 class Placements:
@@ -27,12 +27,12 @@ class Placements:
         self._whole, self._journal = out / WHOLE_NAME, out / JOURNAL_NAME
         self._listing = Listing()
         self._listed = self._told = 0  # revisions: of placements.json, of the journal's last line
-        self._due = 0.0  # monotonic seconds: when placements.json may be written again
+        self._due = 0.0  # monotonic seconds: earliest next write of placements.json
 
     def write(self, revision: int, news: FrameNews, *, everything: bool) -> None:
-        """Tell what is new; of everything too if that is asked for, or due. Raises DiskFull.
+        """Append the news; list every frame too if requested or due. Raises DiskFull.
 
-        placements.json comes first: who reads the journal and then placements.json misses nothing.
+        placements.json is written first: a reader of the journal and then placements.json misses nothing.
         """
         line = self._listing.text(revision, self._listing.tell(news))
         begin_anew = not self._journal.exists()
@@ -47,12 +47,12 @@ class Placements:
         self._told = revision
 
     def catch_up(self) -> None:
-        """List every frame, if the journal tells more than placements.json. Raises DiskFull."""
+        """List every frame, if the journal is ahead of placements.json. Raises DiskFull."""
         if self._listed < self._told:
             self._list(self._told)
 
     def close(self) -> None:
-        """Leave no journal that tells nothing more than placements.json."""
+        """Leave no journal unless it is ahead of placements.json."""
         if self._listed >= self._told:
             self._journal.unlink(missing_ok=True)
 
@@ -64,7 +64,7 @@ class Placements:
 
 
 def append(path: Path, data: bytes) -> None:
-    """Add a line to a file. What a full disk took of it is taken back. Raises DiskFull."""
+    """Append a line to a file. A partial write on a full disk is undone. Raises DiskFull."""
     with telling_disk_full(path), path.open("ab", buffering=0) as file:
         size = file.tell()
         try:
@@ -77,7 +77,7 @@ def append(path: Path, data: bytes) -> None:
 
 
 def told_after(journal: Path, revision: int) -> bytes:
-    """The journal's head and those of its lines that are newer than `revision`, whole ones only."""
+    """The journal's head and its complete lines newer than `revision`."""
     head, *lines = journal.read_bytes().splitlines(keepends=True)
     if lines and not lines[-1].endswith(b"\n"):
         del lines[-1]

@@ -1,4 +1,4 @@
-"""What the ledger stores and gives back."""
+"""Record types stored in the ledger."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from gcs_mosaic.stitch.graph.placement import Homography
 
 
 class EventState(StrEnum):
-    """Every event is exactly one of these."""
+    """Every event is in exactly one of these states."""
 
     PENDING = "pending"
     MATCHED = "matched"
-    MISSING = "missing"  # its frame never came
+    MISSING = "missing"  # its frame never arrived
     DUPLICATE = "duplicate"  # another message about the same shot
-    FAILED = "failed"  # the camera said that it took no picture
+    FAILED = "failed"  # the camera reported that it took no image
 
 
 class FrameState(StrEnum):
-    """Every frame is exactly one of these."""
+    """Every frame is in exactly one of these states."""
 
     PENDING = "pending"
     PLACED = "placed"
-    COVERED = "covered"  # kept and not painted: a placed frame shows all that it does
-    WAITING = "waiting"  # matches nothing yet
+    COVERED = "covered"  # kept but not painted: a placed frame shows the same area
+    WAITING = "waiting"  # no match yet
     REJECTED = "rejected"
     DUPLICATE = "duplicate"
     DAMAGED = "damaged"
-    DROPPED = "dropped"  # of a live stream only
+    DROPPED = "dropped"  # live streams only
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRecord:
-    """Which flight a folder holds, and how its frames are painted; `started_utc` in seconds since 1970."""
+    """The flight in a folder, and how its frames are painted; `started_utc` in seconds since 1970."""
 
     name: str
     started_utc: float
@@ -55,24 +55,24 @@ class EventRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRecord:
-    """One frame. `content_hash`, `size` and the times are None for a file that never was whole."""
+    """One frame. `content_hash`, `size` and the times are None for a file that was never complete."""
 
     name: str
     state: FrameState
-    reason: str | None  # why it is rejected, damaged, a duplicate or dropped, for people
+    reason: str | None  # why it is rejected, damaged, a duplicate or dropped, for display
     had_event: bool  # False: an orphan
     original: str | None  # POSIX path relative to the output folder
     content_hash: str | None
     size: int | None  # bytes
     width: int | None  # px
     height: int | None  # px
-    received: float | None  # host monotonic, seconds
+    received: float | None  # host monotonic clock, seconds
     modified: float | None  # seconds since 1970
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """The newest estimate of a placed frame; what is painted may still be an older one."""
+    """The newest estimate of a placed frame; the painted one may be older."""
 
     name: str
     island: int
@@ -80,18 +80,18 @@ class Estimate:
     camera: Camera
     relief: ReliefDisplacement | None = None
     inliers: int
-    residual_px: float | None  # None for a founder
-    neighbours: int  # frames it is linked with
+    residual_px: float | None  # None for an island's first frame
+    neighbours: int  # number of linked frames
     hops: int  # links to the root of its island
     corner_deviation_px: (
         float | None
-    )  # standard deviation of its least certain corner; None where the matches leave it open
-    homography: Homography | None = None  # where the frame was laid by a free one: then it decides, not the pose
+    )  # standard deviation of its least certain corner; None if the matches leave it undetermined
+    homography: Homography | None = None  # placed by a free homography, which then overrides the pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoveredRecord:
-    """A frame that lies where its keyframe, a placed one, lies; `by_from_frame` takes its pixels to those of that one."""
+    """A frame covered by its keyframe, a placed one; `by_from_frame` maps its pixels to the keyframe's."""
 
     name: str
     by: str
@@ -108,7 +108,7 @@ class IslandRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoticeRecord:
-    """Something that was said aloud, and when (seconds since 1970)."""
+    """A notice shown to the operator, and when (seconds since 1970)."""
 
     utc: float
     source: str
@@ -143,4 +143,4 @@ class Accounts:
 
     events: EventAccount = EventAccount()
     frames: FrameAccount = FrameAccount()
-    orphans: int = 0  # frames, in whatever state, that no event announced
+    orphans: int = 0  # frames in any state that no event announced

@@ -1,4 +1,4 @@
-"""Writing to a disk that may be full, or gone: report, wait, try again."""
+"""Writing to a disk that may be full or missing: report, wait, retry."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-SAID_AGAIN_S = 60.0  # a disk that still is full is said again after so long
+SAID_AGAIN_S = 60.0  # a disk that is still full is reported again after this time
 
 
 class Retry(Protocol):
-    """Given something that writes and may be called again, returns what it returns."""
+    """Runs a repeatable write and returns its result."""
 
     def __call__(self, write: Callable[[], T], /) -> T: ...
 
 
 def at_once(write: Callable[[], T], /) -> T:
-    """Write once; the caller is told if that fails."""
+    """Write once; failures propagate to the caller."""
     return write()
 
 
 class UntilWritable:
-    """Tries until it succeeds.
+    """Retries until the write succeeds.
 
-    `wait(trouble)` lets some time pass between two attempts; it raises the trouble when there is no more time.
+    `wait(trouble)` pauses between two attempts; it raises `trouble` when time is up.
     """
 
     def __init__(self, out: Path, say: Callable[[Notice], None], wait: Callable[[CannotWrite], None]) -> None:
@@ -43,7 +43,7 @@ class UntilWritable:
         self._said = -math.inf
 
     def __call__(self, write: Callable[[], T], /) -> T:
-        """The result of `write`, which must be such that it may be called again. Raises CannotWrite when time is up."""
+        """The result of `write`, which must be repeatable. Raises CannotWrite when time is up."""
         while True:
             try:
                 written = self._attempt(write)

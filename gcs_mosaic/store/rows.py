@@ -1,4 +1,4 @@
-"""Rows of the ledger's tables and the records they stand for."""
+"""Conversion between the ledger's rows and records."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Stored = str | bytes | None
 
 
 def stored(text: str | None) -> Stored:
-    """A text from outside as SQLite can hold it: file names may contain bytes that are no characters."""
+    """External text as SQLite can store it: file names may contain undecodable bytes."""
     if text is None:
         return None
     try:
@@ -50,7 +50,7 @@ def restored(value: Stored) -> str | None:
 
 
 def name_of(row: sqlite3.Row) -> str:
-    """The frame name that the row's `name` column holds."""
+    """The frame name in the row's `name` column."""
     return restored(row["name"]) or ""
 
 
@@ -115,7 +115,7 @@ def frame_record_of(row: sqlite3.Row) -> FrameRecord:
 
 
 def pose_row(pose: Pose) -> tuple[float, ...]:
-    """Values for POSE_COLUMNS. Raises ValueError for what is no number: such a pose must not reach the ledger."""
+    """Values for POSE_COLUMNS. Raises ValueError for NaN and infinity: such a pose must not reach the ledger."""
     values = (pose.x, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll)
     if not all(math.isfinite(value) for value in values):
         raise ValueError(f"not a pose: {pose}")
@@ -155,30 +155,30 @@ def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
 
 
 def look_row(painted: Painted) -> tuple[object, ...]:
-    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit numbers, the others as JSON."""
+    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit floats, the others as JSON."""
     gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
     return gain, vignetting, json.dumps(asdict(painted.display)), json.dumps([int(lines) for lines in painted.dead])
 
 
 def vignetting_of(row: sqlite3.Row) -> Vignetting:
-    """Also for a ledger that was written before there was any."""
-    stored = row["vignetting"] if "vignetting" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    """Also for ledgers older than this column."""
+    stored = row["vignetting"] if "vignetting" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
     if stored is None:
         return FLAT
     values = np.frombuffer(stored, "<f8").tolist()
-    if len(values) == 2:  # one curve for all bands, of even powers, before each had its own
+    if len(values) == 2:  # older format: one curve of even powers for all bands
         return ((0.0, *values),) * len(gain_of(row)) if any(values) else FLAT
     return tuple(zip(*(values[k::3] for k in range(3)), strict=True))
 
 
 def dead_border_of(row: sqlite3.Row) -> DeadBorder:
-    """Also for a ledger that was written before there was any."""
-    stored = row["dead_border"] if "dead_border" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    """Also for ledgers older than this column."""
+    stored = row["dead_border"] if "dead_border" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
     return NO_BORDER if stored is None else DeadBorder(*json.loads(stored))
 
 
 def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
-    if "gain" in row.keys():  # noqa: SIM118 -- a row's `in` asks its values
+    if "gain" in row.keys():  # noqa: SIM118 -- `in` on a row searches its values
         return tuple(np.frombuffer(row["gain"], dtype="<f8").tolist())
     return row["gain_b"], row["gain_g"], row["gain_r"]  # version 2
 
@@ -196,13 +196,13 @@ def display_of(row: sqlite3.Row) -> Display:
 
 
 def homography_row(homography: Homography | None) -> bytes | None:
-    """Nine numbers of eight bytes."""
+    """Nine 8-byte floats."""
     return None if homography is None else np.array(homography, dtype="<f8").tobytes()
 
 
 def homography_of(row: sqlite3.Row) -> Homography | None:
-    """None also for a ledger that was written before there were any."""
-    stored = row["homography"] if "homography" in row.keys() else None  # noqa: SIM118 -- a row's `in` asks its values
+    """None also for ledgers older than this column."""
+    stored = row["homography"] if "homography" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
     return None if stored is None else nine_numbers(stored)
 
 

@@ -1,4 +1,4 @@
-"""The tables of the ledger, and opening a file that holds them."""
+"""The ledger's tables, migrations, and opening a ledger file."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import telling_disk_full
 
-VERSION = 8  # PRAGMA user_version; raise it with every change to the tables below, and migrate
-APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": tells our files from other programs' databases
-BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export beside the flight)
+VERSION = 8  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
+BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export during the flight)
 
-# Numbers whose every bit counts have no declared type, so that SQLite stores them as they are (a REAL column
+# Bit-exact numbers have no declared type, so that SQLite stores them unchanged (a REAL column
 # turns whole numbers into integers on disk, and -0.0 into 0).
 FRAMES = """CREATE TABLE frames (
     id INTEGER PRIMARY KEY,
@@ -119,7 +119,7 @@ CREATE TABLE estimates (
 );
 """
 
-# What makes the tables of each older version those of the next one.
+# Statements that migrate each older version to the next one.
 MIGRATIONS = {
     1: "ALTER TABLE estimates ADD COLUMN homography BLOB;",
     2: """
@@ -133,7 +133,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
 """,
     3: "ALTER TABLE painted ADD COLUMN vignetting BLOB;",
     4: "ALTER TABLE painted ADD COLUMN dead_border TEXT;",
-    # What a table checks is only changed by making it anew; references to it go by its name.
+    # A table's CHECK constraints can only be changed by recreating it; references go by its name.
     5: f"""
 {FRAMES.replace("frames", "new_frames")}
 INSERT INTO new_frames SELECT * FROM frames;
@@ -141,13 +141,13 @@ DROP TABLE frames;
 ALTER TABLE new_frames RENAME TO frames;
 {COVERED}
 """,
-    6: "",  # one curve of vignetting for all bands is read as one for each
-    7: "",  # a display without factor and gamma is read as with 1
+    6: "",  # one vignetting curve for all bands is read as one per band
+    7: "",  # a display without factor and gamma is read as 1 for both
 }
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """The ledger at `path`, made if there is none. Raises UsageError for a file that is not ours, and DiskFull."""
+    """The ledger at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
     with telling_disk_full(path):
         connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
         try:
@@ -159,7 +159,7 @@ def connect(path: Path) -> sqlite3.Connection:
 
 
 def connect_for_reading(path: Path) -> sqlite3.Connection:
-    """The ledger at `path` beside the program that writes it. Raises UsageError where there is none of ours."""
+    """The ledger at `path`, alongside the program that writes it. Raises UsageError if there is none of ours."""
     if not path.is_file():
         raise UsageError(f"{path} does not exist: name a folder that gcs-mosaic has written a flight into")
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_S, isolation_level=None)
@@ -174,7 +174,7 @@ def connect_for_reading(path: Path) -> sqlite3.Connection:
 
 
 def prepare(connection: sqlite3.Connection, path: Path) -> None:
-    """Make the tables in a new file, or check that those of an old one are ours; set how the file is written."""
+    """Create the tables in a new file, or check that an existing file's are ours; set the write mode."""
     connection.row_factory = sqlite3.Row
     version = version_of(connection, path)
     if version == 0:
@@ -185,13 +185,13 @@ def prepare(connection: sqlite3.Connection, path: Path) -> None:
     for old in range(version or VERSION, VERSION):
         connection.executescript(f"BEGIN; {MIGRATIONS[old]} PRAGMA user_version = {old + 1}; COMMIT;")
     connection.execute("PRAGMA journal_mode = WAL")
-    # With a write-ahead log, NORMAL survives any kill; against power cuts see LedgerFile.make_durable.
+    # With a write-ahead log, NORMAL survives any kill; for power cuts see LedgerFile.make_durable.
     connection.execute("PRAGMA synchronous = NORMAL")
     connection.execute("PRAGMA foreign_keys = ON")
 
 
 def version_of(connection: sqlite3.Connection, path: Path) -> int:
-    """The schema version, 0 for an empty file. Raises UsageError for what is not ours or newer than this program."""
+    """The schema version, 0 for an empty file. Raises UsageError for a file that is not ours or newer than this program."""
     try:
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
         application = int(connection.execute("PRAGMA application_id").fetchone()[0])

@@ -1,4 +1,4 @@
-"""When each stage of a frame's work ran, on which thread and core: written into flight.log if that is to hold everything."""
+"""When each processing stage of a frame ran, on which thread and core: logged to flight.log at debug level."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _LINE = re.compile(r" DEBUG (\S+) gcs_mosaic\.store\.stages: (\w+) ([\d.]+) to (
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """A piece of work. Moments are seconds on the host's monotonic clock; core -1: the system does not tell."""
+    """A processing stage. Times are seconds on the host's monotonic clock; core -1: unknown on this system."""
 
     name: str
-    of: str  # the frame, or whatever it was done to
+    of: str  # the frame, or other object processed
     thread: str
     core: int
     start: float
@@ -29,7 +29,7 @@ class Stage:
 
 @contextmanager
 def stage(name: str, of: str) -> Iterator[None]:
-    """What happens meanwhile is this stage, also when it raises. Costs next to nothing where the log leaves out details."""
+    """Log the enclosed code as this stage, also if it raises. Nearly free unless the log level is debug."""
     if not logger.isEnabledFor(logging.DEBUG):
         yield
         return
@@ -41,7 +41,7 @@ def stage(name: str, of: str) -> Iterator[None]:
 
 
 def stages_in(log: Iterable[str]) -> Iterator[Stage]:
-    """The stages that the lines of a flight.log tell of, in the order in which they ended."""
+    """The stages recorded in the lines of a flight.log, in the order they ended."""
     for line in log:
         if found := _LINE.search(line.rstrip("\n")):
             thread, name, start, end, core, of = found.groups()
@@ -49,10 +49,10 @@ def stages_in(log: Iterable[str]) -> Iterator[Stage]:
 
 
 def _tells_core() -> Callable[[], int]:
-    """What tells the core that a thread is on; -1 where the system does not."""
+    """A function that returns the current thread's core; -1 where unsupported."""
     try:
         return ctypes.CDLL(None).sched_getcpu
-    except (OSError, AttributeError, TypeError):  # no Linux
+    except (OSError, AttributeError, TypeError):  # not Linux
         return lambda: -1
 
 

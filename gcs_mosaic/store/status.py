@@ -1,4 +1,4 @@
-"""What the daemon says about itself while it runs: `status.json`, for the page and for `gcs-mosaic status`."""
+"""Status of the running daemon: `status.json`, for the page and for `gcs-mosaic status`."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.store.held_out import Figures, held_out_entry, held_out_words
 from gcs_mosaic.store.records import Accounts, NoticeRecord
 
-HUNG_AFTER_S = 8.0  # a running daemon writes its status each two seconds or more often
+HUNG_AFTER_S = 8.0  # a running daemon writes its status at least every two seconds
 
-# listening: no frame yet; flying: frames come; idle: none for a while; settling: the last frames and the final
+# listening: no frame yet; flying: frames arriving; idle: none for a while; settling: last frames and final
 # painting; stopped: everything is written.
 DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LastFrame:
-    """The frame that was processed last; `outcome` is a frame state."""
+    """The last processed frame; `outcome` is a frame state."""
 
     name: str
     outcome: str
     island: int | None
     utc: float
-    seconds_to_tile: float | None  # from the file being whole to its tiles being on disk
+    seconds_to_tile: float | None  # from the file being complete to its tiles being on disk
     reason: str | None = None
-    covered_by: str | None = None  # the placed frame that shows all that this one does
+    covered_by: str | None = None  # the placed frame that shows the same area
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Behind:
-    """How far the map is behind: frames that wait to be processed, and how long ago the first of them came."""
+    """The backlog: frames waiting to be processed, and how long ago the first of them arrived."""
 
     frames: int = 0
     seconds: float = 0.0
@@ -47,7 +47,7 @@ class Behind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """Everything in status.json. Written at least each two seconds: an old `updated` means a daemon that hangs."""
+    """The content of status.json. Written at least every two seconds: an old `updated` means a hung daemon."""
 
     flight: str
     state: DaemonState
@@ -59,12 +59,12 @@ class Status:
     behind: Behind = field(default_factory=Behind)
     last_frame: LastFrame | None = None
     accounts: Accounts = field(default_factory=Accounts)
-    held_out: Figures = field(default_factory=dict)  # how good islands are, by number
+    held_out: Figures = field(default_factory=dict)  # held-out error by island
     notices: tuple[NoticeRecord, ...] = ()  # the newest few, oldest first
 
 
 def status_document(status: Status) -> Document:
-    """The content of status.json; moments are written in ISO 8601, UTC."""
+    """The content of status.json; times are in ISO 8601, UTC."""
     return {
         "format": FORMAT,
         "flight": status.flight,
@@ -99,7 +99,7 @@ def link_entry(link: LinkReport) -> Document:
 
 
 def watch_entry(source: SourceReport) -> Document:
-    """The watched folder or the stream, all that is known of it in one place."""
+    """The watched folder or the stream, as one entry."""
     return {
         "kind": source.kind,
         "folder": source.name,
@@ -130,7 +130,7 @@ def notice_entry(notice: NoticeRecord) -> Document:
 
 
 def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = None) -> str:
-    """What a flight's folder says of itself, for people or (the document as it is) as JSON. Raises UsageError."""
+    """A flight folder's status, as text or (the document unchanged) as JSON. Raises UsageError."""
     path = find_flight(flight) / "status.json"
     try:
         document = json.loads(path.read_bytes())
@@ -148,7 +148,7 @@ def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = 
 
 
 def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
-    """The document of `status_document` for people, a line for each thing."""
+    """The document of `status_document` as text, one line per item."""
     age = now_utc - datetime.fromisoformat(document["updated"]).timestamp()
     hangs = age > HUNG_AFTER_S and document["state"] != "stopped"
     warning = [f"nothing was written for {age:.0f} s: the program was killed or hangs"] if hangs else []
@@ -167,7 +167,7 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
 
 
 def behind_words(document: dict[str, Any]) -> str:
-    """How far the map is behind; an older document does not tell the seconds."""
+    """The backlog; older documents lack the seconds."""
     frames, seconds = document["frames_in_queue"], document.get("seconds_behind")
     if not frames:
         return "none waits"
@@ -175,29 +175,29 @@ def behind_words(document: dict[str, Any]) -> str:
 
 
 def last_frame_words(last: dict[str, Any]) -> str:
-    """What became of the frame that was processed last."""
+    """Outcome of the last processed frame."""
     return f"last frame: {last['name']}, {last['outcome']}{covered_words(last)} at {last['time']}{latency_words(last)}"
 
 
 def latency_words(last: dict[str, Any]) -> str:
-    """How long it took from the file being whole to its tiles being on disk."""
+    """Time from the file being complete to its tiles being on disk."""
     seconds = last["seconds_to_tile"]
     return "" if seconds is None else f", on the map {seconds:.1f} s after it came"
 
 
 def covered_words(last: dict[str, Any]) -> str:
-    """Which frame covers the last one, if any does."""
+    """The frame that covers the last one, if any."""
     return f" by {last['covered_by']}" if last.get("covered_by") else ""
 
 
 def watch_words(watch: dict[str, Any]) -> Iterator[str]:
-    """How the source of frames is, since when, and what it has brought."""
+    """State of the frame source, since when, and its counts."""
     yield f"{watch['state']} since {watch['since']}" if watch["since"] else str(watch["state"])
     yield counted({name: watch[name] for name in ("seen", "taken", "damaged", "gaps")})
 
 
 def link_words(link: dict[str, Any]) -> Iterator[str]:
-    """How a link is, and what about it is out of the ordinary."""
+    """State of a link, and anything unusual about it."""
     yield link["state"]
     if link["silences"]:
         yield f"{link['silences']} silences"
@@ -211,10 +211,10 @@ def link_words(link: dict[str, Any]) -> Iterator[str]:
 
 
 def counted(account: dict[str, int]) -> str:
-    """The states of an account that hold anything."""
+    """The non-empty states of an account."""
     return ", ".join(f"{count} {state}" for state, count in account.items() if count) or "none yet"
 
 
 def harmless(line: str) -> str:
-    """Without what would steer a terminal; the names of files come from outside."""
+    """Without terminal control characters; file names are untrusted."""
     return "".join(letter if letter.isprintable() else "?" for letter in line)

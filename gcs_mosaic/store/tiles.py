@@ -1,4 +1,4 @@
-"""Tiles as files: `tiles/<island>/<z>/<x>/<y>.jpg`, and a mask beside them in `masks/` where a tile is not full."""
+"""Tile files: `tiles/<island>/<z>/<x>/<y>.jpg`, and a mask in `masks/` for each tile that is not full."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from gcs_mosaic.store.stages import stage
 logger = logging.getLogger(__name__)
 
 Shown = Callable[[], TilePicture | None]
-MCU = 8  # px; the blocks of a JPEG without chroma subsampling
+MCU = 8  # px; block size of a JPEG without chroma subsampling
 QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
-LONGEST_WAIT_S = 60.0  # for the disk to take one tile
+LONGEST_WAIT_S = 60.0  # for the disk to accept one tile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TileSettings:
-    """How tiles are written."""
+    """How tiles are encoded and written."""
 
     jpeg_quality: int = 90  # 0 to 100
     writers: int = 2  # threads
 
 
 def tile_path(root: Path, island: int, tile: Tile) -> Path:
-    """Where a tile's colours are."""
+    """Path of a tile's colours."""
     return root / f"tiles/{island}/{tile.z}/{tile.x}/{tile.y}.jpg"
 
 
 def mask_path(root: Path, island: int, tile: Tile) -> Path:
-    """Where a tile's coverage is, if it is not full."""
+    """Path of a tile's coverage mask, if it is not full."""
     return root / f"masks/{island}/{tile.z}/{tile.x}/{tile.y}.png"
 
 
 class TileWriter:
-    """Writes tiles into a flight's folder from a few threads."""
+    """Writes tiles into a flight's folder on a few threads."""
 
     def __init__(self, root: Path, settings: TileSettings | None = None) -> None:
         self._root = root
@@ -55,10 +55,10 @@ class TileWriter:
         self._pool = ThreadPoolExecutor(self._settings.writers, thread_name_prefix="tiles")
 
     def write(self, keys: Iterable[TileKey], shown: Callable[[int, Tile], Shown]) -> int:
-        """Write the tiles of these keys, remove those that show nothing, and come back when all is on the disk; returns how many
-        tiles there are now. DiskFull if there is no room.
+        """Write the tiles of these keys, remove those that show nothing, and return once all is on disk; returns the number of
+        tiles that now exist. Raises DiskFull.
 
-        `shown` (`Canvas.tile_later`) is called here, what it returns in one of the threads.
+        `shown` (`Canvas.tile_later`) is called here, its result on one of the threads.
         """
         pending: deque[Future[bool]] = deque()
         present = 0
@@ -88,7 +88,7 @@ class TileWriter:
 
 
 def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_quality: int) -> None:
-    """Write a tile and its mask, each beside its place and then renamed. Raises DiskFull."""
+    """Write a tile and its mask, each atomically. Raises DiskFull."""
     path, mask = tile_path(root, island, tile), mask_path(root, island, tile)
     full = int(picture.coverage.min()) == 255
     if not full:
@@ -100,14 +100,14 @@ def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_q
 
 
 def remove_tile(root: Path, island: int, tile: Tile) -> None:
-    """Remove a tile and its mask, if they are there."""
+    """Remove a tile and its mask, if present."""
     # The mask last, because a tile without a mask counts as full.
     tile_path(root, island, tile).unlink(missing_ok=True)
     mask_path(root, island, tile).unlink(missing_ok=True)
 
 
 def tiles_in(root: Path) -> Iterator[TileKey]:
-    """All tiles that are on the disk; files of other names are passed over."""
+    """All tiles on disk; other files are skipped."""
     for path in (root / "tiles").glob("*/*/*/*.jpg"):
         island, z, x, y = (*path.parts[-4:-1], path.stem)
         if all(part.isascii() and part.isdecimal() for part in (island, z, x, y)):
@@ -115,14 +115,14 @@ def tiles_in(root: Path) -> Iterator[TileKey]:
 
 
 def remove_strays(root: Path, known: Collection[TileKey]) -> None:
-    """Remove the tiles that are none of these."""
+    """Remove all tiles not in `known`."""
     for island, tile in list(tiles_in(root)):
         if (island, tile) not in known:
             remove_tile(root, island, tile)
 
 
 def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
-    """A tile from the disk; None if it is not there, not whole, or not a tile."""
+    """A tile from disk; None if it is missing, incomplete, or not a tile."""
     colour = _read(tile_path(root, island, tile), cv2.IMREAD_COLOR)
     if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
         return None
@@ -133,7 +133,7 @@ def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
 
 
 def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
-    """A tile's coverage from the disk, `full_coverage(256)` itself if it is full; None as for `read_tile`."""
+    """A tile's coverage from disk, `full_coverage(256)` itself if full; None as for `read_tile`."""
     path = mask_path(root, island, tile)
     if not path.exists():
         return full_coverage(TILE_SIZE) if tile_path(root, island, tile).exists() else None
@@ -142,7 +142,7 @@ def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
 
 
 def encode_jpeg(colour: ImageBGR, coverage: Coverage, quality: int) -> bytes:
-    """JPEG bytes without chroma subsampling, so that a small red thing on green stays as red as it was."""
+    """JPEG bytes without chroma subsampling, so that a small red object on green keeps its colour."""
     filled = colour if int(coverage.min()) == 255 else _border_blocks_filled(colour, coverage)
     sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     return encode(".jpg", filled, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
@@ -157,7 +157,7 @@ def _put(path: Path, data: bytes) -> None:
 
 
 def _border_blocks_filled(colour: ImageBGR, coverage: Coverage) -> ImageBGR:
-    """Uncovered pixels in blocks that are partly covered get the block's mean colour: black beside colour would ring."""
+    """Fill uncovered pixels of partly covered blocks with the block's mean colour: black beside colour would ring."""
     size = colour.shape[1] // MCU, colour.shape[0] // MCU
     share = cv2.resize((coverage > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     mean = cv2.resize(colour, size, interpolation=cv2.INTER_AREA) / np.maximum(share, 1 / MCU**2)[..., None]
@@ -166,7 +166,7 @@ def _border_blocks_filled(colour: ImageBGR, coverage: Coverage) -> ImageBGR:
 
 
 def encode(suffix: str, image: AnyImage, parameters: list[int]) -> bytes:
-    """The bytes of an image file. ValueError if OpenCV cannot make it."""
+    """The bytes of an image file. Raises ValueError if OpenCV cannot encode it."""
     done, data = cv2.imencode(suffix, image, parameters)
     if not done:
         raise ValueError(f"an image of shape {image.shape} cannot be written as {suffix}")
@@ -174,7 +174,7 @@ def encode(suffix: str, image: AnyImage, parameters: list[int]) -> bytes:
 
 
 def _read(path: Path, flags: int) -> AnyImage | None:
-    """Decoded from bytes read here, because OpenCV writes about missing files to the terminal."""
+    """Read here and decoded from memory, because OpenCV prints about missing files to the terminal."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -186,7 +186,7 @@ def _read(path: Path, flags: int) -> AnyImage | None:
 
 
 def _finished(pending: deque[Future[bool]]) -> bool:
-    """Take out the future that has waited longest, when it is done; whether its tile is there now."""
+    """Remove the future that has waited longest, once done; returns whether its tile now exists."""
     try:
         return pending.popleft().result(LONGEST_WAIT_S)
     except TimeoutError:

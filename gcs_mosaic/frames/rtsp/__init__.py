@@ -1,1 +1,1 @@
-"""Frames from a live video stream: received on a thread of its own, dated, and taken when a trigger asks for one."""
+"""Frames from a live video stream: received on its own thread, timestamped, and selected on triggers."""

@@ -1,4 +1,4 @@
-"""Every form of `--rtsp`, and how an address is shown: what may be a password is never shown anywhere."""
+"""Parsing `--rtsp` and displaying stream addresses: possible passwords are never shown."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from urllib.parse import urlsplit
 from gcs_mosaic.errors import UsageError
 
 AUTO = "auto"
-"""The word instead of an address: the aircraft tells where its stream is."""
+"""Used instead of an address: the aircraft announces its stream."""
 
-_HARMLESS_PATH = re.compile(r"[/\w.-]{0,80}", re.ASCII)  # others carry passwords: /user=admin_password=1234_channel=1
+_HARMLESS_PATH = re.compile(r"[/\w.-]{0,80}", re.ASCII)  # others contain passwords: /user=admin_password=1234_channel=1
 _HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")
 
 
 @dataclass(frozen=True, slots=True)
 class StreamAddress:
-    """Where a stream is. `url` may hold a password and is for the connection alone; `shown` is for everybody."""
+    """A stream address. `url` may contain a password and is only for connecting; `shown` is for display."""
 
     url: str = field(repr=False)
     host: str
@@ -27,7 +27,7 @@ class StreamAddress:
 
 
 def parse_stream(text: str) -> StreamAddress:
-    """The address that `text` names: rtsp:// or rtsps://. Raises UsageError, which does not quote it."""
+    """Parse an rtsp:// or rtsps:// address. Raises UsageError, which does not quote it."""
     try:
         parts = urlsplit(text.strip())
         port = f":{parts.port}" if parts.port else ""
@@ -42,7 +42,7 @@ def parse_stream(text: str) -> StreamAddress:
 
 
 def check_allowed(hosts: Iterable[str]) -> None:
-    """Raises UsageError if a word of the allow-list is neither a host nor a network, or if there is none."""
+    """Raises UsageError if an allow-list entry is neither a host nor a network, or if the list is empty."""
     hosts = list(hosts)
     for word in hosts:
         if not _is_host(word) and _network(word) is None:
@@ -57,7 +57,7 @@ def check_allowed(hosts: Iterable[str]) -> None:
 
 
 def is_allowed(host: str, hosts: Iterable[str]) -> bool:
-    """Whether the list names the host itself or a network it is in; names are compared, never looked up."""
+    """Whether the list contains the host or a network it is in; names are compared, never resolved."""
     for word in hosts:
         network = _network(word)
         if word.lower() == host.lower():

@@ -1,4 +1,4 @@
-"""One connection to a camera: packets in, dated pictures out. The only module that knows PyAV."""
+"""One connection to a camera: packets in, timestamped images out. The only module that imports PyAV."""
 
 from __future__ import annotations
 
@@ -25,41 +25,41 @@ from gcs_mosaic.frames.rtsp.settings import StreamSettings
 
 Log: TypeAlias = list[tuple[int, str, str]]
 
-_PAUSES = 3.0  # usual intervals without a picture: a slow stream is no broken one
+_PAUSES = 3.0  # usual intervals without an image: a slow stream is not a broken one
 _INTERVALS = 31
 _OPTIONS = {
-    "allowed_media_types": "video",  # with sound beside it, picture times leap at the first sender report
+    "allowed_media_types": "video",  # with audio, image times jump at the first sender report
     "analyzeduration": "200000",
     "probesize": "200000",
-    "fpsprobesize": "0",  # the rate is of no interest, and counting it takes two seconds
+    "fpsprobesize": "0",  # the frame rate is not needed, and probing it takes two seconds
     "flags": "low_delay",
-    "max_delay": "100000",  # microseconds that a packet over UDP is waited for
-    "protocol_whitelist": "rtsp,rtsps,rtp,srtp,tcp,udp,tls,crypto",  # a camera must not lead us to files
+    "max_delay": "100000",  # microseconds to wait for a UDP packet
+    "protocol_whitelist": "rtsp,rtsps,rtp,srtp,tcp,udp,tls,crypto",  # a camera must not redirect us to files
 }
 
 
 @dataclass(frozen=True, slots=True)
 class NotConnected:
-    """Why there is no stream (any more); holds nothing of the address."""
+    """Why there is no stream (any more); contains no part of the address."""
 
     reason: str
 
 
 class Connection:
-    """A stream that has been opened. `log` is where PyAV puts what FFmpeg says on this thread; it is emptied here."""
+    """An open stream. `log` is where PyAV collects FFmpeg's messages of this thread; it is emptied here."""
 
     def __init__(
         self, address: StreamAddress, container: InputContainer, video: VideoStream, settings: StreamSettings, log: Log
     ) -> None:
         self.address = address
         self.paused_s: float | None = None
-        """Seconds without any picture before the newest, if they were unusually many."""
+        """Length in seconds of an unusually long gap before the newest image."""
         self._container, self._video, self._settings, self._log = container, video, settings, log
         self._packets: Iterator[Packet[VideoStream]] = container.demux(video)
         self._watch = DamageWatch()
         self._fault = False
         self._clock = self._new_clock()
-        self._last: tuple[float, float] | None = None  # time and arrival of the newest picture
+        self._last: tuple[float, float] | None = None  # timestamp and arrival of the newest image
         self._intervals: deque[float] = deque(maxlen=_INTERVALS)
 
     @classmethod
@@ -77,24 +77,24 @@ class Connection:
             container.close()
             return NotConnected("it has no video")
         video = container.streams.video[0]
-        # On one thread what is logged belongs to the picture in hand, and nothing is held back.
+        # With one thread, log messages belong to the current image, and no images are delayed.
         video.codec_context.thread_type = "NONE"
         return cls(address, container, video, settings, log)
 
     @property
     def described(self) -> str:
-        """Codec, size and transport, for people."""
+        """Codec, size and transport, for display."""
         codec = {"h264": "H.264", "hevc": "H.265"}.get(self._video.codec_context.name, self._video.codec_context.name)
         return f"{codec}, {self._video.width} x {self._video.height}, over {self._settings.transport.upper()}"
 
     def read(self) -> list[StreamPicture] | NotConnected:
-        """The pictures in the next packet: one, or none."""
+        """The images in the next packet: one, or none."""
         self.paused_s = None
         try:
             packet = next(self._packets, None)
         except (av.error.FFmpegError, OSError, ValueError) as error:
             return NotConnected(_reason(error))
-        # The last packet is empty and would bring out what the decoder has kept: pictures of long ago.
+        # The final empty packet would flush the decoder, returning images from long ago.
         if packet is None or not packet.size:
             return NotConnected("the camera ended it")
         arrival, arrival_utc = time.monotonic(), time.time()
@@ -126,7 +126,7 @@ class Connection:
         return pictures
 
     def _follow(self, picture_s: float, arrival: float) -> None:
-        """Begin a new clock where the pictures' times or their arrivals have made a leap."""
+        """Start a new clock if the image times or their arrivals jump."""
         if self._last is not None:
             step_s, pause_s = picture_s - self._last[0], arrival - self._last[1]
             usual_s = median(self._intervals) if self._intervals else 0.0
@@ -144,7 +144,7 @@ class Connection:
 
 
 def _camera_utc(packet: Packet[VideoStream]) -> float | None:
-    """When the camera says that the picture was taken: FFmpeg's AVProducerReferenceTime, microseconds since 1970."""
+    """The camera's capture time: FFmpeg's AVProducerReferenceTime, microseconds since 1970."""
     for data in packet.iter_sidedata():
         if data.data_type == "prft" and data.data_size >= 8:
             return float(struct.unpack("=q", bytes(data)[:8])[0] / 1e6)
@@ -152,7 +152,7 @@ def _camera_utc(packet: Packet[VideoStream]) -> float | None:
 
 
 def _reason(error: BaseException) -> str:
-    """What went wrong, without the address that FFmpeg puts into its messages."""
+    """The cause, without the address that FFmpeg puts into its messages."""
     if isinstance(error, av.error.ExitError):
         return "no answer in time"
     return getattr(error, "strerror", None) or type(error).__name__

@@ -1,4 +1,4 @@
-"""Which picture of a stream is the frame of a trigger. No clock, no thread: time comes as an argument."""
+"""Selects the stream image for a trigger. No clock, no thread: time is an argument."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gcs_mosaic.messages import TriggerEvent
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """A frame of this moment (host's monotonic clock) is wanted; `event` asks for it, or nobody but the clock."""
+    """A request for a frame at this time (host's monotonic clock); `event` is the trigger, None for interval frames."""
 
     moment: float
     event: TriggerEvent | None = None
@@ -20,7 +20,7 @@ class Ask:
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """The picture that is taken for `ask`, and when it was made."""
+    """The image selected for `ask`, and when it was taken."""
 
     ask: Ask
     picture: StreamPicture
@@ -29,18 +29,18 @@ class Pick:
 
 @dataclass(frozen=True, slots=True)
 class Unanswered:
-    """Why no picture can be taken for `ask`."""
+    """Why no image can be selected for `ask`."""
 
     ask: Ask
     reason: str
 
 
 class Picker:
-    """Keeps what is asked for until the pictures around its moment have come."""
+    """Holds requests until the images around their time have arrived."""
 
     def __init__(self, settings: StreamSettings) -> None:
         self._settings = settings
-        self._waiting: list[tuple[float, Ask]] = []  # with when it was asked
+        self._waiting: list[tuple[float, Ask]] = []  # with the time of the request
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -49,7 +49,7 @@ class Picker:
         self._waiting.append((now, ask))
 
     def due(self, pictures: Sequence[StreamPicture], now: float) -> list[Pick | Unanswered]:
-        """What can be decided by now, in the order of asking; `pictures` are the ring's, oldest first."""
+        """Results that can be decided by now, in order of request; `pictures` are the ring's, oldest first."""
         if not self._waiting:
             return []
         decided: list[Pick | Unanswered] = []
@@ -83,7 +83,7 @@ class Picker:
 
 
 def _nearest_sharp(near: list[tuple[float, float, StreamPicture]], share: float) -> tuple[float, float, StreamPicture]:
-    """The first, nearest first, that is nearly as sharp as the sharpest: another moment is another place too."""
+    """The nearest one almost as sharp as the sharpest: a different time also means a different position."""
     if len(near) == 1:
         return near[0]
     sharpest = max(picture.sharpness for _, _, picture in near)

@@ -1,4 +1,4 @@
-"""Frames without triggers: one every so often, or whenever the view has moved."""
+"""Frames without triggers: at a fixed interval, or whenever the view has moved."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Literal
 from gcs_mosaic.frames.rtsp.motion import ViewMotion
 from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 
-SHORTEST_S = 0.1  # a map has nothing from more frames than that
-LOOK_EACH_S = 0.15  # how often the motion of the view is measured: some milliseconds each
+SHORTEST_S = 0.1  # more frames than that do not improve a map
+LOOK_EACH_S = 0.15  # how often view motion is measured: a few milliseconds each
 
 
 def parse_every(text: str) -> float | Literal["overlap"]:
@@ -24,18 +24,18 @@ def parse_every(text: str) -> float | Literal["overlap"]:
 
 
 class Wishes:
-    """Says of the newest picture, told one after the other, whether it is time to take one."""
+    """Decides for each newest image in turn whether to take it."""
 
     def __init__(self, every: str | None, moved: float) -> None:
         """`every` as in the settings; `moved` is the share that must be new."""
         self._every = None if every is None else parse_every(every)
         self._moved = moved
         self._motion = ViewMotion()
-        self._looked: float | None = None  # at which moment
+        self._looked: float | None = None  # time of the last measurement
 
     @property
     def described(self) -> str:
-        """When frames are taken without a trigger, for people; empty if never."""
+        """When frames are taken without a trigger, for display; empty if never."""
         if self._every is None:
             return ""
         if self._every == "overlap":
@@ -43,7 +43,7 @@ class Wishes:
         return f"every {self._every:g} s"
 
     def moment(self, newest: StreamPicture) -> float | None:
-        """The moment of which a frame is wanted, if one is wanted now."""
+        """The time for which a frame is wanted, if one is wanted now."""
         if self._every is None:
             return None
         moment = newest.moment
@@ -52,7 +52,7 @@ class Wishes:
         return moment if self._is_time(moment, self._every) else None
 
     def _is_time(self, moment: float, interval_s: float) -> bool:
-        """Keeps pace: a picture that comes a little late does not delay all that follow."""
+        """Keeps pace: a slightly late image does not delay all later ones."""
         passed = None if self._looked is None else moment - self._looked
         if passed is not None and 0 <= passed < interval_s:
             return False

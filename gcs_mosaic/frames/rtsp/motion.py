@@ -1,4 +1,4 @@
-"""How much of a view is new since the last frame that was taken: for flights that nobody triggers."""
+"""Share of the view that is new since the last frame taken: for flights without triggers."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.arrays import ImageGrey
 
-_WIDTH = 320  # px; enough to follow the ground
+_WIDTH = 320  # px; enough to track the ground
 _CORNERS = 200
-_FEWEST = 12  # points in common below which nothing is known of the motion
+_FEWEST = 12  # common points below which the motion is unknown
 _ROBUST_PX = 2.0
 
 
 class ViewMotion:
-    """Follows corners from picture to picture (Lucas and Kanade 1981) and adds up the similarities between them."""
+    """Tracks corners from image to image (Lucas and Kanade 1981) and accumulates the similarities between them."""
 
     def __init__(self) -> None:
         self._before: ImageGrey | None = None
         self._now_from_taken = np.eye(3)
 
     def new_share(self, grey: ImageGrey) -> float:
-        """Share of the newest picture that the taken one does not show; 1 when the view cannot be followed."""
+        """Share of the newest image not covered by the last one taken; 1 if tracking fails."""
         small = _reduced(grey)
         before, self._before = self._before, small
         if before is None or before.shape != small.shape:
@@ -34,7 +34,7 @@ class ViewMotion:
         return 1.0 - _overlap(self._now_from_taken, small.shape[1], small.shape[0])
 
     def taken(self) -> None:
-        """The newest picture has been taken: from now on it is what others are compared with."""
+        """Make the newest image the reference for later ones."""
         self._now_from_taken = np.eye(3)
 
 
@@ -44,7 +44,7 @@ def _reduced(grey: ImageGrey) -> ImageGrey:
 
 
 def _motion(before: ImageGrey, now: ImageGrey) -> NDArray[np.float64] | None:
-    """now_from_before (3x3), a similarity; None if too little is seen in both."""
+    """now_from_before (3x3), a similarity; None with too few common points."""
     corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 5)
     if corners is None or len(corners) < _FEWEST:
         return None
@@ -61,7 +61,7 @@ def _motion(before: ImageGrey, now: ImageGrey) -> NDArray[np.float64] | None:
 
 
 def _overlap(now_from_taken: NDArray[np.float64], width: int, height: int) -> float:
-    """Share of the picture that the taken picture's outline covers."""
+    """Share of the image covered by the outline of the taken one."""
     frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
     moved = cv2.perspectiveTransform(frame[None], now_from_taken)[0].astype(np.float32)
     area, _ = cv2.intersectConvexConvex(frame, moved)

@@ -1,4 +1,4 @@
-"""Receives a stream on a thread of its own, so that a slow stitcher never makes it late, and opens it again when it is lost."""
+"""Receives a stream on its own thread, so that a slow stitcher never delays it, and reconnects when it is lost."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
 
-_STOP_S = 0.5  # for the thread to end; one that waits for a silent camera is left to itself
+_STOP_S = 0.5  # for the thread to end; one that waits for a silent camera is abandoned
 
 
 @dataclass(slots=True)
 class Tally:
-    """What was received so far. `since` and `last_arrival` are on the monotonic clock."""
+    """Reception counters. `since` and `last_arrival` are on the monotonic clock."""
 
     state: Literal["connecting", "connected", "lost"] = "connecting"
     since: float = 0.0
@@ -37,7 +37,7 @@ class Tally:
 
 
 class Receiver:
-    """Puts every decoded picture into `ring` until `stop` is set. `notices` are for the operator."""
+    """Puts every decoded image into `ring` until `stop` is set. `notices` are for the operator."""
 
     def __init__(self, ring: Ring, settings: StreamSettings, stop: threading.Event) -> None:
         self.ring, self.tally = ring, Tally(since=time.monotonic())
@@ -45,7 +45,7 @@ class Receiver:
         self._settings, self._stop = settings, stop
         self._address: StreamAddress | None = None
         self._addressed = threading.Event()
-        self._said = ""  # why there is no connection, as it was said last
+        self._said = ""  # last reported reason for having no connection
         self._size: tuple[int, int] | None = None
         self._thread = threading.Thread(target=self._run, name="stream", daemon=True)
 
@@ -53,11 +53,11 @@ class Receiver:
         self._thread.start()
 
     def join(self) -> None:
-        """Wait a little for the end that `stop` asks for."""
+        """Wait briefly for the thread to end after `stop`."""
         self._thread.join(_STOP_S)
 
     def use(self, address: StreamAddress) -> None:
-        """Where the stream is from now on; a connection that works is not given up for it."""
+        """Change the stream's address; a working connection is kept."""
         self._address = address
         self._addressed.set()
 
@@ -75,19 +75,19 @@ class Receiver:
             wait_s = min(2 * wait_s, self._settings.reconnect_longest_s)
 
     def _received(self, address: StreamAddress) -> str:
-        """One connection to its end; returns why it ended, whatever went wrong: nobody would notice a thread that died."""
+        """Run one connection to its end; returns why it ended, whatever was raised: a thread's death would go unnoticed."""
         try:
             return self._receive(address)
         except Exception as error:
-            reason = f"a fault of the kind {type(error).__name__}"  # its own words may hold the address
-            if reason != self._said:  # else once for each attempt
+            reason = f"a fault of the kind {type(error).__name__}"  # the message itself may contain the address
+            if reason != self._said:  # otherwise repeated at each attempt
                 fault = RuntimeError(reason).with_traceback(error.__traceback__)
                 logger.error("%s cannot be received", address.shown, exc_info=fault)
             return reason
 
     def _receive(self, address: StreamAddress) -> str:
-        """One connection to its end; returns why it ended."""
-        # What FFmpeg logs may name the address with its password: it is caught here and shown to nobody.
+        """Run one connection to its end; returns why it ended."""
+        # FFmpeg's log may contain the address with its password: it is captured here and never shown.
         with av.logging.Capture() as log:
             connection = Connection.open(address, self._settings, log)
             if isinstance(connection, NotConnected):
@@ -110,7 +110,7 @@ class Receiver:
                 self.ring.put(picture, now)
         return "ended"
 
-    # Saying
+    # Reporting
 
     def _connected(self, address: StreamAddress, connection: Connection) -> None:
         now, tally = time.monotonic(), self.tally

@@ -1,4 +1,4 @@
-"""What is asked of a stream by the other threads: frames of a moment, and another address."""
+"""Requests from other threads to a stream: frames at a given time, and a new address."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import dataclass
 
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 
-_ROOM = 1000  # a stream that hangs must not fill the memory
+_ROOM = 1000  # limits memory if the stream hangs
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """Where the aircraft says that its stream is."""
+    """A stream address announced by the aircraft."""
 
     url: str
 
 
 class Requests:
-    """From any thread to the stream's."""
+    """Queue from any thread to the stream's thread."""
 
     def __init__(self) -> None:
         self._queue: queue.Queue[Ask | Offer] = queue.Queue(_ROOM)
 
     def put(self, request: Ask | Offer) -> bool:
-        """False if there is no room; never waits."""
+        """Returns False if the queue is full; never blocks."""
         try:
             self._queue.put_nowait(request)
         except queue.Full:
@@ -33,7 +33,7 @@ class Requests:
         return True
 
     def drain(self) -> Iterator[Ask | Offer]:
-        """What was asked since the last time."""
+        """Requests since the last call."""
         while True:
             try:
                 yield self._queue.get_nowait()

@@ -1,4 +1,4 @@
-"""The newest pictures of a stream, decoded, for triggers that are still to come."""
+"""Ring buffer of a stream's newest decoded images, for triggers yet to come."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey
 
 
 class VideoPicture(Protocol):
-    """What is needed of PyAV's VideoFrame."""
+    """The part of PyAV's VideoFrame used here."""
 
     @property
     def width(self) -> int: ...
@@ -29,10 +29,10 @@ class VideoPicture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class StreamPicture:
-    """A picture as it was received; its pixels stay in the video's own format until they are wanted."""
+    """An image as received; its pixels stay in the video's own format until needed."""
 
     video: VideoPicture
-    time_s: float  # the stream's own
+    time_s: float  # the stream's own timestamp
     clock: CaptureClock
     damaged: bool
     taken: bool = False
@@ -40,12 +40,12 @@ class StreamPicture:
 
     @property
     def moment(self) -> float:
-        """When it was taken, on the host's monotonic clock, as far as is known by now."""
+        """Estimated capture time on the host's monotonic clock."""
         return self.clock.moment(self.time_s)
 
     @property
     def sharpness(self) -> float:
-        """Measured when it is asked for, once."""
+        """Computed on first use."""
         if self._sharpness is None:
             self._sharpness = sharpness(self.grey())
         return self._sharpness
@@ -60,23 +60,23 @@ class StreamPicture:
 
     @property
     def bytes(self) -> int:
-        """Memory that it takes: video has half as many colour samples as grey ones."""
+        """Memory used: chroma adds half as many samples as luma has."""
         return self.video.width * self.video.height * 3 // 2
 
 
 class Ring:
-    """Pictures of the last `seconds`, or as many as fit into `most_bytes`. For a thread that puts and one that looks."""
+    """Images of the last `seconds`, or as many as fit into `most_bytes`. For one producer and one consumer thread."""
 
     def __init__(self, seconds: float, most_bytes: int) -> None:
         self._seconds, self._most_bytes = seconds, most_bytes
-        self._pictures: deque[tuple[float, StreamPicture]] = deque()  # with when they came
+        self._pictures: deque[tuple[float, StreamPicture]] = deque()  # with arrival times
         self._bytes = 0
         self._changed = threading.Condition()
         self.cut_short = False
-        """Whether memory, not time, has ever decided how long a picture is kept."""
+        """Whether the memory limit has ever cut the time images are kept."""
 
     def put(self, picture: StreamPicture, now: float) -> None:
-        """Add the newest; the oldest leave."""
+        """Add the newest image; drop the oldest."""
         with self._changed:
             self._pictures.append((now, picture))
             self._bytes += picture.bytes
@@ -85,12 +85,12 @@ class Ring:
             self._changed.notify_all()
 
     def pictures(self) -> list[StreamPicture]:
-        """All of them, oldest first."""
+        """All images, oldest first."""
         with self._changed:
             return [picture for _, picture in self._pictures]
 
     def wait(self, timeout_s: float) -> None:
-        """Until the next picture comes, but not longer than this."""
+        """Wait for the next image, or the timeout."""
         with self._changed:
             self._changed.wait(timeout_s)
 

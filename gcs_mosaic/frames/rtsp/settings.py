@@ -1,4 +1,4 @@
-"""The settings of a live stream."""
+"""Settings of a live stream."""
 
 from __future__ import annotations
 
@@ -10,42 +10,42 @@ from gcs_mosaic.frames.rtsp.interval import parse_every
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamSettings:
-    """How a live stream is received, and which of its pictures are taken. Times are in seconds."""
+    """How a live stream is received, and which of its images are taken. Times are in seconds."""
 
     transport: Literal["tcp", "udp"] = "tcp"
-    """Over "udp" a bad link loses pictures instead of time; what is damaged is never taken."""
+    """With "udp" a poor link loses images instead of time; damaged images are never taken."""
     every: str | None = None
-    """Frames without triggers: "1 s" takes one a second, "overlap" one whenever the view has moved; none = triggers only."""
+    """Frames without triggers: "1 s" takes one per second, "overlap" one whenever the view has moved; none = triggers only."""
     moved: float = 0.3
-    """Share of the picture that must be new before "overlap" takes a frame: 70 % in common is what mapping flights have."""
+    """Share of the image that must be new before "overlap" takes a frame: 70 % overlap is usual in mapping flights."""
     latency_s: float = 0.15
-    """From capture to arrival at the fastest; used where the camera sends no time that can be believed."""
+    """Minimum latency from capture to arrival; used if the camera sends no credible time."""
     window_s: float = 0.15
-    """A picture this near to the trigger may be taken instead of the nearest, if that one is blurred or damaged."""
+    """An image this close to the trigger may be taken instead of the nearest, if that one is blurred or damaged."""
     sharp_enough: float = 0.5
-    """Below this share of the sharpest one's energy a picture is blurred: 4 px of smear halve it, key frames have 1.6 times."""
+    """Below this share of the sharpest image's energy, an image is blurred: 4 px of smear halve it, key frames have 1.6 times."""
     farthest_s: float = 0.5
-    """Where the window holds no undamaged picture, the nearest one this far from the trigger is taken, but no other."""
+    """If the window has no undamaged image, the nearest one within this distance of the trigger is taken, but no other."""
     patience_s: float = 3.0
-    """How long a trigger waits for a picture of its time to arrive: slow Wi-Fi holds a second back."""
+    """How long a trigger waits for an image of its time to arrive: slow Wi-Fi delays by a second."""
     ring_s: float = 4.0
-    """How long pictures are kept for triggers that come late: cameras tell up to three seconds after the shot."""
+    """How long images are kept for late triggers: cameras report up to three seconds after the shot."""
     ring_mb: int = 400
-    """Most memory for them; 1080p at 30 pictures a second needs 370 MB for four seconds, 4K keeps one second."""
+    """Memory limit for them; 1080p at 30 images a second needs 370 MB for four seconds, 4K keeps one second."""
     jpeg_quality: int = 95
-    """Of the frames that are taken, 0 to 100; above 95 a video's own losses are far larger."""
+    """JPEG quality of the frames taken, 0 to 100; above 95 the video's own losses are far larger."""
     open_timeout_s: float = 5.0
-    """Longest wait for the camera to answer."""
+    """Timeout for the camera to answer."""
     read_timeout_s: float = 3.0
-    """A stream that brings nothing for so long is closed and opened again."""
+    """A stream silent for this long is closed and reopened."""
     gap_s: float = 1.0
-    """A pause this long between two pictures is said aloud and counted, and all times are learnt anew."""
+    """A gap this long between two images is reported and counted, and all clock estimates are reset."""
     reconnect_first_s: float = 0.25
-    """Wait before a lost stream is opened again; it doubles with each failure."""
+    """Wait before reopening a lost stream; doubles with each failure."""
     reconnect_longest_s: float = 1.0
-    """Longest such wait: an attempt costs nothing, and a camera that is back should be seen within two seconds."""
+    """Maximum of that wait: an attempt costs nothing, and a returning camera should be seen within two seconds."""
     allowed_hosts: tuple[str, ...] = ()
-    """Hosts or networks (10.0.0.7, camera.local, 192.168.1.0/24) that `rtsp: auto` may be sent to by the aircraft."""
+    """Hosts or networks (10.0.0.7, camera.local, 192.168.1.0/24) to which the aircraft may direct `rtsp: auto`."""
 
     def __post_init__(self) -> None:
         if self.every is not None:

@@ -1,4 +1,4 @@
-"""Frames from a live stream, as triggers, the clock or the motion of the view ask for them."""
+"""Frames from a live stream, requested by triggers, at intervals or by motion of the view."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Item: TypeAlias = Frame | Notice | SourceReport
 
-_LOOK_S = 0.05  # longest wait for a picture before looking for triggers
+_LOOK_S = 0.05  # longest wait for an image between checks for triggers
 _REPORT_S = 1.0
 _MB = 1_000_000
 
@@ -35,10 +35,10 @@ _MB = 1_000_000
 def stream(
     address: str, stop: threading.Event, requests: Requests, settings: StreamSettings | None = None
 ) -> Iterator[Item]:
-    """Frames of the stream at `address` (or `auto`), each for a request or as the settings want them, until `stop` is set.
+    """Frames of the stream at `address` (or `auto`), on request or as configured, until `stop` is set.
 
-    Every trigger gets the sharpest undamaged picture of its moment; a frame carries its JPEG with it. Raises UsageError,
-    at once, for an address that cannot be one, and without PyAV.
+    Every trigger gets the sharpest undamaged image near its time; a frame carries its JPEG data. Raises UsageError
+    immediately for an invalid address, and if PyAV is missing.
     """
     settings = settings or StreamSettings()
     if address == AUTO:
@@ -55,7 +55,7 @@ def stream(
 
 
 def stream_name(address: str) -> str:
-    """How the source is shown; never with a password."""
+    """The source's display name; never contains a password."""
     return AUTO if address == AUTO else parse_stream(address).shown
 
 
@@ -73,7 +73,7 @@ class _Stream:
         self._reported: tuple[SourceReport, float] | None = None
 
     def items(self, stop: threading.Event) -> Iterator[Item]:
-        """Everything, until `stop` is set."""
+        """All items, until `stop` is set."""
         yield from self._begin()
         self._receiver.start()
         while not stop.is_set():
@@ -105,7 +105,7 @@ class _Stream:
                 self._picker.ask(Ask(moment), now)
 
     def _hear(self, offer: Offer) -> Iterator[Notice]:
-        """The aircraft tells where its stream is: believed only if that is on the list."""
+        """The aircraft announces a stream address: accepted only if it is on the allow-list."""
         try:
             address = parse_stream(offer.url)
         except UsageError:
@@ -141,13 +141,13 @@ class _Stream:
             yield self._frame(decided)
 
     def _note_unanswered(self, unanswered: Unanswered) -> Iterator[Notice]:
-        """Said for the first of a row only: the others are counted."""
+        """Report only the first of consecutive ones; the others are counted."""
         self._unanswered += 1
         if self._unanswered == 1:
             yield _notice("warning", f"a trigger gets no frame: {unanswered.reason}")
 
     def _frame(self, pick: Pick) -> Frame:
-        """Encoded once; what is stitched is what is kept."""
+        """Encode once; the stitched bytes are the ones kept."""
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.jpeg_quality]
         data = cv2.imencode(".jpg", pick.picture.colour(), quality)[1].tobytes()
         utc = time.time() - time.monotonic() + pick.moment
