@@ -11,4 +11,4 @@ from tests.benchmarks.kills import survived
 
 @pytest.mark.long
 def test_a_flight_that_is_killed_again_and_again_is_whole_in_the_end(tmp_path: Path) -> None:
-    assert survived(kills=6, frames=14, folder=tmp_path, seed=1).whole
+    assert survived(kills=4, frames=10, folder=tmp_path, seed=1).whole
