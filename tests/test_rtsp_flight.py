@@ -103,6 +103,7 @@ def fly_over_all(flight: Running, slides: Showing) -> None:
             slides.step()
 
 
+@pytest.mark.long
 @needs_gstreamer
 def test_every_trigger_gets_its_frame_of_the_stream(tmp_path: Path, slides: Showing) -> None:
     """... which is kept, placed and matched. Its address comes from the aircraft, and is believed only of hosts on the

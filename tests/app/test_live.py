@@ -165,6 +165,7 @@ def test_the_status_is_told_of_an_ended_flight(flown: Running) -> None:
     assert json.loads(run("status", flown.out, "--json", cwd=flown.home).stdout) == flown.status()
 
 
+@pytest.mark.long
 def test_a_half_written_file_is_waited_for(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         flight.trigger("later/IMG_1.JPG")

@@ -112,6 +112,7 @@ def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> N
         assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
 
 
+@pytest.mark.long
 def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         for k in range(6):

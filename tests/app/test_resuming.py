@@ -87,7 +87,10 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -
     return map_of(out)
 
 
-@pytest.mark.parametrize(("cut", "lost"), [(1, 0), (3, 2), (6, 0), (8, 5), (11, 0)])
+@pytest.mark.parametrize(
+    ("cut", "lost"),
+    [(3, 2), (6, 0), *(pytest.param(*rest, marks=pytest.mark.long) for rest in ((1, 0), (8, 5), (11, 0)))],
+)
 def test_a_resumed_flight_gives_the_map_of_an_undisturbed_one(
     tmp_path: Path, frames: list[Frame], undisturbed: dict[str, Any], cut: int, lost: int
 ) -> None:
