@@ -30,6 +30,8 @@ from tests.running import Running, events_of, flying, frames_of, run, six_pictur
 from tests.sure import sure
 
 CONFIG = Config()
+MORE_CUTS = [(1, 0), (8, 5), (11, 0)]
+CUTS = [(3, 2), (6, 0), *(pytest.param(*cut, marks=pytest.mark.long) for cut in MORE_CUTS)]
 
 
 @pytest.fixture(scope="module")
@@ -87,10 +89,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -
     return map_of(out)
 
 
-@pytest.mark.parametrize(
-    ("cut", "lost"),
-    [(3, 2), (6, 0), *(pytest.param(*rest, marks=pytest.mark.long) for rest in ((1, 0), (8, 5), (11, 0)))],
-)
+@pytest.mark.parametrize(("cut", "lost"), CUTS)
 def test_a_resumed_flight_gives_the_map_of_an_undisturbed_one(
     tmp_path: Path, frames: list[Frame], undisturbed: dict[str, Any], cut: int, lost: int
 ) -> None:
