@@ -33,9 +33,7 @@ class EventLog:
         self._duplicates: list[tuple[int, int]] = []
         self._outcomes: list[Outcome] = []
         self._ids: OrderedDict[TriggerEvent, int] = OrderedDict()  # id of the shot each event reported
-        self._shots: OrderedDict[int, int] = (
-            OrderedDict()
-        )  # ids of shots, by the number of the first message about each
+        self._shots: OrderedDict[int, int] = OrderedDict()  # id of a shot, by the number of the first message about it
         self._remembered = pairing.remembered
 
     def resume(self, told: Iterable[EventRecord | FrameRecord], shots: Shots, started_utc: float, out: Path) -> None:

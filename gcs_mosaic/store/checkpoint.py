@@ -182,9 +182,8 @@ class _Values:
         self._file: BinaryIO | None = None
         self._end = 0  # end of all values, pending appends included
         self._sure = 0  # end of the values known to be on disk
-        self._known: dict[
-            int, tuple[object, int]
-        ] = {}  # offset by id(); the value is referenced so that its id stays valid
+        # Offsets by id(); the value is referenced so that its id stays valid.
+        self._known: dict[int, tuple[object, int]] = {}
         self._seen: dict[int, tuple[object, int]] = {}  # values referenced by the checkpoint being made
         self._new: list[bytes] = []
         self._read: dict[int, object] = {}

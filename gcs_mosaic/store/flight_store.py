@@ -8,27 +8,26 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Topic
 from gcs_mosaic.render.canvas import CanvasSettings
-from gcs_mosaic.render.painted import Extent, Painted, TileKey
+from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.graph.placement import Covered, Placement
+from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
+from gcs_mosaic.store.changes import Changes
 from gcs_mosaic.store.documents import finite
 from gcs_mosaic.store.folder import LEDGER_NAME
-from gcs_mosaic.store.ledger import Ledger, printable
-from gcs_mosaic.store.listing import FrameNews
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.store.originals import NotKept, Originals, OriginalsSettings, read_intact
 from gcs_mosaic.store.records import (
     Accounts,
-    CoveredRecord,
     Estimate,
     FlightRecord,
     FrameRecord,
@@ -40,50 +39,6 @@ from gcs_mosaic.store.stages import stage
 from gcs_mosaic.store.tiles import TileSettings, TileWriter, remove_strays
 
 logger = logging.getLogger(__name__)
-
-
-@dataclass
-class Changes(Kept):
-    """Unsaved changes."""
-
-    states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # with reason, by frame name
-    sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
-    placements: dict[str, Placement] = field(default_factory=dict)
-    covered: dict[str, Covered] = field(default_factory=dict)
-    painted: dict[str, Painted] = field(default_factory=dict)
-    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # changed tiles, one set per processing step
-
-    def cover(self, covered: Covered) -> str:
-        """Note that a placed frame covers a new one (pages are told although no tile changes); returns the new frame's name."""
-        self.covered[covered.name] = covered
-        self.tiles.append(frozenset())
-        return covered.by
-
-    def __bool__(self) -> bool:
-        return self.is_public or any((self.sizes, self.painted))
-
-    def news(self, estimates: Sequence[Estimate], newest: str | None) -> FrameNews:
-        """The frame news for readers; `estimates` are those of the placements."""
-        states = self.states.items()
-        return FrameNews(
-            estimates=estimates,
-            covered=[self._record_of(covered) for covered in self.covered.values()],
-            rejected={
-                name: printable(reason or "") for name, (state, reason) in states if state is FrameState.REJECTED
-            },
-            waiting=[name for name, (state, _) in states if state is FrameState.WAITING],
-            newest=newest,
-        )
-
-    def _record_of(self, covered: Covered) -> CoveredRecord:
-        width, height = self.sizes[covered.name]
-        shift = covered.by_from_frame
-        return CoveredRecord(name=covered.name, by=covered.by, by_from_frame=shift, width=width, height=height)
-
-    @property
-    def is_public(self) -> bool:
-        """Whether any of it appears in the documents."""
-        return any((self.states, self.placements, self.tiles))
 
 
 class TileSource(Protocol):

@@ -21,7 +21,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.painted import Extent, Painted
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
@@ -30,6 +29,7 @@ from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.store import placements
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.records import EventState, FrameState, IslandRecord
+from tests.factories import frame, trigger_event
 
 FRAMES = 3000
 EARLY, WINDOW = (50, 150), 100  # frames over which is averaged; of the late ones the last so many
@@ -82,26 +82,11 @@ def hurried() -> Iterator[list[float]]:
 def take(store: FlightStore, number: int) -> None:
     """A trigger and its frame have come."""
     name, now = f"IMG_{number:05}.JPG", number * EACH_S
-    event = TriggerEvent(
-        vehicle=1,
-        component=100,
-        camera=1,
-        source=Source.IMAGE_CAPTURED_BY_CAMERA,
-        sequence=number,
-        received=now,
-        source_time=now,
-        clock="boot",
-        utc=1.7e9 + now,
-        result=CaptureResult.TAKEN,
-        file_hint=name,
-        position=None,
-    )
-    frame = Frame(
-        name=name, path=Path(name), content_hash=f"{number:064x}", size=4_000_000, received=now, modified=1.7e9 + now
-    )
+    event = trigger_event(number, now, source_time=now, clock="boot", utc=1.7e9 + now, file_hint=name)
+    taken = frame(name, now, content_hash=f"{number:064x}", size=4_000_000, modified=1.7e9 + now)
     ledger = store.ledger
     with ledger.transaction():
-        ledger.record_frame(frame)
+        ledger.record_frame(taken)
         ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame=name)
 
 

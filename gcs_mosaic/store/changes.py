@@ -1,0 +1,57 @@
+"""What a flight has become since it was last saved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.stitch.graph.placement import Covered, Placement
+from gcs_mosaic.stitch.transaction import Kept
+from gcs_mosaic.store.ledger import printable
+from gcs_mosaic.store.listing import FrameNews
+from gcs_mosaic.store.records import CoveredRecord, Estimate, FrameState
+
+
+@dataclass
+class Changes(Kept):
+    """Unsaved changes."""
+
+    states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # with reason, by frame name
+    sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
+    placements: dict[str, Placement] = field(default_factory=dict)
+    covered: dict[str, Covered] = field(default_factory=dict)
+    painted: dict[str, Painted] = field(default_factory=dict)
+    tiles: list[frozenset[TileKey]] = field(default_factory=list)  # changed tiles, one set per processing step
+
+    def cover(self, covered: Covered) -> str:
+        """Note that a placed frame covers a new one (pages are told although no tile changes); returns the new frame's name."""
+        self.covered[covered.name] = covered
+        self.tiles.append(frozenset())
+        return covered.by
+
+    def __bool__(self) -> bool:
+        return self.is_public or any((self.sizes, self.painted))
+
+    def news(self, estimates: Sequence[Estimate], newest: str | None) -> FrameNews:
+        """The frame news for readers; `estimates` are those of the placements."""
+        states = self.states.items()
+        return FrameNews(
+            estimates=estimates,
+            covered=[self._record_of(covered) for covered in self.covered.values()],
+            rejected={
+                name: printable(reason or "") for name, (state, reason) in states if state is FrameState.REJECTED
+            },
+            waiting=[name for name, (state, _) in states if state is FrameState.WAITING],
+            newest=newest,
+        )
+
+    def _record_of(self, covered: Covered) -> CoveredRecord:
+        width, height = self.sizes[covered.name]
+        shift = covered.by_from_frame
+        return CoveredRecord(name=covered.name, by=covered.by, by_from_frame=shift, width=width, height=height)
+
+    @property
+    def is_public(self) -> bool:
+        """Whether any of it appears in the documents."""
+        return any((self.states, self.placements, self.tiles))
