@@ -22,8 +22,6 @@ POLL = 0.1
 OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 END: signal.Signals = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
 
-FRAME_STATES = ("pending", "placed", "waiting", "rejected", "duplicate", "damaged", "dropped")
-
 
 class ProgramError(Exception):
     """The program failed; the message is one sentence for the operator."""
@@ -43,7 +41,7 @@ class Program:
     def command(self) -> list[str]:
         page = ["--http", self.http] if self.http else ["--no-http"]
         frames = ["--rtsp", self.rtsp] if self.rtsp else ["--watch", str(self.watch)]
-        where = [*frames, "--out", str(self.out)]
+        where = [*frames, "--out", str(self.out), "--new"]
         return [sys.executable, "-m", "gcs_mosaic", "--mavlink", f"udp:127.0.0.1:{self.port}", *where, *page]
 
     def start(self) -> None:

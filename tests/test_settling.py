@@ -13,13 +13,13 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame
+from gcs_mosaic.app.resuming import open_flight
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.web.feed import Feed
 from tests.frame_files import decoded
 
@@ -79,14 +79,16 @@ def test_a_flight_that_is_ended_without_time_is_settled(
 ) -> None:
     """Asked to end at once, or after all the time at the end went into the last frames."""
     ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
-    with closing(open_flight_folder(tmp_path / "out")) as folder:
-        config = replace(CONFIG, finish_s=30.0 if hurry else 0.0)
-        with closing(daemon._Daemon(config, folder, None, Console(quiet=True), ending, Feed())) as flown:
-            process(flown._pipeline, flight)
-            monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
-            ending.stop.set()
-            if hurry:
-                ending.hurry.set()
-            flown._finish()
-            assert_settled(flown._pipeline)
-            assert Path(folder.path / "mosaic.json").exists()
+    config = replace(CONFIG, finish_s=30.0 if hurry else 0.0, out=str(tmp_path / "out"))
+    with (
+        closing(open_flight(config)) as opened,
+        closing(daemon._Daemon(config, opened, Console(quiet=True), ending, Feed())) as flown,
+    ):
+        process(flown._pipeline, flight)
+        monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
+        ending.stop.set()
+        if hurry:
+            ending.hurry.set()
+        flown._finish()
+        assert_settled(flown._pipeline)
+        assert Path(opened.folder.path / "mosaic.json").exists()

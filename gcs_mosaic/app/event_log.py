@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -19,6 +19,8 @@ from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, Pair
 from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New, Shots
 
 logger = logging.getLogger(__name__)
+
+TIMED = 64  # newest frames of a resumed flight whose times tell the usual delay again: more than it is estimated from
 
 K = TypeVar("K")
 
@@ -36,12 +38,15 @@ class EventLog:
         self._shots: OrderedDict[int, int] = OrderedDict()  # id of a shot, by the number of the first message about it
         self._remembered = pairing.remembered
 
-    def resume(self, told: Iterable[EventRecord | FrameRecord], shots: Shots, started_utc: float, out: Path) -> None:
+    def resume(self, told: Sequence[EventRecord | FrameRecord], shots: Shots, started_utc: float, out: Path) -> None:
         """Restore the state by replaying the resumed flight's events and frames in order.
 
-        Matches are kept: requests to a stream, and matches by counting at the end, are recorded in the ledger only.
+        Matches are kept: requests to a stream, and matches by counting at the end, are recorded in the ledger only. Only the
+        newest frames are matched by their times again.
         """
         matched: list[tuple[int, str]] = []
+        stale = max(sum(isinstance(record, FrameRecord) for record in told) - TIMED, 0)
+        now = 0.0
         for record in told:
             if isinstance(record, EventRecord) and record.frame is not None:
                 matched.append((record.id, record.frame))
@@ -49,10 +54,10 @@ class EventLog:
                 now = record.event.received
                 self._heard(shots.hear(record.event), record.id, now)
             else:
-                frame = frame_of(record, out)
+                frame, stale = frame_of(record, out), stale - 1
                 now, fresh = frame.received, frame.modified >= started_utc and record.state not in SET_ASIDE
-                self.frame(frame, now, fresh=fresh)
-            self.tick(now)
+                self.frame(frame, now, fresh=fresh and stale < 0)
+        self.tick(now)
         for event_id, name in matched:
             self._outcomes += self._pairing.known(event_id, name)
 

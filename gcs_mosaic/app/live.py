@@ -19,25 +19,21 @@ from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, 
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
-from gcs_mosaic.app.resuming import checkpoints_of, files_taken, later_by, saved_flight, told_again
+from gcs_mosaic.app.resuming import OpenedFlight, files_taken, open_flight, runs_of, told_again
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.stitch.transaction import Snapshot
-from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.durability import Durability
 from gcs_mosaic.store.folder import (
     LEDGER_NAME,
     FlightFolder,
-    open_flight_folder,
     refuse_watching_ourselves,
-    resume_flight_folder,
 )
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
@@ -72,42 +68,25 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
         if config.rtsp:
             links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop)
-        folder = resume_flight_folder(out) if config.resume else open_flight_folder(out)
-        stack.callback(folder.close)
-        checkpoints = checkpoints_of(folder.path, config)
-        if checkpoints is not None:
-            stack.callback(checkpoints.close)
-        saved = _saved(folder, checkpoints, config)
+        opened = open_flight(config)
+        stack.callback(opened.close)
+        folder = opened.folder
         stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
-        daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed)
+        daemon = _Daemon(config, opened, console, shutdown, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
             daemon.say(recorded)
         if page:
             daemon.say(Notice(source="page", level="info", text=f"the map is at {page}", topic=Topic.PAGE))
-        if saved:
-            daemon.resume(saved, shots)
+        if folder.resumed:
+            daemon.resume(opened.saved, shots)
         daemon.run(links)
-
-
-def _saved(folder: FlightFolder, checkpoints: Checkpoints | None, config: Config) -> Snapshot | None:
-    """The saved state of the flight to resume, None for a new one. Raises UsageError."""
-    if not folder.resumed:
-        return None
-    paper = Unusable("a map of the paper's recipe is in memory only")
-    saved = paper if checkpoints is None else saved_flight(checkpoints, config)
-    if isinstance(saved, Unusable):
-        raise UsageError(
-            f"--resume: the flight in {folder.path} cannot be gone on with: {saved.reason}. Start without --resume: the new "
-            f"flight is written beside it, and gcs-mosaic stitch {folder.path / 'frames'} makes a map of what it has."
-        )
-    return saved
 
 
 def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:
@@ -132,8 +111,7 @@ class _Daemon:
     def __init__(
         self,
         config: Config,
-        folder: FlightFolder,
-        checkpoints: Checkpoints | None,
+        opened: OpenedFlight,
         console: Console,
         shutdown: Shutdown,
         feed: Feed,
@@ -141,9 +119,10 @@ class _Daemon:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
         self._inbox = Inbox(shutdown.stop)
-        until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
+        out = opened.folder.path
+        until_writable = UntilWritable(out, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(
-            folder.path, config, self.say, feed.publish, retry=until_writable, checkpoints=checkpoints
+            out, config, self.say, feed.publish, retry=until_writable, checkpoints=opened.checkpoints
         )
         self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
@@ -156,7 +135,7 @@ class _Daemon:
         )
         store = self._pipeline.store
         self._durability = Durability(store.ledger.make_durable)
-        self._reporter = Reporter(folder.path, store.flight, store.ledger, console)
+        self._reporter = Reporter(out, store.flight, store.ledger, console)
         self._reporter.watch = initial_report(config)
         self._event_log = EventLog(store.ledger, config.pairing, until_writable)
         self._came: dict[str, float] = {}  # when files were complete, by frame name
@@ -166,13 +145,13 @@ class _Daemon:
         self._adjusting = False  # whether an adjustment started in a pause is still running
         self._looked = False  # whether every file present at the start has been accepted
 
-    def resume(self, saved: Snapshot, shots: Shots) -> None:
+    def resume(self, saved: Snapshot | None, shots: Shots) -> None:
         """Resume the folder's flight before accepting anything new."""
         store = self._pipeline.store
-        told = told_again(store.ledger.events(), store.ledger.frames(), later_by(saved))
+        told = told_again(store.ledger.events(), store.ledger.frames(), runs_of(saved))
         self._event_log.resume(told, shots, store.flight.started_utc, store.out)
         self._event_log.save()
-        again = self._pipeline.resume(saved["pipeline"])
+        again = self._pipeline.resume(saved)
         self._driver.save()
         for frame in again:
             self._came[frame.name] = time.monotonic()
@@ -188,6 +167,7 @@ class _Daemon:
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
+        self._pipeline.checkpoint(at_once=True)  # and that this is known to be a flight that can be resumed
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
@@ -333,9 +313,9 @@ class _Daemon:
             self.say(Notice(source="daemon", level="warning", text=text))
 
     def _say_what_is_left(self) -> None:
-        if left := len(self._preparation):
-            kept = self._pipeline.store.out / "frames"
-            text = f"{left} frames are not on the map, there was no time: gcs-mosaic stitch {kept} makes one of all"
+        store = self._pipeline.store
+        if left := store.settle_unstitched():
+            text = f"{left} frames are not on the map, there was no time: gcs-mosaic --resume --out {store.out} goes on with them"
             self.say(Notice(source="daemon", level="warning", text=text))
 
     def _paint_final(self) -> None:

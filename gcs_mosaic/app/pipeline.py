@@ -13,7 +13,7 @@ from typing import TypeVar
 from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
-from gcs_mosaic.app.resuming import settings_of, utc_of_zero
+from gcs_mosaic.app.resuming import Run, runs_of, settings_of, source_of, utc_of_zero
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.messages import Frame, Notice
@@ -61,7 +61,7 @@ class Pipeline(Kept):
     `checkpoints`: where checkpoints are written, if any.
     """
 
-    FIXED = frozenset({"_worker", "_say", "features_of", "_checkpoints", "_settings"})
+    FIXED = frozenset({"_worker", "_say", "features_of", "_checkpoints", "_of_flight"})
 
     def __init__(
         self,
@@ -95,7 +95,8 @@ class Pipeline(Kept):
         self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
         self._reduction = config.reduction
         self._processed: dict[str, None] = {}  # frame names, in order of processing
-        self._settings = settings_of(config)
+        runs = [Run(0, 0, utc_of_zero())]
+        self._of_flight: Snapshot = {"settings": settings_of(config), "source": source_of(config), "runs": runs}
         self._checkpoints = checkpoints
         self._say = say
         self._painting = Painting(self._painter, self.store, self, self.load_original, say)
@@ -110,12 +111,15 @@ class Pipeline(Kept):
 
     # Resuming
 
-    def resume(self, saved: Snapshot) -> list[Frame]:
-        """Resume the folder's flight from the state saved by `checkpoint`.
+    def resume(self, saved: Snapshot | None) -> list[Frame]:
+        """Resume the folder's flight from what `checkpoint` saved; None stitches all of it again from its originals.
 
         Returns the frames still to be processed, in order of arrival. Call `save` afterwards.
         """
-        self.load(saved)
+        counts = len(self.store.ledger.events()), len(self.store.ledger.frames())
+        self._of_flight["runs"] = [*runs_of(saved), Run(*counts, utc_of_zero())]
+        if saved is None or not self._loaded(saved["pipeline"]):
+            self.store.ledger.set_canvas(self.store.canvas)
         shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
         on_map = [placement.name for placement in self.mosaic.placements()]
         on_map += [covered.name for covered in self.mosaic.covered()]
@@ -133,6 +137,17 @@ class Pipeline(Kept):
         }
         return again
 
+    def _loaded(self, saved: Snapshot) -> bool:
+        try:
+            with transaction(self):
+                self.load(saved)
+        except Exception as error:
+            logger.exception("the checkpoint could not be taken up")
+            text = f"the flight's checkpoint does not fit ({error!r}), so its frames are stitched again"
+            self._say(Notice(source="out", level="warning", text=text))
+            return False
+        return True
+
     def checkpoint(self, *, at_once: bool = False) -> None:
         """Write a checkpoint; `at_once`, or when it costs little. Call after `save`."""
         if self._checkpoints is not None:
@@ -140,7 +155,7 @@ class Pipeline(Kept):
             self._say_problem("checkpoint", self._checkpoints.problem)
 
     def _state(self) -> Snapshot:
-        return {"settings": self._settings, "utc_of_zero": utc_of_zero(), "pipeline": self.saved()}
+        return self._of_flight | {"pipeline": self.saved()}
 
     # Arrivals
 

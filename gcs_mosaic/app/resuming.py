@@ -1,24 +1,92 @@
-"""Whether a flight can be resumed: its folder has a checkpoint, made with settings that give the same map."""
+"""Which flight a start goes on with, and from where: the newest in the folder, if its checkpoint was made with settings that
+give the same map."""
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Iterable
-from dataclasses import replace
+from bisect import bisect
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Link
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import Snapshot
+from gcs_mosaic.store.checkpoint import NAME as CHECKPOINT_NAME
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
+from gcs_mosaic.store.folder import FlightFolder, flights_of, lock_flight, open_flight_folder, resume_flight_folder
 from gcs_mosaic.store.records import EventRecord, FrameRecord
 
+logger = logging.getLogger(__name__)
+
 SAME_CLOCK_S = 60.0  # tolerance for clock corrections, shorter than any reboot takes
+PAPER = Unusable("a map of the paper's recipe is in memory only")
 LARGE = (Features, Link, Registration)  # types of checkpoint values that are written once
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenedFlight:
+    """The folder of a flight, locked; `folder.resumed` if it is resumed.
+
+    `saved`: where to go on from, None for a new flight and for one that is to be stitched again from its originals.
+    """
+
+    folder: FlightFolder
+    checkpoints: Checkpoints | None
+    saved: Snapshot | None = None
+
+    def close(self) -> None:
+        if self.checkpoints is not None:
+            self.checkpoints.close()
+        self.folder.close()
+
+
+def open_flight(config: Config) -> OpenedFlight:
+    """The flight to resume, or a new one, as `config.resume` asks. Raises UsageError."""
+    out, refused = Path(config.out), ""
+    if config.resume == "always":
+        return _resumed(resume_flight_folder(out), config)
+    recent = flights_of(out, time.time() - 3600 * config.resume_h) if config.resume == "auto" else []
+    for path in recent:
+        if not (path / CHECKPOINT_NAME).is_file():  # a stitched folder of frames, or a replay
+            continue
+        try:
+            return _resumed(lock_flight(path), config, by_itself=True)
+        except UsageError as reason:
+            logger.info("not resumed: %s", reason)
+            refused = refused or f"{reason}; "
+    opened = _begun(config)
+    return replace(opened, folder=replace(opened.folder, said=refused + opened.folder.said))
+
+
+def _begun(config: Config) -> OpenedFlight:
+    folder = open_flight_folder(Path(config.out))
+    return OpenedFlight(folder=folder, checkpoints=checkpoints_of(folder.path, config))
+
+
+def _resumed(folder: FlightFolder, config: Config, *, by_itself: bool = False) -> OpenedFlight:
+    """Raises UsageError, the folder being closed, if its flight cannot be resumed."""
+    checkpoints = checkpoints_of(folder.path, config)
+    saved = PAPER if checkpoints is None else saved_flight(checkpoints, config, same_source=by_itself)
+    opened = OpenedFlight(folder=folder, checkpoints=checkpoints)
+    if not isinstance(saved, Unusable):
+        return replace(opened, saved=saved)
+    if saved.stitch_again:
+        said = f"{folder.said}; {saved.reason}, so its frames are stitched again"
+        return replace(opened, folder=replace(folder, said=said))
+    opened.close()
+    if by_itself:
+        raise UsageError(f"the flight in {folder.path} is left as it is: {saved.reason}")
+    raise UsageError(
+        f"--resume: the flight in {folder.path} cannot be gone on with: {saved.reason}. Start without --resume: the new "
+        f"flight is written beside it, and gcs-mosaic stitch {folder.path / 'frames'} makes a map of what it has."
+    )
 
 
 def settings_of(config: Config) -> str:
@@ -26,15 +94,22 @@ def settings_of(config: Config) -> str:
     return repr((config.method, config.scale, config.stitch, config.paint))
 
 
-def saved_flight(checkpoints: Checkpoints, config: Config) -> Snapshot | Unusable:
+def source_of(config: Config) -> str:
+    """Where frames come from: a flight resumes by itself only with frames of the same camera."""
+    return config.rtsp or str(Path(config.watch).resolve())
+
+
+def saved_flight(checkpoints: Checkpoints, config: Config, *, same_source: bool = False) -> Snapshot | Unusable:
     """A flight's saved state, its `pipeline` being for `Pipeline.resume`, or why it cannot be resumed with these settings."""
     saved = checkpoints.load()
     if isinstance(saved, Unusable):
         return saved
     if not isinstance(saved, dict) or not isinstance(saved.get("pipeline"), dict):
-        return Unusable("its checkpoint is none of ours")
+        return Unusable("its checkpoint is none of ours", stitch_again=True)
     if saved.get("settings") != settings_of(config):
         return Unusable("it was flown with other settings (method, scale, stitch or paint)")
+    if same_source and saved.get("source") != source_of(config):
+        return Unusable(f"its frames came from {saved.get('source')}")
     return saved
 
 
@@ -54,28 +129,52 @@ def files_taken(frames: Iterable[FrameRecord]) -> dict[str, Taken]:
     return taken
 
 
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of the program in a flight: how many events and frames were in the ledger when it began, and its clock's zero."""
+
+    events: int
+    frames: int
+    utc_of_zero: float  # UTC at which its monotonic clock read 0
+
+
+def runs_of(saved: Snapshot | None) -> list[Run]:
+    """All runs of a flight so far; empty if that is not known."""
+    runs = saved.get("runs") if saved else None
+    return [run for run in runs if isinstance(run, Run)] if isinstance(runs, list) else []
+
+
 def told_again(
-    events: Iterable[EventRecord], frames: Iterable[FrameRecord], later_s: float
+    events: Sequence[EventRecord], frames: Sequence[FrameRecord], runs: Sequence[Run]
 ) -> list[EventRecord | FrameRecord]:
-    """All events and frames of a flight in order of arrival, with times shifted by `later_s`."""
+    """All events and frames of a flight in order of arrival, their times on this run's monotonic clock."""
     told: list[EventRecord | FrameRecord] = []
-    for record in events:
+    for record, later_s in zip(events, _later([run.events for run in runs], runs, len(events)), strict=True):
         told.append(replace(record, event=replace(record.event, received=record.event.received + later_s)))
-    for frame in frames:
+    for frame, later_s in zip(frames, _later([run.frames for run in runs], runs, len(frames)), strict=True):
         if frame.received is not None:
             told.append(replace(frame, received=frame.received + later_s))
-    return sorted(told, key=_came)
+    told.sort(key=_came)
+    ahead_s = _came(told[-1]) - time.monotonic() if told else 0.0
+    return told if ahead_s <= 0 else [_earlier(record, ahead_s) for record in told]  # of a clock that nobody knows
+
+
+def _later(began: Sequence[int], runs: Sequence[Run], count: int) -> Iterator[float]:
+    """For each of `count` records the offset from the clock of its run to this run's. 0 unless the machine was rebooted."""
+    offsets = [run.utc_of_zero - utc_of_zero() for run in runs]
+    for k in range(count):
+        offset = offsets[max(bisect(began, k) - 1, 0)] if offsets else 0.0
+        yield offset if abs(offset) > SAME_CLOCK_S else 0.0
 
 
 def _came(record: EventRecord | FrameRecord) -> float:
     return record.event.received if isinstance(record, EventRecord) else record.received or 0.0
 
 
-def later_by(saved: Snapshot) -> float:
-    """Offset in seconds from the saved run's monotonic clock to this run's, to be added to the saved run's times. 0 unless the
-    machine was rebooted."""
-    apart = float(saved["utc_of_zero"]) - utc_of_zero()
-    return apart if abs(apart) > SAME_CLOCK_S else 0.0
+def _earlier(record: EventRecord | FrameRecord, seconds: float) -> EventRecord | FrameRecord:
+    if isinstance(record, EventRecord):
+        return replace(record, event=replace(record.event, received=record.event.received - seconds))
+    return replace(record, received=_came(record) - seconds)
 
 
 def utc_of_zero() -> float:

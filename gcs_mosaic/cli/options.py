@@ -146,8 +146,16 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     _add_blend(parser)
     _add_method(parser)
     _add_output(parser)
-    parser.add_argument(
-        "--resume", action="store_true", help="go on with the newest flight in --out, after whatever ended it"
+    begin = parser.add_mutually_exclusive_group()
+    begin.add_argument(
+        "--resume", action="store_const", const="always", help="go on with the newest flight in --out, however old"
+    )
+    begin.add_argument(
+        "--new",
+        dest="resume",
+        action="store_const",
+        const="never",
+        help="begin a new flight, beside one that has just ended",
     )
     parser.add_argument(
         "--record",

@@ -22,6 +22,8 @@ from gcs_mosaic.store.tiles import TileSettings
 from gcs_mosaic.triggers import PairingSettings
 from gcs_mosaic.triggers.shots import ShotSettings
 
+Resume = typing.Literal["auto", "always", "never"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config(Listening):
@@ -31,7 +33,9 @@ class Config(Listening):
     # live stream instead of a folder, such as rtsp://HOST:554/main; auto: as announced by the aircraft; null: none
     rtsp: str | None = None
     out: str = "mosaic"  # folder for tiles, ledger and originals
-    resume: bool = False  # go on with the newest flight in `out`; else a new one is written beside it
+    # go on with the newest flight in `out`: auto: if it was written within `resume_h` with these settings; always; never
+    resume: Resume = "auto"
+    resume_h: float = 6.0  # hours since its last frame or event for which a flight is the same one
     http: str | None = "127.0.0.1:8470"  # address of the page; null for none
     method: Method = "adjusted"  # paper: the paper's method, for comparison; fails on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
@@ -52,6 +56,8 @@ class Config(Listening):
     def __post_init__(self) -> None:
         if self.scale not in (1, 0.5, 0.25):
             raise ValueError(f"scale: expected 1, 0.5 or 0.25, got {self.scale:g}")
+        if self.resume_h < 0:
+            raise ValueError(f"resume_h: expected hours, got {self.resume_h:g}")
 
     @property
     def features(self) -> FeatureKind:

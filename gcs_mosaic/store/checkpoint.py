@@ -22,9 +22,10 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, is_dataclass
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal, cast
 
 import numpy as np
 
@@ -34,9 +35,10 @@ from gcs_mosaic.store.stages import stage
 logger = logging.getLogger(__name__)
 
 NAME, VALUES_NAME = "checkpoint", "checkpoint.values"
-FORMAT = 1
+FORMAT = 2
 MAGIC = b"gcs-mosaic checkpoint\n"
-HEAD = struct.Struct("<I16s16sq")  # format, digest of the payload, name of the values file, its length in bytes
+# Format, digest of the program, digest of the payload, name of the values file, its length in bytes.
+HEAD = struct.Struct("<I16s16s16sq")
 LARGE = 1024  # bytes; smaller values are stored inline
 SHARE = 0.05  # maximum share of time spent on checkpoints
 # Allowed in a pickle besides this program's own records.
@@ -47,19 +49,12 @@ KNOWN = {
     ("collections", "OrderedDict"),
     ("collections", "Counter"),
     ("collections", "deque"),
-    ("numpy", "ndarray"),
-    ("numpy", "dtype"),
-    ("numpy.core.multiarray", "_reconstruct"),
-    ("numpy.core.multiarray", "scalar"),
-    ("numpy.core.numeric", "_frombuffer"),
-    ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "scalar"),
-    ("numpy._core.numeric", "_frombuffer"),
     ("pathlib", "PosixPath"),
     ("pathlib", "WindowsPath"),
     ("pathlib", "PurePosixPath"),
 }
 OURS = "gcs_mosaic."
+PLAIN = "biufc"  # kinds of numbers that arrays may hold; an array of any other could hold pointers
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +62,7 @@ class Unusable:
     """Why a checkpoint cannot be used to resume a flight, phrased as the end of a sentence."""
 
     reason: str
+    stitch_again: bool = False  # the flight can be resumed all the same: from its originals
 
 
 class Checkpoints:
@@ -91,7 +87,7 @@ class Checkpoints:
             return Unusable("it has no checkpoint")
         except Exception as error:  # a damaged file may raise anything in the unpickler
             logger.warning("the checkpoint cannot be read", exc_info=True)
-            return Unusable(f"its checkpoint cannot be read ({error!r})")
+            return Unusable(f"its checkpoint cannot be read ({error!r})", stitch_again=True)
 
     def write(self, state: Callable[[], object], ledger_durable: Callable[[], None], *, at_once: bool = False) -> None:
         """Write the result of `state` if due or `at_once`. Failures are logged and retried with the next checkpoint.
@@ -151,18 +147,18 @@ class Checkpoints:
     def _write(self, data: bytes, new: bytes, ledger_durable: Callable[[], None]) -> None:
         end = self._values.append(new)
         ledger_durable()
-        head = HEAD.pack(FORMAT, _digest(data), self._values.name, end)
+        head = HEAD.pack(FORMAT, program_digest(), _digest(data), self._values.name, end)
         write_beside(self._path, MAGIC + head + data, durable=True)
 
     def _loaded(self, data: bytes) -> Any:
         start = len(MAGIC) + HEAD.size
         if not data.startswith(MAGIC) or len(data) < start:
-            return Unusable("its checkpoint is none of ours")
-        format_, digest, name, end = HEAD.unpack(data[len(MAGIC) : start])
-        if format_ != FORMAT:
-            return Unusable(f"its checkpoint is of another version ({format_}, this program writes {FORMAT})")
+            return Unusable("its checkpoint is none of ours", stitch_again=True)
+        format_, program, digest, name, end = HEAD.unpack(data[len(MAGIC) : start])
+        if format_ != FORMAT or program != program_digest():
+            return Unusable("its checkpoint was written by another version of the program", stitch_again=True)
         if _digest(data[start:]) != digest:
-            return Unusable("its checkpoint is damaged")
+            return Unusable("its checkpoint is damaged", stitch_again=True)
         self._values.open(name, end)
         try:
             return _Reader(io.BytesIO(data[start:]), self._values.value).load()
@@ -196,7 +192,7 @@ class _Values:
         """Return the value's offset, assigning one past the end if it is new."""
         known = self._seen.get(id(value)) or self._known.get(id(value))
         if known is None:
-            data = pickle.dumps(value, protocol=5)
+            data = _pickled(value)
             known = value, self._end
             self._new += [self.LENGTH.pack(len(data)), data]
             self._end += self.LENGTH.size + len(data)
@@ -270,13 +266,9 @@ class _Pickler(pickle.Pickler):
             return _reference, (refer(value),)
 
         def array_apart(array: np.ndarray[Any, Any]) -> Any:
-            return apart(array) if array.nbytes >= LARGE else array.__reduce_ex__(5)
+            return apart(array) if array.nbytes >= LARGE else _plain_array(array)
 
-        self.dispatch_table = {
-            **dict.fromkeys(large, apart),
-            np.ndarray: array_apart,
-            MappingProxyType: lambda mapping: (_read_only, (dict(mapping),)),
-        }
+        self.dispatch_table = {**PLAINLY, **dict.fromkeys(large, apart), np.ndarray: array_apart}
 
 
 class _Reader(pickle.Unpickler):
@@ -285,8 +277,8 @@ class _Reader(pickle.Unpickler):
         self._value = value
 
     def find_class(self, module: str, name: str) -> Any:
-        if module == __name__ and name in (_reference.__name__, _read_only.__name__):
-            return self._value if name == _reference.__name__ else _read_only
+        if module == __name__ and name in BUILT:
+            return BUILT[name] or self._value
         if (module, name) in KNOWN:
             return super().find_class(module, name)
         if module.startswith(OURS):
@@ -313,8 +305,64 @@ def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
+def _array(
+    kind: str, shape: tuple[int, ...], order: Literal["C", "F"], data: bytes | bytearray
+) -> np.ndarray[Any, Any]:
+    """An array of plain numbers. Raises ValueError for any other kind."""
+    dtype = np.dtype(kind)
+    if dtype.kind not in PLAIN:
+        raise ValueError(f"an array of {kind} does not belong into a checkpoint")
+    return np.frombuffer(data, dtype).reshape(shape, order=order)
+
+
+def _number(kind: str, data: bytes) -> np.generic:
+    return cast(np.generic, _array(kind, (), "C", data)[()])
+
+
+def _plain_array(array: np.ndarray[Any, Any]) -> Any:
+    """How an array is written: layout included, because sums depend on it."""
+    order = "F" if array.flags.f_contiguous and not array.flags.c_contiguous else "C"
+    flat = np.ascontiguousarray(array.T if order == "F" else array)
+    return _array, (array.dtype.str, array.shape, order, pickle.PickleBuffer(flat.data))
+
+
+def _plain_number(number: np.generic) -> Any:
+    return _number, (number.dtype.str, number.tobytes())
+
+
+# How values are written that pickle would write by functions that are not allowed in a checkpoint.
+PLAINLY: dict[type, Callable[[Any], Any]] = {
+    np.ndarray: _plain_array,
+    **dict.fromkeys(np.sctypeDict.values(), _plain_number),
+    MappingProxyType: lambda mapping: (_read_only, (dict(mapping),)),
+}
+# The functions of this module that are; None stands for the reader's own.
+BUILT: dict[str, Callable[..., Any] | None] = {
+    _reference.__name__: None,
+    _read_only.__name__: _read_only,
+    _array.__name__: _array,
+    _number.__name__: _number,
+}
+
+
+def _pickled(value: object) -> bytes:
+    target = io.BytesIO()
+    pickler = pickle.Pickler(target, protocol=5)
+    pickler.dispatch_table = PLAINLY
+    pickler.dump(value)
+    return target.getvalue()
+
+
 def _no_values(place: int) -> object:
     raise pickle.UnpicklingError("a value refers to no other value")
+
+
+@cache
+def program_digest() -> bytes:
+    """Of this program's source: another version may read the same names differently."""
+    package = Path(__file__).parents[1]
+    sources = sorted(package.rglob("*.py"))
+    return _digest(b"\0".join(_digest(path.read_bytes()) for path in sources))
 
 
 def _digest(data: bytes) -> bytes:

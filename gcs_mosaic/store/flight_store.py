@@ -58,7 +58,9 @@ class FlightStore(Kept):
     nothing is written while a frame is processed.
     """
 
-    FIXED = frozenset({"out", "ledger", "flight", "_originals", "_tiles", "_manifest", "_published", "_utc", "_retry"})
+    FIXED = frozenset(
+        {"out", "ledger", "flight", "canvas", "_originals", "_tiles", "_manifest", "_published", "_utc", "_retry"}
+    )
 
     def __init__(
         self,
@@ -73,7 +75,8 @@ class FlightStore(Kept):
     ) -> None:
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
-        self.flight = self.ledger.flight() or self._begin_flight(canvas or CanvasSettings(), utc())
+        self.canvas = canvas or CanvasSettings()
+        self.flight = self.ledger.flight() or self._begin_flight(utc())
         self.changes = Changes()
         self.taken_in = 0  # files accepted, whatever their outcome
         self.in_a_pause = False  # or at the end: list every frame now, as no further save may follow
@@ -90,8 +93,8 @@ class FlightStore(Kept):
         self._islands_known = 0
         self._extents: dict[int, Extent] = {}  # a merged island is reported with its last extent
 
-    def _begin_flight(self, canvas: CanvasSettings, utc: float) -> FlightRecord:
-        flight = FlightRecord(name=self.out.resolve().name, started_utc=utc, canvas=canvas)
+    def _begin_flight(self, utc: float) -> FlightRecord:
+        flight = FlightRecord(name=self.out.resolve().name, started_utc=utc, canvas=self.canvas)
         self.ledger.begin_flight(flight)
         return flight
 
@@ -192,6 +195,13 @@ class FlightStore(Kept):
         if self.changes.states.get(name) != (state, reason):
             logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
         self.changes.states[name] = (state, reason)
+
+    def settle_unstitched(self) -> int:
+        """The flight ends: note the frames whose turn has not come, so that none stays pending; returns their number."""
+        left = self.ledger.frames(FrameState.PENDING)
+        for frame in left:
+            self.settle(frame.name, FrameState.UNSTITCHED, "the flight was ended before its turn")
+        return len(left)
 
     def note_tiles(self, tiles: Iterable[TileKey]) -> None:
         """Note that these tiles changed in one processing step."""

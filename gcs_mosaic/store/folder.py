@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -62,17 +63,30 @@ def resume_flight_folder(out: Path) -> FlightFolder:
 
     Raises UsageError if there is none, or if it is being written.
     """
-    held = [path for path in candidates(out) if (path / LEDGER_NAME).is_file()]
-    if not held:
+    flights = flights_of(out)
+    if not flights:
         raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
-    newest = sorted(held, key=written_ns)[-1]
+    return lock_flight(flights[0])
+
+
+def lock_flight(path: Path) -> FlightFolder:
+    """The folder of a flight to resume. Raises UsageError if it cannot be written, or is being written."""
     try:
-        lock = try_lock(newest)
+        lock = try_lock(path)
     except OSError as error:
-        raise UsageError(f"{newest} cannot be written ({error.strerror}): choose another --out") from error
+        raise UsageError(f"{path} cannot be written ({error.strerror}): choose another --out") from error
     if lock is None:
-        raise UsageError(f"--resume: {newest} is being written by another gcs-mosaic: end that one first")
-    return FlightFolder(path=newest, said=f"going on with the flight in {newest}", lock=lock, resumed=True)
+        raise UsageError(f"--resume: {path} is being written by another gcs-mosaic: end that one first")
+    return FlightFolder(path=path, said=f"going on with the flight in {path}", lock=lock, resumed=True)
+
+
+def flights_of(out: Path, since_utc: float = -math.inf) -> list[Path]:
+    """The flights in `out` and its numbered siblings that were written since then (seconds since 1970), the newest first.
+
+    A flight of the future is a recent one: a machine without a battery for its clock starts in the past.
+    """
+    held = {path: written_ns(path) / 1e9 for path in candidates(out) if (path / LEDGER_NAME).is_file()}
+    return sorted((path for path in held if held[path] >= since_utc), key=lambda path: -held[path])
 
 
 def written_ns(path: Path) -> int:

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.graph.placement import Homography
@@ -64,6 +65,10 @@ class Ledger(LedgerFile):
         """Record the flight; a ledger holds exactly one."""
         values = (flight.name, flight.started_utc, json.dumps(asdict(flight.canvas)))
         self.write("INSERT INTO flight (id, name, started_utc, canvas) VALUES (1, ?, ?, ?)", *values)
+
+    def set_canvas(self, canvas: CanvasSettings) -> None:
+        """The flight is painted otherwise from now on: none of its tiles may be older."""
+        self.write("UPDATE flight SET canvas = ?", json.dumps(asdict(canvas)))
 
     def flight(self) -> FlightRecord | None:
         for row in self.rows("SELECT * FROM flight"):
@@ -133,7 +138,7 @@ class Ledger(LedgerFile):
         self.update("UPDATE frames SET width = ?, height = ? WHERE name = ?", width, height, stored(name))
 
     def settle_frame(self, name: str, state: FrameState, reason: str | None = None) -> None:
-        """Set a frame's outcome; `reason` is required for rejected, duplicate, damaged and dropped."""
+        """Set a frame's outcome; `reason` is required for rejected, duplicate, damaged, dropped and unstitched."""
         reason = None if reason is None else printable(reason)
         self.update("UPDATE frames SET state = ?, reason = ? WHERE name = ?", state, reason, stored(name))
 

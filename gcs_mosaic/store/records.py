@@ -33,6 +33,7 @@ class FrameState(StrEnum):
     DUPLICATE = "duplicate"
     DAMAGED = "damaged"
     DROPPED = "dropped"  # live streams only
+    UNSTITCHED = "unstitched"  # the flight was ended before its turn; stitched when the flight is resumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +60,7 @@ class FrameRecord:
 
     name: str
     state: FrameState
-    reason: str | None  # why it is rejected, damaged, a duplicate or dropped, for display
+    reason: str | None  # why it is rejected, damaged, a duplicate, dropped or unstitched, for display
     had_event: bool  # False: an orphan
     original: str | None  # POSIX path relative to the output folder
     content_hash: str | None
@@ -135,6 +136,7 @@ class FrameAccount:
     duplicate: int = 0
     damaged: int = 0
     dropped: int = 0
+    unstitched: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import telling_disk_full
 
-VERSION = 8  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 9  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export during the flight)
 
@@ -19,7 +19,8 @@ FRAMES = """CREATE TABLE frames (
     id INTEGER PRIMARY KEY,
     name NOT NULL UNIQUE,
     state TEXT NOT NULL DEFAULT 'pending'
-        CHECK (state IN ('pending', 'placed', 'covered', 'waiting', 'rejected', 'duplicate', 'damaged', 'dropped')),
+        CHECK (state IN
+            ('pending', 'placed', 'covered', 'waiting', 'rejected', 'duplicate', 'damaged', 'dropped', 'unstitched')),
     reason TEXT,
     original,
     content_hash TEXT,
@@ -28,7 +29,7 @@ FRAMES = """CREATE TABLE frames (
     height INTEGER,
     received,
     modified,
-    CHECK (reason IS NOT NULL OR state NOT IN ('rejected', 'duplicate', 'damaged', 'dropped')),
+    CHECK (reason IS NOT NULL OR state NOT IN ('rejected', 'duplicate', 'damaged', 'dropped', 'unstitched')),
     CHECK (content_hash IS NOT NULL OR state = 'damaged')
 );
 """
@@ -119,6 +120,13 @@ CREATE TABLE estimates (
 );
 """
 
+# A table's CHECK constraints can only be changed by recreating it; references go by its name.
+NEW_FRAMES = f"""
+{FRAMES.replace("frames", "new_frames")}
+INSERT INTO new_frames SELECT * FROM frames;
+DROP TABLE frames;
+ALTER TABLE new_frames RENAME TO frames;
+"""
 # Statements that migrate each older version to the next one.
 MIGRATIONS = {
     1: "ALTER TABLE estimates ADD COLUMN homography BLOB;",
@@ -133,16 +141,10 @@ ALTER TABLE painted DROP COLUMN gain_r;
 """,
     3: "ALTER TABLE painted ADD COLUMN vignetting BLOB;",
     4: "ALTER TABLE painted ADD COLUMN dead_border TEXT;",
-    # A table's CHECK constraints can only be changed by recreating it; references go by its name.
-    5: f"""
-{FRAMES.replace("frames", "new_frames")}
-INSERT INTO new_frames SELECT * FROM frames;
-DROP TABLE frames;
-ALTER TABLE new_frames RENAME TO frames;
-{COVERED}
-""",
+    5: f"{NEW_FRAMES}{COVERED}",
     6: "",  # one vignetting curve for all bands is read as one per band
     7: "",  # a display without factor and gamma is read as 1 for both
+    8: NEW_FRAMES,
 }
 
 

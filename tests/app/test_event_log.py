@@ -194,6 +194,6 @@ def test_what_was_matched_stays_so_in_a_resumed_flight(tmp_path: Path, how: str)
         before = ledger.events()
         assert before[0].frame == came.name
         log = EventLog(ledger, PairingSettings())
-        log.resume(told_again(before, ledger.frames(), 0.0), Shots(ShotSettings()), 1000.0, tmp_path)
+        log.resume(told_again(before, ledger.frames(), []), Shots(ShotSettings()), 1000.0, tmp_path)
         log.save()
         assert ledger.events() == before

@@ -130,7 +130,7 @@ def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: 
     assert told["revision"] - counted["revision"] in (0, 1)
     assert len(told["frames"]) >= counted["frames"]["placed"]
     before = contents(flight.out)
-    with flying(tmp_path) as again:
+    with flying(tmp_path, "--new") as again:
         assert "holds an earlier flight, which is left as it is; this flight is written to" in again.said
         again.out = tmp_path / "mosaic-2"
         again.wait_for_frames(placed=6)

@@ -46,7 +46,7 @@ def _short_waits() -> Iterator[None]:
 
 def test_the_command_is_what_an_operator_types() -> None:
     page, none = (Program(14600, Path("w"), Path("o"), http).command()[1:] for http in ("127.0.0.1:8470", None))
-    common = ["-m", "gcs_mosaic", "--mavlink", "udp:127.0.0.1:14600", "--watch", "w", "--out", "o"]
+    common = ["-m", "gcs_mosaic", "--mavlink", "udp:127.0.0.1:14600", "--watch", "w", "--out", "o", "--new"]
     assert page == [*common, "--http", "127.0.0.1:8470"]
     assert none == [*common, "--no-http"]
 

@@ -73,13 +73,13 @@ function showCounts(status, mosaic, island) {
   byId("counts").replaceChildren(...entries.map(countOf));
 }
 
-function frameCounts({ placed, covered, waiting, rejected, damaged, dropped }) {
+function frameCounts({ placed, covered, waiting, rejected, damaged, dropped, unstitched }) {
   return [
     ["Frames placed", placed, "good"],
     ...(covered ? [["Covered", covered, "", "kept, but not painted: a placed frame shows all that they do"]] : []),
     ["Waiting", waiting, ""],
     ["Rejected", rejected, rejected ? "warn" : ""],
-    ...seldom([["Damaged", damaged], ["Dropped", dropped]]),
+    ...seldom([["Damaged", damaged], ["Dropped", dropped], ["Not stitched", unstitched]]),
   ];
 }
 
