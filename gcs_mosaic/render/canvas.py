@@ -25,7 +25,7 @@ from gcs_mosaic.render.cells import around
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.gallery import Gallery
 from gcs_mosaic.render.originals import LoadImage
-from gcs_mosaic.render.painted import Extent, Painted, PaintedFrames, TileKey, Turn
+from gcs_mosaic.render.painted import Extent, Painted, PaintedFrame, PaintedFrames, TileKey, Turn
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.plans import Plan, Recipe
@@ -113,11 +113,12 @@ class Canvas(Kept):
         self._left: dict[str, frozenset[TileKey]] = {}  # by frames that changed level or island: their former tiles
         self._work: _Fold | _Making | None = None
         self._changes = 0
+        self._known: dict[str, PaintedFrame] = {}  # before `resume`: the frames of the earlier run
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
     def saved(self) -> Snapshot:
-        """Which originals are gone. All else follows from the painted frames: see `resume`."""
-        return {"gone": self.gone}
+        """Which originals are gone, and which tiles frames touch. All else follows from the painted frames: see `resume`."""
+        return {"gone": self.gone, "_known": self._frames.entries()}
 
     def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
         """Add a frame; returns the tiles that may have changed (all levels).
@@ -155,11 +156,21 @@ class Canvas(Kept):
     def resume(self, frames: Iterable[Painted]) -> set[TileKey]:
         """Register frames that an earlier run painted. Their tiles are stale, and shown from `load_tile` until repainted; returns
         those and all above them."""
-        for painted, frame in self._gallery.all_placed(list(frames)):
-            keys = self._register(painted, frame)
-            self._fall_behind(keys)
-            self._stack.expect(keys)
+        new: list[Painted] = []
+        for painted in frames:
+            known = self._known.get(painted.name)
+            if known is None or known.painted != painted:
+                new.append(painted)
+            else:
+                self._expect(self._frames.add(painted, known.tiles))
+        for painted, frame in self._gallery.all_placed(new):
+            self._expect(self._register(painted, frame))
+        self._known = {}
         return set(self._stack.earlier)
+
+    def _expect(self, keys: set[TileKey]) -> None:
+        self._fall_behind(keys)
+        self._stack.expect(keys)
 
     def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
         """Frames have new poses, gains, levels or islands, or are new; their old and new tiles become stale. Returns the number

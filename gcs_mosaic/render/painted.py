@@ -62,7 +62,9 @@ class Extent(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Entry:
+class PaintedFrame:
+    """A frame, and the tiles of its level that it touches."""
+
     painted: Painted
     tiles: tuple[Tile, ...]
     box: Box | None
@@ -72,7 +74,7 @@ class PaintedFrames(Kept):
     """The painted frames by name, tile and island; pure bookkeeping."""
 
     def __init__(self) -> None:
-        self._entries: dict[str, _Entry] = {}
+        self._entries: dict[str, PaintedFrame] = {}
         self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
         self._islands: dict[int, frozenset[str]] = {}
         self._levels: dict[tuple[int, int], int] = {}  # number of frames by island and level
@@ -83,6 +85,10 @@ class PaintedFrames(Kept):
     def __getitem__(self, name: str) -> Painted:
         return self._entries[name].painted
 
+    def entries(self) -> dict[str, PaintedFrame]:
+        """All frames by name."""
+        return dict(self._entries)
+
     def get(self, name: str) -> Painted | None:
         entry = self._entries.get(name)
         return None if entry is None else entry.painted
@@ -91,7 +97,7 @@ class PaintedFrames(Kept):
         """Add or replace a frame; returns the tiles it touches now."""
         self.remove(painted.name)
         touched = tuple(tiles)
-        entry = _Entry(painted, touched, _box_of_tiles(touched) if touched else None)
+        entry = PaintedFrame(painted, touched, _box_of_tiles(touched) if touched else None)
         self._entries[painted.name] = entry
         self._islands[painted.island] = self._islands.get(painted.island, frozenset()) | {painted.name}
         self._count(painted, 1)

@@ -10,12 +10,13 @@ touches only about PROBES / WORDS of the stored descriptors.
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexRows, Indices
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.transaction import Kept, Snapshot
+from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 
 PER_FRAME = 200  # strongest descriptors stored per frame; 10 % overlap still shares several
 QUERY = 100  # strongest descriptors used per query; all 200 find no more
@@ -51,25 +52,41 @@ class RetrievalIndex(Kept):
         super().restore({**before, "_rows": rows})
 
     def saved(self) -> Snapshot:
-        """Nothing: it is made anew by adding the same frames."""
-        return {}
+        """The vocabulary; all else is made anew by `fill`."""
+        return {"_words": Numbers.of(self._words)}
+
+    def fill(self, frames: Sequence[Features]) -> None:
+        """Add all frames of an index that was saved, in their order, without learning anything again."""
+        self._rows = [array("q") for _ in self._words]
+        for features in frames:
+            self._keep(features)
+        learnt = max((count for count in LEARN_AT if count <= self._count), default=0)
+        self._file_in_batches(learnt * PER_FRAME)
+        for start in range(learnt * PER_FRAME, self._count * PER_FRAME, PER_FRAME):  # as they were filed one by one
+            self._file(start, start + PER_FRAME)
 
     def add(self, features: Features) -> None:
         """Append a frame; one with fewer than PER_FRAME features repeats them."""
+        start = self._keep(features)
+        if self._count in LEARN_AT:
+            self._learn()
+        else:
+            self._file(start, self._count * PER_FRAME)
+
+    def _keep(self, features: Features) -> int:
+        """Append a frame's descriptors; returns the row of the first."""
         strongest = features.descriptors[:PER_FRAME]
         fill = np.resize(np.arange(max(len(strongest), 1)), PER_FRAME)
         if not self._count:
             self._descriptors = np.empty((64 * PER_FRAME, strongest.shape[1]), strongest.dtype)
-            self._words = np.zeros((1, strongest.shape[1]), np.float32)
+            if not self._words.size:
+                self._words = np.zeros((1, strongest.shape[1]), np.float32)
         start = self._count * PER_FRAME
         if start == len(self._descriptors):
             self._descriptors = np.concatenate([self._descriptors, np.empty_like(self._descriptors)])
         self._descriptors[start : start + PER_FRAME] = strongest[fill] if len(strongest) else 0
         self._count += 1
-        if self._count in LEARN_AT:
-            self._learn()
-        else:
-            self._file(start)
+        return start
 
     def likeliest(self, features: Features, among: Indices, count: int) -> list[int]:
         """The frames of `among` (m,) most similar to this one, best first, at most `count`."""
@@ -114,12 +131,14 @@ class RetrievalIndex(Kept):
             for filled in np.unique(word):
                 words[filled] = sample[word == filled].mean(axis=0)
         self._words, self._rows = words, [array("q") for _ in words]
-        for start in range(0, seen, BATCH):
-            self._file(start, min(start + BATCH, seen))
+        self._file_in_batches(seen)
 
-    def _file(self, start: int, stop: int | None = None) -> None:
+    def _file_in_batches(self, stop: int) -> None:
+        for start in range(0, stop, BATCH):
+            self._file(start, min(start + BATCH, stop))
+
+    def _file(self, start: int, stop: int) -> None:
         """Assign descriptors to words."""
-        stop = stop or self._count * PER_FRAME
         stored = self._descriptors[start:stop].astype(np.float32)
         for row, word in enumerate(nearest_words(stored @ self._words.T, self._words, 1)[:, 0], start):
             self._rows[word].append(row)

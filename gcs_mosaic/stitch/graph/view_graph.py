@@ -126,8 +126,7 @@ class ViewGraph(Kept):
 
     def load(self, saved: Snapshot) -> None:
         super().load(saved)
-        for frame in self.frames:
-            self.retrieval.add(frame.features)
+        self.retrieval.fill([frame.features for frame in self.frames])
 
     def append(self, name: str, features: Features) -> int:
         """Add a frame, not yet placed; a new frame size is a new camera."""

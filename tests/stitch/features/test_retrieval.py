@@ -6,7 +6,7 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features import retrieval
-from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 
 
@@ -44,3 +44,22 @@ def test_a_query_compares_itself_with_a_small_part_of_what_is_stored(
     shares = np.array([len(rows) for rows in index._rows]) / (12 * retrieval.PER_FRAME)
     assert shares.sum() == pytest.approx(1.0)
     assert retrieval.PROBES * (shares**2).sum() < 0.05  # of what is stored, as an average descriptor asks
+
+
+@pytest.mark.parametrize("count", [3, 8, 11])
+def test_a_saved_index_comes_back_as_it_was(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """Before its vocabulary is learnt, just when it is, and afterwards."""
+    monkeypatch.setattr(retrieval, "LEARN_AT", (4, 8))
+    monkeypatch.setattr(retrieval, "WORDS", 8)
+    rng = np.random.default_rng(1)
+    frames = [Features(np.zeros((250, 2)), rng.integers(0, 255, (250, 16), np.uint8), 4, 3, 1.0) for _ in range(count)]
+    one, other = RetrievalIndex(), RetrievalIndex()
+    for features in frames:
+        one.add(features)
+    other.load(one.saved())
+    other.fill(frames)
+    stored = slice(count * retrieval.PER_FRAME)
+    assert np.array_equal(one._descriptors[stored], other._descriptors[stored])
+    assert np.array_equal(one._words, other._words)
+    assert one._rows == other._rows
+    assert one._count == other._count == count
