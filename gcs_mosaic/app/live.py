@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from gcs_mosaic.app.backlog import Backlog
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
@@ -118,6 +119,7 @@ class _Daemon:
     ) -> None:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
+        self._backlog = Backlog()
         self._inbox = Inbox(shutdown.stop)
         out = opened.folder.path
         until_writable = UntilWritable(out, self.say, self._wait_for_disk)
@@ -364,5 +366,7 @@ class _Daemon:
     def _report(self, *, now: bool = False) -> None:
         pipeline, waiting = self._pipeline, self._preparation
         behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
+        if told := self._backlog.notice(behind):
+            self.say(told)
         counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)

@@ -52,7 +52,10 @@ def test_a_saved_index_comes_back_as_it_was(monkeypatch: pytest.MonkeyPatch, cou
     monkeypatch.setattr(retrieval, "LEARN_AT", (4, 8))
     monkeypatch.setattr(retrieval, "WORDS", 8)
     rng = np.random.default_rng(1)
-    frames = [Features(np.zeros((250, 2)), rng.integers(0, 255, (250, 16), np.uint8), 4, 3, 1.0) for _ in range(count)]
+    frames = [
+        Features(np.zeros((250, 2), np.float32), rng.integers(0, 255, (250, 16), np.uint8), 4, 3, 1.0)
+        for _ in range(count)
+    ]
     one, other = RetrievalIndex(), RetrievalIndex()
     for features in frames:
         one.add(features)
