@@ -1,0 +1,135 @@
+"""The page's listening sockets. Connections beyond the limits are closed at once.
+
+asyncio's own servers accept without a limit, and write a traceback for each try once no file is left.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import os
+import socket
+import ssl
+import sys
+from typing import Any
+
+from aiohttp import web
+
+from gcs_mosaic.web.places import Places, origin_of
+from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.visitor import Visitor
+
+logger = logging.getLogger(__name__)
+
+BACKLOG = 128
+FILES_EACH = 3  # its socket, a file that is sent; a third of all is left to the rest of the program
+AGAIN_S = 1.0  # until the next try after the system had no file left
+
+
+class Door:
+    """Lets visitors in, so many at a time; each has a task."""
+
+    def __init__(self, server: web.Server, settings: WebSettings, tls: ssl.SSLContext | None) -> None:
+        self._server, self._settings, self._tls = server, settings, tls
+        most = min(settings.connections, most_files() // FILES_EACH)
+        self._places = Places(most, min(settings.connections_per_address, most // 2))
+        self._sockets: list[socket.socket] = []
+        self._accepting: list[asyncio.Task[None]] = []
+        self._attending: set[asyncio.Task[None]] = set()
+
+    async def open(self, host: str, port: int) -> int:
+        """Listen, and return the port. Raises OSError and OverflowError if that cannot be."""
+        self._sockets = await asyncio.to_thread(listening, host, port)
+        self._accepting = [asyncio.create_task(self._accept(one)) for one in self._sockets]
+        return int(self._sockets[0].getsockname()[1])
+
+    async def close(self) -> None:
+        """Let nobody in any more."""
+        for task in self._accepting:
+            task.cancel()
+        await asyncio.gather(*self._accepting, return_exceptions=True)
+        for one in self._sockets:
+            one.close()
+
+    async def _accept(self, listener: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, peer = await loop.sock_accept(listener)
+            except OSError:
+                logger.warning("no connection can be accepted", exc_info=True)
+                await asyncio.sleep(AGAIN_S)
+                continue
+            origin = origin_of(peer[0])
+            if self._places.take(origin):
+                task = asyncio.create_task(self._attend(connection, origin))
+                self._attending.add(task)
+                task.add_done_callback(self._attending.discard)
+            else:
+                connection.close()
+            await asyncio.sleep(0)  # others too, when many knock
+
+    async def _attend(self, connection: socket.socket, origin: str) -> None:
+        """One connection, from its handshake to its end."""
+        timeouts: dict[str, Any] = {"ssl_handshake_timeout": self._settings.request_s} if self._tls else {}
+        try:
+            connection.setblocking(False)
+            visitor = Visitor(self._server, self._settings)
+            loop = asyncio.get_running_loop()
+            await loop.connect_accepted_socket(lambda: visitor, connection, ssl=self._tls, **timeouts)
+            await visitor.until_gone()
+        except OSError:  # a handshake that failed, above all
+            logger.debug("a connection has failed", exc_info=True)
+        finally:
+            self._places.leave(origin)
+            connection.close()
+
+
+def most_files() -> int:
+    """How many files this process may have open."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit on sockets
+        return sys.maxsize
+    return resource.getrlimit(resource.RLIMIT_NOFILE)[0] % sys.maxsize  # -1: no limit
+
+
+def listening(host: str, port: int) -> list[socket.socket]:
+    """Sockets for every address of a host name, all of one port. Raises OSError and OverflowError."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    sockets: list[socket.socket] = []
+    try:
+        for family, address in dict.fromkeys((family, address) for family, _, _, _, address in found):
+            wanted = (address[0], sockets[0].getsockname()[1], *address[2:]) if sockets else address
+            try:
+                sockets.append(bound(family, wanted))
+            except OSError as error:
+                if (
+                    error.errno != errno.EADDRNOTAVAIL or len(found) == 1
+                ):  # localhost may name ::1 where there is no IPv6
+                    raise
+        if not sockets:
+            raise OSError(errno.EADDRNOTAVAIL, os.strerror(errno.EADDRNOTAVAIL))
+    except BaseException:
+        for one in sockets:
+            one.close()
+        raise
+    return sockets
+
+
+def bound(family: int, address: tuple[Any, ...]) -> socket.socket:
+    """A socket that listens."""
+    one = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":  # elsewhere two programs could then listen on one port
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if family == socket.AF_INET6:
+            one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        one.setblocking(False)
+        one.bind(address)
+        one.listen(BACKLOG)
+    except BaseException:
+        one.close()
+        raise
+    return one
