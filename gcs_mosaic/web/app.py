@@ -40,6 +40,7 @@ REVISION = re.compile("[0-9]{1,18}")
 HEARTBEAT_S = 15.0  # keeps NAT entries alive, and detects pages that are gone
 SEND_S = 20.0  # send timeout, after which a page is gone
 POLL_S = 1.0  # polling interval of mosaic.json without a feed
+CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 
 ROOT = web.AppKey("root", Path)
@@ -98,7 +99,7 @@ async def document(request: web.Request) -> web.StreamResponse:
     path = request.app[ROOT] / request.path.lstrip("/")
     if not path.is_file():
         raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n")
-    return web.FileResponse(path, headers={"Content-Type": "application/json"})
+    return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
 
 
 async def status(request: web.Request) -> web.StreamResponse:

@@ -19,8 +19,10 @@ class Places:
 
     def take(self, origin: str) -> bool:
         """Whether there is a place for one more of this origin (see `origin_of`), which is then taken."""
-        most = self._most if is_loopback(origin) else self._most - self._per_address
-        if self._taken.total() >= most or self._taken[origin] >= self._per_address:
+        others = sum(count for taker, count in self._taken.items() if not is_loopback(taker))
+        if self._taken.total() >= self._most or self._taken[origin] >= self._per_address:
+            return False
+        if not is_loopback(origin) and others >= self._most - self._per_address:
             return False
         self._taken[origin] += 1
         return True

@@ -80,7 +80,7 @@ class WebServer:
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
         self._loop.set_exception_handler(_log)
         tls = tls_of(self._settings)
-        runner = web.AppRunner(self._make_app(), access_log=None, shutdown_timeout=STOP_S)
+        runner = web.AppRunner(self._make_app(), access_log=None, shutdown_timeout=STOP_S, handler_cancellation=True)
         await runner.setup()
         assert runner.server is not None, "it has been set up"
         door = Door(runner.server, self._settings, tls)
