@@ -11,6 +11,7 @@ from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app import live as daemon
+from gcs_mosaic.app.flight_page import FlightPage
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame
 from gcs_mosaic.app.shutdown import Shutdown
@@ -20,7 +21,6 @@ from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.folder import open_flight_folder
-from gcs_mosaic.web.feed import Feed
 from tests.frame_files import decoded
 
 pytestmark = pytest.mark.long
@@ -81,7 +81,8 @@ def test_a_flight_that_is_ended_without_time_is_settled(
     ending = Shutdown(stop=threading.Event(), hurry=threading.Event())
     with closing(open_flight_folder(tmp_path / "out")) as folder:
         config = replace(CONFIG, finish_s=30.0 if hurry else 0.0)
-        with closing(daemon._Daemon(config, folder, None, Console(quiet=True), ending, Feed())) as flown:
+        page = FlightPage(config, None, folder.path)
+        with closing(daemon._Daemon(config, folder, None, Console(quiet=True), ending, page)) as flown:
             process(flown._pipeline, flight)
             monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
             ending.stop.set()

@@ -80,9 +80,8 @@ def test_a_process_that_is_killed_is_replaced_at_the_same_port(keeper: PageKeepe
     killed = process_of(keeper)
     os.kill(killed, signal.SIGKILL)
     until(lambda: process_of(keeper) != killed and is_up(client), "the page is up again")
-    heard: list[str] = []
-    until(lambda: heard.extend(said(keeper)) or len(heard) == 2, "both is said")
-    assert heard == [
+    until(lambda: keeper._news.qsize() == 2, "both is said")
+    assert said(keeper) == [
         "the page's process has ended (signal 9): it is started again, and the flight goes on",
         "the page is there again",
     ]
@@ -124,9 +123,12 @@ def test_the_process_is_gone_when_the_flight_is(root: Path) -> None:
     program = f"""
 import sys, time
 from pathlib import Path
-from tests.web.test_page_keeper import PageKeeper, process_of, task
-keeper = PageKeeper(task(Path({str(root)!r})))
-print(keeper.start(), process_of(keeper), flush=True)
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.page_keeper import PageKeeper, PageTask
+from gcs_mosaic.web.page_task import Access, WebSettings
+address = HttpAddress("127.0.0.1", 0)
+keeper = PageKeeper(PageTask(root=Path({str(root)!r}), address=address, access=Access(), settings=WebSettings()))
+print(keeper.start(), keeper._child._process.pid, flush=True)
 time.sleep(100)
 """
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}

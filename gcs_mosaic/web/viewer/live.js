@@ -41,7 +41,8 @@ export class Lag {
 
   /** Seconds; 0 while what is shown is new enough. */
   seconds(shown, told) {
-    if (!this.wanted || shown >= this.wanted.revision) this.wanted = told > shown ? { revision: told, since: Date.now() } : null;
+    const isSettled = !this.wanted || shown >= this.wanted.revision || told < this.wanted.revision;
+    if (isSettled) this.wanted = told > shown ? { revision: told, since: Date.now() } : null;
     return this.wanted ? (Date.now() - this.wanted.since) / 1000 : 0;
   }
 }
