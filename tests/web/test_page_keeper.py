@@ -92,6 +92,7 @@ def test_a_process_that_is_killed_is_replaced_at_the_same_port(keeper: PageKeepe
     live.close()
 
 
+@pytest.mark.long
 def test_a_process_that_stands_still_is_waited_for_by_nobody(
     keeper: PageKeeper, client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,6 +109,7 @@ def test_a_process_that_stands_still_is_waited_for_by_nobody(
     until(lambda: process_of(keeper) != hung and is_up(client), "it is replaced")
 
 
+@pytest.mark.long
 def test_ctrl_c_and_other_requests_to_end_are_not_for_the_page(keeper: PageKeeper, client: Client) -> None:
     process = process_of(keeper)
     assert os.getpgid(process) != os.getpgid(0)
@@ -118,6 +120,7 @@ def test_ctrl_c_and_other_requests_to_end_are_not_for_the_page(keeper: PageKeepe
     assert process_of(keeper) == process
 
 
+@pytest.mark.long
 def test_the_process_is_gone_when_the_flight_is(root: Path) -> None:
     """Killed, so that it can tell nobody."""
     program = f"""
@@ -148,6 +151,7 @@ def runs(process: int) -> bool:
         return False
 
 
+@pytest.mark.long
 def test_a_port_that_is_taken_is_refused_at_the_start(keeper: PageKeeper, client: Client, root: Path) -> None:
     port = int(client.netloc.split(":")[1])
     another = PageKeeper(task(root, port))

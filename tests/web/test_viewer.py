@@ -320,6 +320,7 @@ def test_what_was_shown_stays_while_the_server_is_away_and_goes_on_when_it_is_ba
     server.stop()
 
 
+@pytest.mark.long
 def test_a_page_that_is_refused_changes_asks_for_them_and_listens_again(
     page: Page, tmp_path: Path, flight: SmallFlight
 ) -> None:
@@ -335,6 +336,7 @@ def test_a_page_that_is_refused_changes_asks_for_them_and_listens_again(
     server.stop()
 
 
+@pytest.mark.long
 def test_a_map_that_stands_still_is_an_alarm(page: Page, url: str, flight: SmallFlight) -> None:
     shown_here(page, url, flight)
     flight.status(revision=flight.manifest.revision + 5)
@@ -348,6 +350,7 @@ def test_a_map_that_stands_still_is_an_alarm(page: Page, url: str, flight: Small
     page.wait_for(f"!{TEXT}.includes('The map is older')", timeout_s=20)
 
 
+@pytest.mark.long
 def test_another_device_gets_in_by_the_link_and_stays_in(
     page: Page, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
