@@ -88,7 +88,7 @@ def test_the_page_is_served_until_the_final_map_is_painted(tmp_path: Path, pictu
         states = set()
         while not is_gone(process):
             try:
-                answer, body = client.ask("/status.json")
+                _, body = client.ask("/status.json")
             except OSError:
                 break
             states.add(body.split(b'"state":"')[1].split(b'"')[0].decode())

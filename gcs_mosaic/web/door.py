@@ -1,4 +1,5 @@
-"""The page's listening sockets. Connections beyond the limits are closed at once.
+"""The page's listening sockets. Connections beyond the limits are closed at once; when all places are
+taken, whoever has most makes room for who has fewer.
 
 asyncio's own servers accept without a limit, and write a traceback for each try once no file is left.
 """
@@ -12,6 +13,7 @@ import os
 import socket
 import ssl
 import sys
+from dataclasses import dataclass
 from typing import Any
 
 from aiohttp import web
@@ -36,7 +38,7 @@ class Door:
         self._places = Places(most, min(settings.connections_per_address, most // 2))
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
-        self._attending: set[asyncio.Task[None]] = set()
+        self._guests: list[Guest] = []  # the longest first
 
     async def open(self, host: str, port: int) -> int:
         """Listen, and return the port. Raises OSError and OverflowError if that cannot be."""
@@ -61,29 +63,59 @@ class Door:
                 logger.warning("no connection can be accepted", exc_info=True)
                 await asyncio.sleep(AGAIN_S)
                 continue
-            origin = origin_of(peer[0])
-            if self._places.take(origin):
-                task = asyncio.create_task(self._attend(connection, origin))
-                self._attending.add(task)
-                task.add_done_callback(self._attending.discard)
+            guest = Guest(connection, origin_of(peer[0]), Visitor(self._server, self._settings))
+            if self._places.take(guest.origin) or self._made_room(guest.origin):
+                self._guests.append(guest)
+                guest.task = asyncio.create_task(self._attend(guest))
             else:
                 connection.close()
             await asyncio.sleep(0)  # others too, when many knock
 
-    async def _attend(self, connection: socket.socket, origin: str) -> None:
+    def _made_room(self, origin: str) -> bool:
+        """Whether a place was taken for this origin from one that has at least two more."""
+        greedy = self._places.greediest(origin)
+        theirs = [guest for guest in self._guests if guest.origin == greedy]
+        if not theirs:
+            return False
+        self._let_go(next((guest for guest in theirs if guest.visitor.is_waiting), theirs[0]))
+        return self._places.take(origin)
+
+    async def _attend(self, guest: Guest) -> None:
         """One connection, from its handshake to its end."""
         timeouts: dict[str, Any] = {"ssl_handshake_timeout": self._settings.request_s} if self._tls else {}
         try:
-            connection.setblocking(False)
-            visitor = Visitor(self._server, self._settings)
+            guest.has_begun = True
+            guest.connection.setblocking(False)
             loop = asyncio.get_running_loop()
-            await loop.connect_accepted_socket(lambda: visitor, connection, ssl=self._tls, **timeouts)
-            await visitor.until_gone()
+            await loop.connect_accepted_socket(lambda: guest.visitor, guest.connection, ssl=self._tls, **timeouts)
+            await guest.visitor.until_gone()
         except OSError:  # a handshake that failed, above all
             logger.debug("a connection has failed", exc_info=True)
         finally:
-            self._places.leave(origin)
-            connection.close()
+            self._let_go(guest)
+            guest.connection.close()
+
+    def _let_go(self, guest: Guest) -> None:
+        """Its place is free from now on; may be called again."""
+        if guest in self._guests:
+            self._guests.remove(guest)
+            self._places.leave(guest.origin)
+            guest.visitor.cut()
+            if guest.task is not None and guest.task is not asyncio.current_task():
+                guest.task.cancel()  # it may still be at its handshake
+            if not guest.has_begun:
+                guest.connection.close()
+
+
+@dataclass(eq=False)
+class Guest:
+    """A connection that was let in."""
+
+    connection: socket.socket
+    origin: str
+    visitor: Visitor
+    task: asyncio.Task[None] | None = None
+    has_begun: bool = False
 
 
 def most_files() -> int:
@@ -105,9 +137,7 @@ def listening(host: str, port: int) -> list[socket.socket]:
             try:
                 sockets.append(bound(family, wanted))
             except OSError as error:
-                if (
-                    error.errno != errno.EADDRNOTAVAIL or len(found) == 1
-                ):  # localhost may name ::1 where there is no IPv6
+                if error.errno != errno.EADDRNOTAVAIL:  # localhost may name ::1 where there is no IPv6
                     raise
         if not sockets:
             raise OSError(errno.EADDRNOTAVAIL, os.strerror(errno.EADDRNOTAVAIL))

@@ -27,6 +27,12 @@ class Places:
         self._taken[origin] += 1
         return True
 
+    def greediest(self, origin: str) -> str | None:
+        """Who is to make room for this origin: whoever has most places, and at least two more; never this machine for others."""
+        rivals = [taker for taker in self._taken if is_loopback(origin) or not is_loopback(taker)]
+        most = max(rivals, key=self._taken.__getitem__, default=None)
+        return most if most is not None and self._taken[most] > self._taken[origin] + 1 else None
+
     def leave(self, origin: str) -> None:
         self._taken[origin] -= 1
         if not self._taken[origin]:

@@ -33,20 +33,23 @@ class Visitor(web.RequestHandler):
         self._gone: asyncio.Future[None] = loop.create_future()
         self._line: asyncio.BaseTransport | None = None
         self._deadline: float | None = None
+        self.is_waiting = True  # for a request
 
     async def until_gone(self) -> None:
         """Wait for the connection's end, and cut it at its deadline."""
         while not self._gone.done():
             await asyncio.wait([self._gone], timeout=TICK_S)
-            if (
-                self._deadline is not None
-                and self._clock() > self._deadline
-                and isinstance(self._line, asyncio.Transport)
-            ):
-                self._line.abort()
+            if self._deadline is not None and self._clock() > self._deadline:
+                self.cut()
+
+    def cut(self) -> None:
+        """End the connection at once, whatever is still to be sent."""
+        if isinstance(self._line, asyncio.Transport):
+            self._line.abort()
 
     def answering(self) -> None:
         """A request has come as a whole."""
+        self.is_waiting = False
         self._deadline = self._clock() + self._settings.answer_s
 
     def streaming(self) -> None:
@@ -54,6 +57,7 @@ class Visitor(web.RequestHandler):
         self._deadline = None
 
     def _waiting(self) -> None:
+        self.is_waiting = True
         self._deadline = self._clock() + self._settings.request_s
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

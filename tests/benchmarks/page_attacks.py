@@ -30,7 +30,8 @@ from sitl.path import Plan
 from tests.ports import free_port
 from tests.running import Running, events_of, flying, frames_of, until
 
-SHOT_EVERY_S, ASK_EVERY_S = 1.5, 0.5
+SHOT_EVERY_S, ASK_EVERY_S = 3.0, 0.5
+SETTINGS = "finish_s: 60\nstitch: {features: {count: 500}}\n"  # the page is what is tried here
 FILES = 1024
 ATTACKER, OTHER = "127.0.0.3", "127.0.0.2"
 CROWD = [f"127.0.1.{n}" for n in range(1, 101)]
@@ -194,7 +195,7 @@ def attacked(home: Path, each_s: float) -> None:
     pictures = iter(
         list(plan("survey", (640, 480), seed=3, world_size=4096, route=Plan(frames=shots, height=60)).pictures())
     )
-    with flying(home, "--http", f"0.0.0.0:{(port := free_port())}") as flight:
+    with flying(home, "--http", f"0.0.0.0:{(port := free_port())}", config=SETTINGS) as flight:
         few_files(flight.process.pid)
         few_files(page_of(flight))
         run = Attacked(flight, port, pictures)

@@ -95,6 +95,14 @@ def test_one_address_cannot_take_all_places(port: int) -> None:
     until(lambda: is_served(port), "its places are free again")
 
 
+def test_many_addresses_together_cannot_take_all_places(port: int) -> None:
+    crowd = [f"127.0.1.{n}" for n in range(1, 7)]
+    with ExitStack() as stack:
+        held = [stack.enter_context(connect(port, sender)) for _ in range(3) for sender in crowd]
+        assert is_served(port, "127.0.0.2")
+        assert not any(seconds_until_closed(one) > 5 for one in held)
+
+
 def test_an_answer_that_is_not_taken_is_not_waited_for(port: int, tmp_path: Path) -> None:
     (tmp_path / "placements.json").write_bytes(b" " * 30_000_000)
     with socket.socket() as one:
@@ -120,6 +128,17 @@ def test_places_are_kept_for_this_machine() -> None:
     places.leave("127.0.0.1")
     assert not places.take("10.0.0.9")
     assert places.take("127.0.0.2")
+
+
+def test_who_has_most_makes_room_but_this_machine_for_nobody_else() -> None:
+    places = Places(10, 4)
+    for origin, count in (("10.0.0.1", 4), ("10.0.0.2", 2), ("127.0.0.1", 4)):
+        assert [places.take(origin) for _ in range(count)] == [True] * count
+    assert not places.take("10.0.0.3")
+    assert places.greediest("10.0.0.3") == places.greediest("10.0.0.2") == "10.0.0.1"
+    places.leave("10.0.0.1")
+    assert places.greediest("10.0.0.2") is None
+    assert places.greediest("127.0.0.2") == "127.0.0.1"
 
 
 @pytest.mark.parametrize(
