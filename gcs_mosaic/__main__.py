@@ -4,11 +4,13 @@ import os
 import sys
 
 from gcs_mosaic.app.heap import share_heap
+from gcs_mosaic.app.open_files import allow_more_files
 
 
 def main() -> int:
     """Run the program; returns the exit code."""
     share_heap()
+    allow_more_files()
     # numpy reads it on import. BLAS threads waiting for each other within one product cost a third of a flight's total time;
     # parallel work has threads of its own.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

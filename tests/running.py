@@ -123,7 +123,7 @@ def flying(
     """The live program, started and listening; killed in the end if it still runs. `terminal` takes what it says."""
     port = free_port()
     home.mkdir(parents=True, exist_ok=True)
-    words = ["--mavlink", f"udp:127.0.0.1:{port}", "--no-http", *options]
+    words = ["--mavlink", f"udp:127.0.0.1:{port}", *([] if "--http" in options else ["--no-http"]), *options]
     words += [] if out is None else ["--out", str(out)]
     if config is not None:
         (home / "config.yaml").write_text(config)

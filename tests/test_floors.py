@@ -31,9 +31,9 @@ ALLOWED = {
     "frames": {"stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
-    "web": {"store", "export", "render", "errors"},
+    "web": {"store", "export", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
-    "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", *STITCH, "errors"},
+    "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", *STITCH, "errors"},
     "app": {
         *("config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
         *STITCH,
@@ -49,6 +49,7 @@ ONLY = {
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("web", "export"): {"tile_reader"},
     ("export", "frames"): {"decode"},
+    ("config", "web"): {"settings"},
 }
 FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
@@ -112,6 +113,12 @@ def test_importing_the_package_loads_neither_the_link_nor_a_server() -> None:
 def test_links_are_opened_before_the_stitching_and_a_server_are_loaded() -> None:
     """They take a second or two, in which camera messages would be lost (`tests/benchmarks/start.py` tells how long)."""
     assert loaded_by("import gcs_mosaic.cli.main, gcs_mosaic.app.links", "scipy", "aiohttp", "tifffile") == "[]"
+
+
+def test_the_page_is_served_without_what_stitches_and_a_flight_loads_no_server() -> None:
+    heavy = ("scipy", "rich", "yaml", "pymavlink", "tifffile")
+    assert loaded_by("import gcs_mosaic.web.page_process", *heavy) == "[]"
+    assert loaded_by("import gcs_mosaic.app.live", "aiohttp", "segno") == "[]"
 
 
 def test_what_numpy_reads_when_it_is_loaded_is_set_before() -> None:

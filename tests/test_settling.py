@@ -11,6 +11,7 @@ from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app import live as daemon
+from gcs_mosaic.app.flight_page import FlightPage
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame
 from gcs_mosaic.app.resuming import open_flight
@@ -20,7 +21,6 @@ from gcs_mosaic.messages import Notice
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.web.feed import Feed
 from tests.frame_files import decoded
 
 pytestmark = pytest.mark.long
@@ -82,7 +82,9 @@ def test_a_flight_that_is_ended_without_time_is_settled(
     config = replace(CONFIG, finish_s=30.0 if hurry else 0.0, out=str(tmp_path / "out"))
     with (
         closing(open_flight(config)) as opened,
-        closing(daemon._Daemon(config, opened, Console(quiet=True), ending, Feed())) as flown,
+        closing(
+            daemon._Daemon(config, opened, Console(quiet=True), ending, FlightPage(config, None, opened.folder.path))
+        ) as flown,
     ):
         process(flown._pipeline, flight)
         monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))

@@ -16,6 +16,7 @@ from gcs_mosaic.app.backlog import Backlog
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.flight_page import FlightPage
 from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
@@ -42,8 +43,6 @@ from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.feed import Feed
-from gcs_mosaic.web.server import WebServer
 
 logger = logging.getLogger(__name__)
 
@@ -74,17 +73,20 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         folder = opened.folder
         stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
-        feed, page = _serve(address, folder, stack)
+        page = FlightPage(config, address, folder.path)
+        stack.callback(page.stop)
+        told = page.wait()
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
-        daemon = _Daemon(config, opened, console, shutdown, feed)
+        daemon = _Daemon(config, opened, console, shutdown, page)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
             daemon.say(recorded)
-        if page:
-            daemon.say(Notice(source="page", level="info", text=f"the map is at {page}", topic=Topic.PAGE))
+        for notice in told:
+            daemon.say(notice)
+        page.invite(console)
         if folder.resumed:
             daemon.resume(opened.saved, shots)
         daemon.run(links)
@@ -98,16 +100,6 @@ def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:
         return files_taken(ledger.frames())
 
 
-def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) -> tuple[Feed, str]:
-    feed = Feed()
-    if address is None:
-        return feed, ""
-    server = WebServer(folder.path, address, feed)
-    page = server.start()
-    stack.callback(server.stop)
-    return feed, page
-
-
 class _Daemon:
     def __init__(
         self,
@@ -115,16 +107,16 @@ class _Daemon:
         opened: OpenedFlight,
         console: Console,
         shutdown: Shutdown,
-        feed: Feed,
+        page: FlightPage,
     ) -> None:
-        self._config, self._shutdown = config, shutdown
+        self._config, self._shutdown, self._page = config, shutdown, page
         self._announcements = Announcements()
         self._backlog = Backlog()
         self._inbox = Inbox(shutdown.stop)
         out = opened.folder.path
         until_writable = UntilWritable(out, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(
-            out, config, self.say, feed.publish, retry=until_writable, checkpoints=opened.checkpoints
+            out, config, self.say, page.publish, retry=until_writable, checkpoints=opened.checkpoints
         )
         self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
@@ -364,6 +356,8 @@ class _Daemon:
     # Output
 
     def _report(self, *, now: bool = False) -> None:
+        for notice in self._page.news():
+            self.say(notice)
         pipeline, waiting = self._pipeline, self._preparation
         behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
         if told := self._backlog.notice(behind):

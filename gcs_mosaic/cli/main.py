@@ -18,7 +18,7 @@ from types import FrameType
 from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
-from gcs_mosaic.cli.options import listening_of, parse
+from gcs_mosaic.cli.options import listening_of, parse, web_settings_of
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 
@@ -102,16 +102,11 @@ def benchmark(given: argparse.Namespace) -> None:
 def serve(given: argparse.Namespace) -> None:
     """Serve the page of a finished flight, or of one written by another process."""
     from gcs_mosaic.store.folder import find_flight
-    from gcs_mosaic.web.address import HttpAddress
-    from gcs_mosaic.web.server import WebServer
+    from gcs_mosaic.web.serving import serve_until
 
     stop = threading.Event()
     _end_on_signals(stop, stop)
-    server = WebServer(find_flight(given.flight), HttpAddress.parse(given.http))
-    print(f"the map is at {server.start()} (Ctrl-C ends)", flush=True)
-    while not stop.wait(1.0):
-        pass
-    server.stop()
+    serve_until(stop, find_flight(given.flight), given.http, web_settings_of(given))
 
 
 def status(given: argparse.Namespace) -> None:

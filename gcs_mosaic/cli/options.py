@@ -15,6 +15,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
+from gcs_mosaic.web.settings import WebSettings
 
 ANNOUNCE_AS = 191  # default system id: not an aircraft's, which count from 1, nor the ground station's
 
@@ -85,6 +86,13 @@ def listening_of(given: argparse.Namespace) -> Listening:
         Listening, {name: said[name] for name in names if name in said}, str(given.config)
     )
     return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in names])
+
+
+def web_settings_of(given: argparse.Namespace) -> WebSettings:
+    """The page's settings of the settings file; the others are not looked at."""
+    said = read_settings(given.config).get("web", {}) if given.config else {}
+    settings: WebSettings = from_mapping(WebSettings, said, f"{given.config}: web")
+    return settings
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
@@ -195,6 +203,7 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 def _add_serve(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
     parser.add_argument("--http", metavar="HOST:PORT", default=DEFAULT_PAGE, help="where the page is served")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, of which `web` counts")
 
 
 def _add_status(parser: argparse.ArgumentParser) -> None:

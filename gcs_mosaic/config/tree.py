@@ -21,6 +21,7 @@ from gcs_mosaic.store.originals import OriginalsSettings
 from gcs_mosaic.store.tiles import TileSettings
 from gcs_mosaic.triggers import PairingSettings
 from gcs_mosaic.triggers.shots import ShotSettings
+from gcs_mosaic.web.settings import WebSettings
 
 Resume = typing.Literal["auto", "always", "never"]
 
@@ -37,6 +38,7 @@ class Config(Listening):
     resume: Resume = "auto"
     resume_h: float = 6.0  # hours since its last frame or event for which a flight is the same one
     http: str | None = "127.0.0.1:8470"  # address of the page; null for none
+    web: WebSettings = field(default_factory=WebSettings)
     method: Method = "adjusted"  # paper: the paper's method, for comparison; fails on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
     # record received packets for replay to FILE.tlog, or with true to flight.tlog in the output folder; false: do not

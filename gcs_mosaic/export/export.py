@@ -21,8 +21,8 @@ from gcs_mosaic.store.documents import Document, write_json
 from gcs_mosaic.store.folder import LEDGER_NAME, find_flight
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.listing import FrameNews, Listing
-from gcs_mosaic.store.manifest import last_revision
 from gcs_mosaic.store.records import Estimate, FrameState
+from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.store.tiles import encode
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points lens distortion is linear to a hundredth of a pixel

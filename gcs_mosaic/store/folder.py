@@ -14,9 +14,10 @@ from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
 LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
 LOG_NAME = "flight.log"
+TOKEN_NAME = "page.token"  # lets other machines look at the page
 OUR_NAMES = (
     *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
-    *("checkpoint", "checkpoint.values"),
+    *("checkpoint", "checkpoint.values", TOKEN_NAME),
     *("tiles", "masks", "frames"),
 )
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script
@@ -36,6 +37,7 @@ class FlightFolder:
         """Release the lock; the folder of a flight that never began is removed."""
         if not (self.path / LEDGER_NAME).exists():
             with suppress(OSError):
+                (self.path / TOKEN_NAME).unlink(missing_ok=True)
                 (self.path / LOCK_NAME).unlink()
                 if not self.existed:
                     self.path.rmdir()

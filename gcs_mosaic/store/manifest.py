@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,8 +13,7 @@ from gcs_mosaic.store.held_out import held_out_entry
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.placements import Placements
 from gcs_mosaic.store.records import Accounts
-
-logger = logging.getLogger(__name__)
+from gcs_mosaic.store.revision import last_revision
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,17 +67,6 @@ class Manifest:
     def close(self) -> None:
         """Stop writing."""
         self._placements.close()
-
-
-def last_revision(out: Path) -> int:
-    """The revision of the folder's mosaic.json, 0 if there is no readable one."""
-    try:
-        return int(json.loads((out / "mosaic.json").read_bytes())["revision"])
-    except FileNotFoundError:
-        return 0
-    except (OSError, ValueError, KeyError, TypeError):
-        logger.warning("mosaic.json cannot be read: its revisions begin anew", exc_info=True)
-        return 0
 
 
 def mosaic_document(contents: Contents, revision: int) -> Document:

@@ -6,15 +6,15 @@ line to the journal: a document like placements.json, limited to the changed fra
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 
 from gcs_mosaic.store.disk import telling_disk_full, write_beside
 from gcs_mosaic.store.documents import FORMAT, compact
+from gcs_mosaic.store.journal import JOURNAL_NAME
 from gcs_mosaic.store.listing import FrameNews, Listing
 
-WHOLE_NAME, JOURNAL_NAME = "placements.json", "placements.jsonl"
+WHOLE_NAME = "placements.json"
 WHOLE_EACH_S = 5.0  # maximum age of placements.json while frames arrive,
 WHOLE_SHARE = 0.02  # unless writing it would take more than this share of the time
 JOURNAL_BYTES = 1 << 18  # a longer journal is restarted, to limit what a newly opened page must read
@@ -74,14 +74,3 @@ def append(path: Path, data: bytes) -> None:
         except BaseException:
             file.truncate(size)
             raise
-
-
-def told_after(journal: Path, revision: int) -> bytes:
-    """The journal's head and its complete lines newer than `revision`."""
-    head, *lines = journal.read_bytes().splitlines(keepends=True)
-    if lines and not lines[-1].endswith(b"\n"):
-        del lines[-1]
-    first = len(lines)
-    while first and json.loads(lines[first - 1])["revision"] > revision:
-        first -= 1
-    return head + b"".join(lines[first:])

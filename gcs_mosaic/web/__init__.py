@@ -1,4 +1,12 @@
 """The page: serves a flight's output folder read-only over HTTP, and pushes tile updates as they are painted.
 
-May import `store` and `export` for reading; called by `app` and `cli`.
+May import `store` and `export` for reading, `render` for the grid of tiles, and `messages`; called by `app` and `cli`, its
+settings also by `config`. During a live flight all but `page_keeper` and what it needs runs in a process of its own
+(`page_process`).
 """
+
+import os
+
+# aiohttp reads it on import. With sendfile a connection that is cut while it sends leaves asyncio's selector (Python 3.11) with a
+# file that is closed, and no further connection is served.
+os.environ.setdefault("AIOHTTP_NOSENDFILE", "1")

@@ -8,55 +8,86 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
 from aiohttp import web
+from aiohttp.typedefs import Handler
 
 from gcs_mosaic.export.tile_reader import filled
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
-from gcs_mosaic.store.manifest import last_revision
-from gcs_mosaic.store.placements import JOURNAL_NAME, told_after
-from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.feed import Change, Feed
-from gcs_mosaic.web.guard import add_headers, host_check
+from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
+from gcs_mosaic.store.revision import last_revision
+from gcs_mosaic.web.access import access_check, is_local
+from gcs_mosaic.web.address import HttpAddress, network_names, own_names
+from gcs_mosaic.web.change import Change
+from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.guard import add_headers, host_check, origin_check
+from gcs_mosaic.web.hidden_paths import without_paths
+from gcs_mosaic.web.places import Places, origin_of
+from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.token import Access
+from gcs_mosaic.web.visitor import Visitor
 
 VIEWER = Path(__file__).parent / "viewer"
-DOCUMENTS = ("mosaic.json", "placements.json", "status.json")
+DOCUMENTS = ("mosaic.json", "placements.json")
+STATUS = "status.json"
 TILE_PATH = r"/tiles/{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}{suffix:(\.[a-z]{3,4})?}"
 REVISION = re.compile("[0-9]{1,18}")
 
 HEARTBEAT_S = 15.0  # keeps NAT entries alive, and detects pages that are gone
 SEND_S = 20.0  # send timeout, after which a page is gone
 POLL_S = 1.0  # polling interval of mosaic.json without a feed
-MOST_PAGES = 64  # open at a time; more is a mistake or an attack
+CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 
 ROOT = web.AppKey("root", Path)
 FEED = web.AppKey("feed", Feed)
 TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
+PAGES = web.AppKey("pages", Places)
+NAMES = web.AppKey("names", set[str])
 
 
-def make_app(root: Path, address: HttpAddress, feed: Feed | None = None) -> web.Application:
-    """The application serving the output folder `root`; polls mosaic.json without a feed."""
-    app = web.Application(middlewares=[host_check(address)])
-    app[ROOT], app[FEED] = root, feed or Feed()
+def make_app(
+    root: Path,
+    address: HttpAddress,
+    feed: Feed | None = None,
+    access: Access | None = None,
+    settings: WebSettings | None = None,
+) -> web.Application:
+    """The application serving the output folder `root`; polls mosaic.json without a feed. Without `access`, for nobody else."""
+    settings, names = settings or WebSettings(), set(own_names())
+    checks = [host_check(address, names), origin_check, access_check(access or Access())]
+    app = web.Application(middlewares=[*checks, note_request])
+    app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
+    app[PAGES] = Places(settings.pages, settings.pages_per_address)
     app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")
     app.on_response_prepare.append(add_headers)
     app.on_shutdown.append(end_live)
     app.on_cleanup.append(end_tiles)
     if feed is None:
-        app.cleanup_ctx.append(poll_folder)
+        app.cleanup_ctx.append(beside(poll_forever))
+    if not address.is_loopback:
+        app.cleanup_ctx.append(beside(learn_names))
     app.router.add_get("/", page)
     app.router.add_static("/viewer/", VIEWER, follow_symlinks=False, show_index=False)
     for name in DOCUMENTS:
         app.router.add_get(f"/{name}", document)
+    app.router.add_get(f"/{STATUS}", status)
     app.router.add_get(f"/{JOURNAL_NAME}", journal)
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
     return app
+
+
+@web.middleware
+async def note_request(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """From now on the connection's deadline is that of an answer."""
+    if isinstance(request.protocol, Visitor):
+        request.protocol.answering()
+    return await handler(request)
 
 
 async def page(_request: web.Request) -> web.StreamResponse:
@@ -68,7 +99,18 @@ async def document(request: web.Request) -> web.StreamResponse:
     path = request.app[ROOT] / request.path.lstrip("/")
     if not path.is_file():
         raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n")
-    return web.FileResponse(path, headers={"Content-Type": "application/json"})
+    return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
+
+
+async def status(request: web.Request) -> web.StreamResponse:
+    """status.json; other machines are not told where things lie on this one."""
+    if is_local(request):
+        return await document(request)
+    try:
+        text = await asyncio.to_thread((request.app[ROOT] / STATUS).read_text, "utf-8", "replace")
+    except FileNotFoundError:
+        raise web.HTTPNotFound(text=f"{STATUS} is not written yet.\n") from None
+    return web.Response(text=without_paths(text), content_type="application/json")
 
 
 async def journal(request: web.Request) -> web.StreamResponse:
@@ -107,14 +149,17 @@ def requested_tile(request: web.Request) -> tuple[int, Tile]:
 async def live(request: web.Request) -> web.StreamResponse:
     """Server-sent events: the current revision first, then each change."""
     feed = request.app[FEED]
-    if feed.subscribers >= MOST_PAGES:
-        raise web.HTTPServiceUnavailable(text="Too many pages are open.\n")
-    response = web.StreamResponse(headers={"Content-Type": "text/event-stream"})
-    await response.prepare(request)
-    with feed.subscribe() as subscription, suppress(ConnectionError, TimeoutError):
-        await send(response, Change(last_revision(request.app[ROOT]), None))
-        async for change in subscription.changes(HEARTBEAT_S):
-            await send(response, change)
+    with request.app[PAGES].taken(origin_of(request.remote)) as found:
+        if not found:
+            raise web.HTTPServiceUnavailable(text="Too many pages are open.\n")
+        response = web.StreamResponse(headers={"Content-Type": "text/event-stream"})
+        await response.prepare(request)
+        if isinstance(request.protocol, Visitor):
+            request.protocol.streaming()
+        with feed.subscribe() as subscription, suppress(ConnectionError, TimeoutError):
+            await send(response, Change(last_revision(request.app[ROOT]), None))
+            async for change in subscription.changes(HEARTBEAT_S):
+                await send(response, change)
     return response
 
 
@@ -125,23 +170,35 @@ async def send(response: web.StreamResponse, change: Change | None) -> None:
         await response.write(message.encode())
 
 
-async def poll_folder(app: web.Application) -> AsyncIterator[None]:
+def beside(
+    work: Callable[[web.Application], Coroutine[None, None, None]],
+) -> Callable[[web.Application], AsyncIterator[None]]:
+    """A task that runs as long as the application."""
+
+    async def run(app: web.Application) -> AsyncIterator[None]:
+        task = asyncio.create_task(work(app))
+        yield
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+    return run
+
+
+async def poll_forever(app: web.Application) -> None:
     """Publish a revision whenever mosaic.json has changed."""
-    task = asyncio.create_task(poll_forever(app[ROOT], app[FEED]))
-    yield
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
-
-
-async def poll_forever(root: Path, feed: Feed) -> None:
+    root = app[ROOT]
     known = last_revision(root)
     while True:
         await asyncio.sleep(POLL_S)
         revision = await asyncio.to_thread(last_revision, root)
         if revision != known:
             known = revision
-            feed.publish(revision, None)
+            app[FEED].publish(revision, None)
+
+
+async def learn_names(app: web.Application) -> None:
+    app[NAMES].update(await asyncio.to_thread(network_names))
 
 
 async def end_live(app: web.Application) -> None:

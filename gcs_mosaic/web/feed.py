@@ -1,44 +1,14 @@
-"""Publishes tile updates from the flight's thread to every open page."""
+"""Publishes tile updates from another thread to every open page."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 import threading
 from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 
 from gcs_mosaic.render.tile_grid import Tile
-
-MOST_TILES = 5000  # pending for one slow page; beyond that it must reload everything
-Painted = frozenset[tuple[int, Tile]]  # (island, tile)
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """Tiles changed up to `revision`; `painted` is None where any may have changed.
-
-    `painted` lists tiles at the level at which a frame was painted: their ancestors were refreshed with them, and finer
-    tiles below may be filled from them.
-    """
-
-    revision: int
-    painted: Painted | None
-
-    def after(self, earlier: Change | None) -> Change:
-        """This change merged with an earlier one."""
-        if earlier is None:
-            return self
-        if self.painted is None or earlier.painted is None:
-            return Change(self.revision, None)
-        both = self.painted | earlier.painted
-        return Change(self.revision, both if len(both) <= MOST_TILES else None)
-
-    def json(self) -> str:
-        """The message to a page: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
-        tiles = None if self.painted is None else [[island, *tile] for island, tile in sorted(self.painted)]
-        return json.dumps({"revision": self.revision, "tiles": tiles}, separators=(",", ":"))
+from gcs_mosaic.web.change import Change
 
 
 class Feed:
@@ -55,9 +25,12 @@ class Feed:
         Thread-safe. Call once per painted frame: refreshed ancestors among the tiles are recognised as such, which is only
         correct while the tiles of one call were painted at one level.
         """
-        change = Change(revision, None if tiles is None else finest(tiles))
+        self.pass_on(Change.of_frame(revision, tiles))
+
+    def pass_on(self, change: Change) -> None:
+        """Publish a change, perhaps of several frames. Thread-safe."""
         with self._lock:
-            self.revision = revision
+            self.revision = change.revision
             for subscription in self._subscriptions:
                 subscription.offer(change)
 
@@ -123,10 +96,3 @@ class Subscription:
     def _wake(self) -> None:
         with suppress(RuntimeError):  # the page's event loop may have ended already
             self._loop.call_soon_threadsafe(self._news.set)
-
-
-def finest(tiles: Iterable[tuple[int, Tile]]) -> Painted:
-    """The tiles without a child among them."""
-    every = frozenset(tiles)
-    parents = {(island, tile.parent) for island, tile in every}
-    return every - parents

@@ -1,6 +1,13 @@
-"""Security of every response: the Host check, and response headers."""
+"""Security of every request and response: whom it is meant for, where it comes from, and response headers.
+
+The order of the checks is that of `make_app`. A request that changes something is let through by them only if no other
+page sent it and its sender may look; whoever adds one needs a route, and nothing else.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Collection
+from urllib.parse import urlsplit
 
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
@@ -14,24 +21,36 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Server": "gcs-mosaic",  # aiohttp's own tells versions
     # Everything may change during the flight; browsers revalidate each time and get 304 Not Modified.
     "Cache-Control": "no-cache",
 }
+READING = ("GET", "HEAD")
 
 
-def host_check(address: HttpAddress) -> Middleware:
-    """Middleware that rejects requests with a foreign Host header (see HttpAddress.is_ours)."""
+def host_check(address: HttpAddress, names: Collection[str]) -> Middleware:
+    """Middleware that rejects requests with a foreign Host header (see HttpAddress.is_ours); `names` may still grow."""
 
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
-        if not address.is_ours(request.headers.get("Host", "")):
-            raise web.HTTPForbidden(text="This server answers only to the address that it was started with (--http).\n")
+        if not address.is_ours(request.headers.get("Host", ""), names):
+            raise web.HTTPForbidden(text="This server answers only to its own address (--http) and name.\n")
         return await handler(request)
 
     return check
 
 
+@web.middleware
+async def origin_check(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Reject what another page in the same browser sends in order to change something."""
+    origin = request.headers.get("Origin")
+    if request.method not in READING and origin is not None and urlsplit(origin).netloc != request.host:
+        raise web.HTTPForbidden(text="Only this server's own page may change something.\n")
+    return await handler(request)
+
+
 async def add_headers(_request: web.Request, response: web.StreamResponse) -> None:
     """Signal handler for `on_response_prepare`."""
-    for name, value in HEADERS.items():
-        response.headers.setdefault(name, value)
+    response.headers.update(HEADERS)

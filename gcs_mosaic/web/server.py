@@ -4,51 +4,68 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import logging
+import ssl
 import threading
+from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.web.address import DEFAULT, HttpAddress
 from gcs_mosaic.web.app import make_app
+from gcs_mosaic.web.door import Door
 from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.token import Access
+
+logger = logging.getLogger(__name__)
 
 START_S = 10.0  # timeout until the socket listens
 STOP_S = 5.0  # grace period for open requests
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WebSettings:
-    """Settings of the page."""
-
-    # HOST:PORT; "" for no page. Loopback, because the page needs no password; 0.0.0.0:8470 serves it to a tablet on the
-    # same network.
-    address: str = DEFAULT
+PULSE_S = 5.0
 
 
 class WebServer:
-    """Serves an output folder until `stop`. With a feed, pages are updated at once."""
+    """Serves an output folder until `stop`. With a feed, pages are updated at once; `pulse` is called as long as it answers."""
 
-    def __init__(self, root: Path, address: HttpAddress, feed: Feed | None = None) -> None:
-        self._root, self._address, self._feed = root, address, feed
+    def __init__(
+        self,
+        root: Path,
+        address: HttpAddress,
+        feed: Feed | None = None,
+        access: Access | None = None,
+        settings: WebSettings | None = None,
+        pulse: Callable[[], None] | None = None,
+    ) -> None:
+        self._address, self._settings, self._pulse = address, settings or WebSettings(), pulse
+        self._make_app = partial(make_app, root, address, feed, access, self._settings)
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
-        self._started: Future[str] = Future()
+        self._started: Future[int] = Future()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._end: asyncio.Event | None = None
 
     def start(self) -> str:
-        """Start serving and return the page's URL. Raises UsageError if the address cannot be bound."""
+        """Start serving and return the page's URL. Raises UsageError if that cannot be."""
         self._thread.start()
+        return self._address.url(self._started.result(START_S), secure=self._settings.certificate is not None)
+
+    @property
+    def port(self) -> int:
+        """The port that is listened on, once started."""
         return self._started.result(START_S)
 
     def stop(self) -> None:
         """Stop the server and close all connections; idempotent."""
         if self._loop is None or self._end is None or not self._thread.is_alive():
             return
-        self._loop.call_soon_threadsafe(self._end.set)
+        with suppress(RuntimeError):  # it has just ended
+            self._loop.call_soon_threadsafe(self._end.set)
         self._thread.join(2 * STOP_S)
 
     def _run(self) -> None:
@@ -61,22 +78,57 @@ class WebServer:
 
     async def _serve(self) -> None:
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
-        app = make_app(self._root, self._address, self._feed)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=STOP_S)
+        self._loop.set_exception_handler(_log)
+        tls = tls_of(self._settings)
+        runner = web.AppRunner(self._make_app(), access_log=None, shutdown_timeout=STOP_S, handler_cancellation=True)
         await runner.setup()
+        assert runner.server is not None, "it has been set up"
+        door = Door(runner.server, self._settings, tls)
         try:
-            self._started.set_result(self._address.url(await self._listen(runner)))
-            await self._end.wait()
+            self._started.set_result(await self._open(door))
+            await self._until_end(self._end)
         finally:
+            await door.close()
             await runner.cleanup()
 
-    async def _listen(self, runner: web.AppRunner) -> int:
+    async def _open(self, door: Door) -> int:
         """Bind the address and return the port."""
         try:
-            await web.TCPSite(runner, self._address.host, self._address.port).start()
+            return await door.open(self._address.host, self._address.port)
         except (OSError, OverflowError) as error:
             raise UsageError(cannot_listen(self._address, error)) from error
-        return int(runner.addresses[0][1])
+
+    async def _until_end(self, end: asyncio.Event) -> None:
+        while not end.is_set():
+            if self._pulse is not None:
+                self._pulse()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(PULSE_S):
+                    await end.wait()
+
+
+def tls_of(settings: WebSettings) -> ssl.SSLContext | None:
+    """What HTTPS needs, if there is a certificate. Raises UsageError."""
+    if settings.certificate is None:
+        return None
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    key = settings.key or settings.certificate
+    try:
+        context.load_cert_chain(settings.certificate, key, password="")  # of a locked key nobody is asked
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, FileNotFoundError | PermissionError) else error
+        raise UsageError(
+            f"web: the certificate {settings.certificate} and key {key} cannot be used ({why}): name PEM files of a certificate "
+            "and its private key, which has no passphrase"
+        ) from error
+    return context
+
+
+def _log(_loop: asyncio.AbstractEventLoop, what: dict[str, Any]) -> None:
+    """What a connection has thrown: a line, whereas asyncio's own handler prints its whole state."""
+    error = what.get("exception")
+    outside = isinstance(error, OSError) or error is None
+    logger.warning("%s (%r)", what.get("message"), error, exc_info=None if outside else error)
 
 
 def cannot_listen(address: HttpAddress, error: Exception) -> str:

@@ -13,8 +13,9 @@ import pytest
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements as module
 from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store.journal import told_after
 from gcs_mosaic.store.listing import FrameNews
-from gcs_mosaic.store.placements import Placements, told_after
+from gcs_mosaic.store.placements import Placements
 from gcs_mosaic.store.records import CoveredRecord
 from tests.documents import journal_lines, placements
 from tests.store.ledger_parts import NEARLY_THE_SAME, an_estimate

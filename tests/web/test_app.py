@@ -15,6 +15,8 @@ from gcs_mosaic.web import app as app_module
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
+from gcs_mosaic.web.settings import WebSettings
+from tests.running import until
 from tests.web.small_flight import MIDDLE, RED, SmallFlight
 
 TILE = Tile(16, MIDDLE, MIDDLE)
@@ -200,13 +202,24 @@ def test_live_beats_while_nothing_happens(client: Client, monkeypatch: pytest.Mo
     live.close()
 
 
-def test_pages_are_counted(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(app_module, "MOST_PAGES", 2)
+def test_pages_are_counted(tmp_path: Path) -> None:
+    settings = WebSettings(pages=4, pages_per_address=2)
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed(), settings=settings)
+    client = Client(server.start())
     pages = [Live(client) for _ in range(2)]
     assert [page.message()["revision"] for page in pages] == [0, 0]
     assert client.status("/live") == 503
-    for page in pages:
-        page.close()
+    pages.pop().close()
+    until(lambda: is_told(client), "a place is free again", 5)  # long before a heartbeat would tell
+    pages.pop().close()
+    server.stop()
+
+
+def is_told(client: Client) -> bool:
+    """Whether there is a place for one more page."""
+    live = Live(client)
+    live.close()
+    return live.answer.status == 200
 
 
 def test_saved_flight_is_polled(flight: SmallFlight, monkeypatch: pytest.MonkeyPatch) -> None:

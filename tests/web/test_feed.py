@@ -5,7 +5,8 @@ import json
 import threading
 
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.web.feed import MOST_TILES, Change, Feed, finest
+from gcs_mosaic.web.change import MOST_TILES, Change, finest
+from gcs_mosaic.web.feed import Feed
 
 A, B = (0, Tile(16, 8, 8)), (0, Tile(16, 9, 8))
 

@@ -15,11 +15,16 @@ from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.store.records import Accounts, FrameAccount
 from gcs_mosaic.store.status import Behind, LastFrame
+from gcs_mosaic.web import access
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
+from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.token import Access
+from tests.running import until
 from tests.web.browser import CHROMIUM, Page, open_browser
 from tests.web.small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
+from tests.web.test_app import Client, Live
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
@@ -272,15 +277,102 @@ def test_what_a_link_left_out_is_shown(page: Page, url: str, flight: SmallFlight
     )
 
 
-def test_lost_server_is_said_plainly(page: Page, tmp_path: Path, flight: SmallFlight) -> None:
+def later(page: Page, seconds: float) -> None:
+    """So much later by the page's clock."""
+    page.evaluate(f"(now => {{ Date.now = () => now() + {seconds * 1000}; }})(Date.now)")
+
+
+def shown_here(page: Page, url: str, flight: SmallFlight) -> None:
+    """The page is open, and shows a red tile of revision 1; `sameDocument` is true until it is loaded again."""
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=1)]
+    flight.paint(square(16), RED)
     flight.write()
-    flight.status()
-    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0))
-    page.open(server.start())
-    page.wait_for(f"{TEXT}.includes('Flying')")
+    flight.status(revision=flight.manifest.revision)
+    page.open(url)
+    page.wait_for(at(square(16), "red"))
+    page.evaluate("window.sameDocument = true")
+
+
+def another_revision(flight: SmallFlight) -> None:
+    flight.paint(square(16), GREEN)
+    flight.write()
+    flight.status(revision=flight.manifest.revision)
+
+
+def test_what_was_shown_stays_while_the_server_is_away_and_goes_on_when_it_is_back(
+    page: Page, tmp_path: Path, flight: SmallFlight
+) -> None:
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed())
+    url = server.start()
+    shown_here(page, url, flight)
     server.stop()
+    later(page, 6)
     page.wait_for(f"{TEXT}.includes('No connection to gcs-mosaic')", timeout_s=15)
     assert page.evaluate("getComputedStyle(document.getElementById('alarm')).display") != "none"
+    assert page.evaluate(at(square(16), "red"))
+    another_revision(flight)
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", server.port), Feed())
+    server.start()
+    page.wait_for(at(square(16), "green"), timeout_s=20)
+    page.wait_for(f"!{TEXT}.includes('No connection')")
+    assert page.evaluate("window.sameDocument")
+    page.open("about:blank")
+    server.stop()
+
+
+@pytest.mark.long
+def test_a_page_that_is_refused_changes_asks_for_them_and_listens_again(
+    page: Page, tmp_path: Path, flight: SmallFlight
+) -> None:
+    settings = WebSettings(pages=2, pages_per_address=1)
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), feed := Feed(), settings=settings)
+    held = Live(Client(url := server.start()))
+    shown_here(page, url, flight)
+    another_revision(flight)
+    page.wait_for(at(square(16), "green"))
+    held.close()
+    until(lambda: feed.subscribers == 1 and page.evaluate("true"), "it listens again")
+    page.open("about:blank")
+    server.stop()
+
+
+@pytest.mark.long
+def test_a_map_that_stands_still_is_an_alarm(page: Page, url: str, flight: SmallFlight) -> None:
+    shown_here(page, url, flight)
+    flight.status(revision=flight.manifest.revision + 5)
+    page.wait_for("performance.getEntriesByName(new URL('/status.json', location).href).length > 3")
+    assert not page.evaluate(f"{TEXT}.includes('The map is older')")
+    later(page, 11)
+    page.wait_for(f"{TEXT}.includes('The map is older than what gcs-mosaic has')")
+    for _ in range(5):
+        another_revision(flight)  # which nobody tells the page
+    page.wait_for(at(square(16), "green"), timeout_s=20)
+    page.wait_for(f"!{TEXT}.includes('The map is older')", timeout_s=20)
+
+
+@pytest.mark.long
+def test_another_device_gets_in_by_the_link_and_stays_in(
+    page: Page, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access, "is_loopback", lambda origin: False)
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed(), Access(token="abcdefgh23456789"))
+    url = server.start()
+    shown = [f"{TEXT}.includes('This device may not look yet')", f"{TEXT}.includes('Flying')"]
+    flight.write()
+    flight.status()
+    page.open(url)
+    page.wait_for(shown[0])
+    page.command("Page.navigate", url=f"{url}?token=abcdefgh23456789")
+    page.wait_for(f"document.readyState === 'complete' && {shown[1]} && location.href === '{url}'")
+    assert page.evaluate("document.cookie") == ""
+    page.open("about:blank")
+    page.open(url)
+    page.wait_for(shown[1])
+    page.command("Network.clearBrowserCookies")
+    later(page, 6)
+    page.wait_for(f"{TEXT}.includes('This device may not look any more')", timeout_s=20)
+    page.open("about:blank")
+    server.stop()
 
 
 def test_hostile_names_stay_text(page: Page, url: str, flight: SmallFlight) -> None:

@@ -14,9 +14,11 @@ export class Placements {
     const [head, ...lines] = (await fetchLines(`/placements.jsonl?after=${this.revision}`)) ?? [null];
     if (!head || head.since > this.revision) {
       const all = await fetchDocument("/placements.json");
-      this.places.clear();
-      this.revision = 0;
-      if (all) this.take(all);
+      if (all) {
+        this.places.clear();
+        this.revision = 0;
+        this.take(all);
+      }
     }
     for (const line of lines) {
       if (line.revision > this.revision) this.take(line);

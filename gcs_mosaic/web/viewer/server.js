@@ -32,20 +32,23 @@ async function answerTo(path) {
   // The header has whole seconds; half a second is the best guess of the rest.
   if (!Number.isNaN(date)) clockOffsetMs = date + 500 - Date.now();
   if (response.status === 404) return null;
-  if (!response.ok) throw new Error(`${path}: ${response.status}`);
+  if (!response.ok) throw Object.assign(new Error(`${path}: ${response.status}`), { status: response.status });
   return response;
 }
 
 /** Remembers when the server last answered. */
 export class Connection {
   lastAnswer = Date.now();
+  isRefused = false; // the server answers, but not to this device
 
   /** Run something that talks to the server; a failure only shows in `lostForSeconds`. */
   async attempt(action) {
     try {
       await action();
       this.lastAnswer = Date.now();
+      this.isRefused = false;
     } catch (error) {
+      this.isRefused = error.status === 401;
       console.warn(error);
     }
   }

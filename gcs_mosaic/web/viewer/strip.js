@@ -4,12 +4,13 @@
 import { ageOf } from "/viewer/server.js";
 
 const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more often
+const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
 const NOTICES = 3;
 
 const byId = (id) => document.getElementById(id);
 
-export function showStrip({ mosaic, newestFrame, status }, connection, island) {
-  const state = stateOf(status, mosaic, connection.lostForSeconds());
+export function showStrip({ mosaic, newestFrame, status }, connection, lagSeconds, island) {
+  const state = stateOf(status, mosaic, connection, lagSeconds);
   showState(state);
   showCounts(status, mosaic, island);
   showNotices(status?.notices ?? []);
@@ -17,12 +18,21 @@ export function showStrip({ mosaic, newestFrame, status }, connection, island) {
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old. */
-function stateOf(status, mosaic, lostSeconds) {
+function stateOf(status, mosaic, connection, lagSeconds) {
   const updated = status?.updated ?? mosaic?.updated;
   const asOf = updated ? `What you see is from ${clock(updated)}.` : "";
+  const lostSeconds = connection.lostForSeconds();
+  if (lostSeconds && connection.isRefused) {
+    const alarm = `This device may not look any more: open the link again that gcs-mosaic shows on its terminal. ${asOf}`;
+    return { kind: "bad", title: "Not allowed", detail: `for ${duration(lostSeconds)}`, alarm };
+  }
   if (lostSeconds) {
     const alarm = `No connection to gcs-mosaic for ${duration(lostSeconds)}. ${asOf}`;
     return { kind: "bad", title: "No connection", detail: `for ${duration(lostSeconds)}`, alarm };
+  }
+  if (lagSeconds > LATE_AFTER_S) {
+    const alarm = `The map is older than what gcs-mosaic has: its changes have not come for ${duration(lagSeconds)}.`;
+    return { kind: "bad", title: "Map is old", detail: `for ${duration(lagSeconds)}`, alarm };
   }
   if (!status) return mosaic ? { kind: "calm", title: "Saved flight", detail: clock(updated) } : nothingYet();
   if (status.state === "stopped") return { kind: "calm", title: "Flight ended", detail: clock(updated) };

@@ -1,5 +1,6 @@
 // The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
 
+import { Lag, Live } from "/viewer/live.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Placements } from "/viewer/placements.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
@@ -7,11 +8,14 @@ import { showStrip } from "/viewer/strip.js";
 
 const STATUS_EVERY_MS = 1000;
 const CLOCK_EVERY_MS = 1000;
+const MAP_EVERY_MS = 2000; // while changes are not told
+const LATE_S = 5; // then what was told must have been lost on the way
 
 const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();
-const known = { mosaic: null, newestFrame: null, status: null };
+const lag = new Lag();
+const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
 
@@ -25,8 +29,8 @@ async function readMap() {
     await connection.attempt(async () => {
       const [mosaic] = await Promise.all([fetchDocument("/mosaic.json"), placements.read()]);
       startAfreshForAnotherFlight(mosaic);
-      Object.assign(known, { mosaic, newestFrame: placements.newestFrame() });
-      map.show(mosaic, known.newestFrame);
+      Object.assign(known, { mosaic: mosaic ?? known.mosaic, newestFrame: placements.newestFrame() });
+      map.show(known.mosaic, known.newestFrame);
       show();
     });
   }
@@ -42,26 +46,37 @@ async function readStatus() {
   await connection.attempt(async () => {
     const status = await fetchDocument("/status.json");
     if (known.status && known.status.state !== status?.state) map.refreshAll();
-    known.status = status;
+    known.status = status ?? known.status;
   });
   show();
   setTimeout(readStatus, STATUS_EVERY_MS);
 }
 
-function listen() {
-  const source = new EventSource("/live");
-  source.onmessage = (message) => {
-    const change = JSON.parse(message.data);
-    map.tilesChanged(change.revision, change.tiles);
-    readMap();
-  };
+const live = new Live((change) => {
+  map.tilesChanged(change.revision, change.tiles);
+  readMap();
+});
+
+/** Ask for what nobody tells: the map must not stand still in silence. */
+async function pollMap() {
+  const late = lagSeconds() > LATE_S;
+  if (late && live.isOpen) live.restart();
+  if (!live.isOpen) {
+    await readMap();
+    if (known.mosaic?.revision > map.revision) map.tilesChanged(known.mosaic.revision, null);
+  }
+  setTimeout(pollMap, MAP_EVERY_MS);
+}
+
+function lagSeconds() {
+  return lag.seconds(known.mosaic?.revision ?? 0, known.status?.revision ?? 0);
 }
 
 function show() {
-  showStrip(known, connection, map.mosaic ? map.currentIsland() : undefined);
+  showStrip(known, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
 }
 
 readMap();
 readStatus();
-listen();
+pollMap();
 setInterval(show, CLOCK_EVERY_MS);

@@ -1,0 +1,123 @@
+"""Who may look: whoever sits at this machine, and from elsewhere whoever has the token.
+
+The link with the token is opened once; a cookie keeps it, which no script can read and no other site can send.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections import OrderedDict, deque
+
+from aiohttp import web
+from aiohttp.typedefs import Handler, Middleware
+
+from gcs_mosaic.web.address import is_local_name, split_host
+from gcs_mosaic.web.places import is_loopback, origin_of
+from gcs_mosaic.web.token import Access
+
+COOKIE_S = 30 * 24 * 3600  # a tablet is switched off between flights
+TRIES, TRIES_S = 10, 60.0  # wrong tokens of one address within so long
+REMEMBERED = 1000  # addresses of wrong tokens
+NOT_YET = """\
+<!doctype html>
+<html lang="en">
+<meta charset="utf-8"><meta name="viewport" content="width=device-width">{again}
+<title>gcs-mosaic</title>
+<p>This device may not look yet: open the link, or scan the code, that gcs-mosaic shows on its terminal.</p>
+</html>
+"""
+
+
+def access_check(access: Access) -> Middleware:
+    """Middleware that lets in who may look, and rejects others with 401."""
+    wrong = WrongTokens()
+
+    @web.middleware
+    async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+        free = access.is_open or is_local(request)
+        if "token" in request.query and request.path == "/":
+            if not free:
+                admit(access, wrong, request, request.query["token"])
+            raise admitted(request, None if free else access.token)
+        if not free:
+            identify(access, wrong, request)
+        return await handler(request)
+
+    return check
+
+
+def is_local(request: web.Request) -> bool:
+    """Whether it comes from this machine, to a name of it that no other machine can have given."""
+    split = split_host(request.headers.get("Host", ""))
+    return is_loopback(origin_of(request.remote)) and split is not None and is_local_name(split[0])
+
+
+def identify(access: Access, wrong: WrongTokens, request: web.Request) -> None:
+    """Raises HTTPUnauthorized unless the request's cookie, or a program's `Authorization: Bearer`, has the token."""
+    if same(request.cookies.get(cookie_name(request)), access.token):
+        return
+    scheme, _, given = request.headers.get("Authorization", "").partition(" ")
+    if scheme.lower() != "bearer":
+        raise refusal(request)
+    admit(access, wrong, request, given.strip())
+
+
+def admit(access: Access, wrong: WrongTokens, request: web.Request, given: str) -> None:
+    """Check a token that somebody has typed or opened. Raises HTTPUnauthorized and HTTPTooManyRequests."""
+    origin = origin_of(request.remote)
+    if wrong.are_too_many(origin, time.monotonic()):
+        raise web.HTTPTooManyRequests(text="Too many wrong tokens: wait a minute.\n", headers={"Retry-After": "60"})
+    if not same(given, access.token):
+        wrong.note(origin, time.monotonic())
+        raise refusal(request)
+
+
+def same(given: str | None, token: str | None) -> bool:
+    """Compared in constant time, so that no letter can be found out before the others."""
+    return given is not None and token is not None and secrets.compare_digest(given.encode(), token.encode())
+
+
+def admitted(request: web.Request, token: str | None) -> web.HTTPSeeOther:
+    """The way to the page's clean address, with the cookie."""
+    response = web.HTTPSeeOther("/")
+    if token is not None:
+        name, secure = cookie_name(request), request.secure
+        response.set_cookie(name, token, max_age=COOKIE_S, httponly=True, secure=secure, samesite="Strict")
+    return response
+
+
+def refusal(request: web.Request) -> web.HTTPException:
+    """401, as a page for a browser.
+
+    When another site's link has led here the browser withholds the cookie; a page of our own then asks again.
+    """
+    again = '<meta http-equiv="refresh" content="0;url=/">' if came_by_a_link(request) else ""
+    return web.HTTPUnauthorized(text=NOT_YET.format(again=again), content_type="text/html")
+
+
+def came_by_a_link(request: web.Request) -> bool:
+    return request.path == "/" and request.headers.get("Sec-Fetch-Site") in ("cross-site", "same-site")
+
+
+def cookie_name(request: web.Request) -> str:
+    """Cookies do not know ports, and two flights may be served."""
+    assert request.transport is not None, "it was connected when the request came"
+    return f"gcs-mosaic-{request.transport.get_extra_info('sockname')[1]}"
+
+
+class WrongTokens:
+    """Remembers who tried wrong tokens lately."""
+
+    def __init__(self) -> None:
+        self._tries: OrderedDict[str, deque[float]] = OrderedDict()
+
+    def are_too_many(self, origin: str, now: float) -> bool:
+        tries = self._tries.get(origin, deque())
+        return len(tries) == TRIES and now - tries[0] < TRIES_S
+
+    def note(self, origin: str, now: float) -> None:
+        self._tries.setdefault(origin, deque(maxlen=TRIES)).append(now)
+        self._tries.move_to_end(origin)
+        if len(self._tries) > REMEMBERED:
+            self._tries.popitem(last=False)

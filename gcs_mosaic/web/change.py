@@ -1,0 +1,59 @@
+"""What an open page is told: tiles that were painted. Changes for somebody slow are merged, so that memory is bounded."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Self
+
+from gcs_mosaic.render.tile_grid import Tile
+
+MOST_TILES = 5000  # pending for one slow reader; beyond that it must reload everything
+Painted = frozenset[tuple[int, Tile]]  # (island, tile)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Tiles changed up to `revision`; `painted` is None where any may have changed.
+
+    `painted` lists tiles at the level at which a frame was painted: their ancestors were refreshed with them, and finer
+    tiles below may be filled from them.
+    """
+
+    revision: int
+    painted: Painted | None
+
+    @classmethod
+    def of_frame(cls, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> Self:
+        """The tiles that painting one frame changed (None: any); refreshed ancestors among them are left out."""
+        return cls(revision, None if tiles is None else finest(tiles))
+
+    @classmethod
+    def read(cls, document: Any) -> Self:
+        """The inverse of `json`, of its parsed text."""
+        tiles = document["tiles"]
+        return cls(
+            document["revision"], None if tiles is None else frozenset((i, Tile(z, x, y)) for i, z, x, y in tiles)
+        )
+
+    def after(self, earlier: Change | None) -> Change:
+        """This change merged with an earlier one."""
+        if earlier is None:
+            return self
+        if self.painted is None or earlier.painted is None:
+            return Change(self.revision, None)
+        both = self.painted | earlier.painted
+        return Change(self.revision, both if len(both) <= MOST_TILES else None)
+
+    def json(self) -> str:
+        """The message to a page: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
+        tiles = None if self.painted is None else [[island, *tile] for island, tile in sorted(self.painted)]
+        return json.dumps({"revision": self.revision, "tiles": tiles}, separators=(",", ":"))
+
+
+def finest(tiles: Iterable[tuple[int, Tile]]) -> Painted:
+    """The tiles without a child among them."""
+    every = frozenset(tiles)
+    parents = {(island, tile.parent) for island, tile in every}
+    return every - parents

@@ -1,0 +1,38 @@
+"""What the page's process is to do, as it is told by the flight."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.token import Access
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageTask:
+    """What to serve, where, and to whom."""
+
+    root: Path
+    address: HttpAddress
+    access: Access
+    settings: WebSettings
+
+    def at(self, port: int) -> Self:
+        return replace(self, address=replace(self.address, port=port))
+
+    def json(self) -> str:
+        return json.dumps(asdict(self) | {"root": str(self.root.absolute())})
+
+    @classmethod
+    def read(cls, told: dict[str, Any]) -> Self:
+        """The inverse of `json`, of its parsed text."""
+        return cls(
+            root=Path(told["root"]),
+            address=HttpAddress(**told["address"]),
+            access=Access(**told["access"]),
+            settings=WebSettings(**told["settings"]),
+        )

@@ -1,0 +1,48 @@
+// Listening for changes, for ever: a browser by itself gives up for good when the server refuses once.
+
+const FIRST_RETRY_MS = 1000;
+const LONGEST_RETRY_MS = 10000;
+
+export class Live {
+  isOpen = false;
+
+  constructor(onChange) {
+    this.onChange = onChange;
+    this.retryMs = FIRST_RETRY_MS;
+    this.listen();
+  }
+
+  listen() {
+    this.source = new EventSource("/live");
+    this.source.onopen = () => Object.assign(this, { isOpen: true, retryMs: FIRST_RETRY_MS });
+    this.source.onmessage = (message) => this.onChange(JSON.parse(message.data));
+    this.source.onerror = () => {
+      this.isOpen = false;
+      if (this.source.readyState === EventSource.CLOSED) this.listenLater(); // else the browser tries again
+    };
+  }
+
+  listenLater() {
+    setTimeout(() => this.listen(), this.retryMs);
+    this.retryMs = Math.min(2 * this.retryMs, LONGEST_RETRY_MS);
+  }
+
+  /** Begin anew, where a connection is open that brings nothing: the network may have changed under it. */
+  restart() {
+    this.source.close();
+    this.isOpen = false;
+    this.listen();
+  }
+}
+
+/** For how long a revision that the status tells of has not been shown. */
+export class Lag {
+  wanted = null; // the revision that is waited for, and since when
+
+  /** Seconds; 0 while what is shown is new enough. */
+  seconds(shown, told) {
+    const isSettled = !this.wanted || shown >= this.wanted.revision || told < this.wanted.revision;
+    if (isSettled) this.wanted = told > shown ? { revision: told, since: Date.now() } : null;
+    return this.wanted ? (Date.now() - this.wanted.since) / 1000 : 0;
+  }
+}
