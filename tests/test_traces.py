@@ -29,6 +29,11 @@ SILENT = {
     ("mavlink/sockets.py", "holder_of_udp_port"): (1, "other users' processes may not be looked into"),
     ("mavlink/sockets.py", "_inodes_on"): (1, "a system without this table"),
     ("app/status.py", "Reporter._put"): (1, "logged by the handler around it"),
+    ("frames/decoding/worker.py", "work"): (1, "another process: its pipe is closed when the program ends"),
+    ("frames/decoding/worker.py", "_tried"): (
+        1,
+        "another process: its traceback goes home with the answer, and is logged",
+    ),
     ("stitch/bundle/worker.py", "_send"): (1, "the result, waited for, tells that the process has died"),
     ("stitch/bundle/worker.py", "_work"): (1, "another process: its pipe is closed when the program ends"),
     ("stitch/bundle/worker.py", "_tried"): (

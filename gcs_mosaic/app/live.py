@@ -148,6 +148,7 @@ class _Daemon:
         self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
             self._pipeline.features_of,
+            self._pipeline.decoders,
             config.reduction,
             self._pipeline.feature_pixels,
             # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
@@ -383,6 +384,7 @@ class _Daemon:
 
     def _report(self, *, now: bool = False) -> None:
         pipeline, waiting = self._pipeline, self._preparation
+        pipeline.tell_troubles()
         behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
         counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)
