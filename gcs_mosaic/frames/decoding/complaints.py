@@ -17,7 +17,7 @@ from gcs_mosaic.stitch.arrays import Bands
 MOST_BYTES = 4000  # kept of what is said of one picture
 NOTHING_CAME = 128  # the value of pixels whose coefficients are all zero
 LEAST_LOST = 0.02  # share of a picture's rows; less may be a camera's habit
-_CORRUPT, _SHORT = "Corrupt JPEG data", "premature end"
+_SHORT = ("premature end of data", "found marker 0xd9 instead of")  # in libjpeg's words; it says the first trouble only
 
 
 class Complaints:
@@ -42,10 +42,10 @@ class Complaints:
 
 def cut_short(data: bytes, whole: Whole, image: Bands, said: str) -> str | None:
     """Why a decoded JPEG is not a whole picture, None if it is. `said`: by the decoder."""
-    if _CORRUPT not in said:
+    if not any(words in said for words in _SHORT):
         return None
     if is_progressive(data):  # what is missing is blurred then, not grey
-        return "damaged: the JPEG's data end before the picture does" if _SHORT in said else None
+        return "damaged: the JPEG's data end before the picture does"
     lost = _rows_without_data(image) / image.shape[0]
     if lost < LEAST_LOST:
         return None

@@ -80,11 +80,8 @@ class DecoderProcess:
             raise
         finally:
             theirs.close()
+        self.pid = self._process.pid
         atexit.register(self.kill)  # it does not end on a signal that is for the program
-
-    @property
-    def pid(self) -> int | None:
-        return self._process.pid
 
     def decode(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         """The picture, or why there is none. After ProcessEnded this object is of no more use."""
