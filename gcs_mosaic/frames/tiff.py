@@ -18,7 +18,7 @@ _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 1
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
 _MOST_DIRECTORIES = 64  # pages and overviews
 _MOST_ENTRIES = 4096  # of a directory: cameras write a hundred
-_MOST_PIECES = 2_000_000  # of all pages: 400 megapixels in tiles of 16 x 16 are 1.6 million
+_MOST_PIECES = 1_000_000  # of all pages: 400 megapixels in tiles of 32 x 32 are 0.4 million
 
 
 @dataclass(frozen=True, slots=True)

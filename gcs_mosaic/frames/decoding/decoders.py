@@ -7,7 +7,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -44,7 +44,7 @@ class Decoders:
         self._known: set[tuple[str, int]] = set()  # content hash and reduction of what was decoded in a process
         self._troubles: deque[str] = deque(maxlen=PROCESSES)
         self._closing = threading.Event()
-        self._desks = [_Desk(self._closing) for _ in range(processes)]
+        self._desks = [_Desk(self._closing, self._tell) for _ in range(processes)]
         self._free: queue.SimpleQueue[_Desk] = queue.SimpleQueue()
         for desk in self._desks:
             self._free.put(desk)
@@ -95,12 +95,10 @@ class Decoders:
         with self._desk() as desk:
             found = desk.decode(job)
             if isinstance(found, ProcessEnded) and found.from_outside:
-                self._tell(found, desk)
                 found = desk.decode(job)
             if self._closing.is_set() and not isinstance(found, np.ndarray):
                 return ENDING
             if isinstance(found, ProcessEnded):
-                self._tell(found, desk)
                 return Unreadable(_reason(found, job))
             return found
 
@@ -112,20 +110,23 @@ class Decoders:
         finally:
             self._free.put(desk)
 
-    def _tell(self, ended: ProcessEnded, desk: _Desk) -> None:
-        logger.warning("a process that decodes frames has ended (%s), %d in a row", ended, desk.ended_in_a_row)
-        if not ended.by_time_limit and desk.ended_in_a_row == 1 and not self._closing.is_set():
+    def _tell(self, ended: ProcessEnded, in_a_row: int) -> None:
+        if self._closing.is_set():
+            return
+        logger.warning("a process that decodes frames has ended (%s), %d in a row", ended, in_a_row)
+        if in_a_row == 1 and not ended.by_time_limit:
             self._troubles.append(f"a process that decodes frames has ended ({ended}); it is started again")
 
 
 class _Desk:
-    """The place of one process at a time. For one thread at a time, but for `kill`."""
+    """The place of one process at a time. For one thread at a time, but for `kill`. `tell(ended, in_a_row)` is called whenever
+    a process has ended."""
 
-    def __init__(self, closing: threading.Event) -> None:
-        self._closing = closing
+    def __init__(self, closing: threading.Event, tell: Callable[[ProcessEnded, int], None]) -> None:
+        self._closing, self._tell = closing, tell
         self._lock = threading.Lock()  # a process is begun, or all are ended
         self._process: DecoderProcess | None = None
-        self.ended_in_a_row = 0
+        self._ended_in_a_row = 0
         self._begin()
 
     def decode(self, job: Job) -> Bands | Unreadable | ProcessEnded:
@@ -134,9 +135,10 @@ class _Desk:
         while True:
             found = self._once(job)
             if not isinstance(found, ProcessEnded):
-                self.ended_in_a_row = 0
+                self._ended_in_a_row = 0
                 return found
-            self.ended_in_a_row += 1
+            self._ended_in_a_row += 1
+            self._tell(found, self._ended_in_a_row)
             if found.began or self._closing.is_set() or time.monotonic() > until:
                 return found
 
@@ -153,14 +155,14 @@ class _Desk:
 
     def _once(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         if self._process is None:
-            self._closing.wait(_pause_s(self.ended_in_a_row))
+            self._closing.wait(_pause_s(self._ended_in_a_row))
             self._begin()
         if self._process is None:
             return ProcessEnded(None, began=False)
         found = self._process.decode(job)
         if isinstance(found, ProcessEnded):
             self._process = None
-            if self.ended_in_a_row == 0:
+            if self._ended_in_a_row == 0:
                 self._begin()  # it takes a moment: not only when the next frame is there
         return found
 
