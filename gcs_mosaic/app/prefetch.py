@@ -141,6 +141,7 @@ class Preparation:
     ) -> None:
         self._find, self._reduction, self._least_pixels = find, reduction, least_pixels
         self._decoders = decoders
+        self._decoders.begin()
         self._turns = turns or AsTheyCame()
         self._woken = woken
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")

@@ -301,7 +301,7 @@ from gcs_mosaic.frames.decoding.decoders import Decoders
 if __name__ == "__main__":
     decoders = Decoders(processes=1)
     decoders.decode(sys.stdin.buffer.read(), "a")
-    print(*[desk._process.pid for desk in decoders._desks], flush=True)
+    print(decoders._desks[0]._process.pid, flush=True)
     {then}
 """
 

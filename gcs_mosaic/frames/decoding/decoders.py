@@ -45,9 +45,15 @@ class Decoders:
         self._troubles: deque[str] = deque(maxlen=PROCESSES)
         self._closing = threading.Event()
         self._desks = [_Desk(self._closing, self._tell) for _ in range(processes)]
-        self._free: queue.SimpleQueue[_Desk] = queue.SimpleQueue()
+        # Last in, first out: a process that is there is taken before another one is started.
+        self._free: queue.LifoQueue[_Desk] = queue.LifoQueue()
         for desk in self._desks:
             self._free.put(desk)
+
+    def begin(self) -> None:
+        """Start a process now, which takes some tenths of a second, and not when the first frame is there."""
+        with self._desk() as desk:
+            desk.begin()
 
     def load_frame(self, frame: Frame, reduction: int = 1) -> Bands | Unreadable:
         """The frame's pixels as in `frames.decode.decode_image`, from the bytes that were found."""
@@ -127,7 +133,6 @@ class _Desk:
         self._lock = threading.Lock()  # a process is begun, or all are ended
         self._process: DecoderProcess | None = None
         self._ended_in_a_row = 0
-        self._begin()
 
     def decode(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         """By a process that is there, or by a new one."""
@@ -156,19 +161,20 @@ class _Desk:
     def _once(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         if self._process is None:
             self._closing.wait(_pause_s(self._ended_in_a_row))
-            self._begin()
+            self.begin()
         if self._process is None:
             return ProcessEnded(None, began=False)
         found = self._process.decode(job)
         if isinstance(found, ProcessEnded):
             self._process = None
             if self._ended_in_a_row == 0:
-                self._begin()  # it takes a moment: not only when the next frame is there
+                self.begin()  # it takes a moment: not only when the next frame is there
         return found
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Start a process if there is none; says so in the log if that cannot be done."""
         with self._lock:
-            if self._closing.is_set():
+            if self._closing.is_set() or self._process is not None:
                 return
             try:
                 self._process = DecoderProcess()
