@@ -33,6 +33,11 @@ SILENT = {
     ("web/page_keeper.py", "_Child._read"): (1, "the page's process was ended, and its pipe closed"),
     ("web/page_process.py", "_Teller.__call__"): (1, "another process: the flight is gone, whose log it is"),
     ("app/status.py", "Reporter._put"): (1, "logged by the handler around it"),
+    ("frames/decoding/worker.py", "work"): (1, "another process: its pipe is closed when the program ends"),
+    ("frames/decoding/worker.py", "_tried"): (
+        1,
+        "another process: its traceback goes home with the answer, and is logged",
+    ),
     ("stitch/bundle/worker.py", "_send"): (1, "the result, waited for, tells that the process has died"),
     ("stitch/bundle/worker.py", "_work"): (1, "another process: its pipe is closed when the program ends"),
     ("stitch/bundle/worker.py", "_tried"): (

@@ -117,7 +117,7 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
 
 def prefetching(pipeline: Pipeline, config: Config) -> Preparation:
     """Sequential look-ahead decoding for a pipeline."""
-    return Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels)
+    return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels)
 
 
 def _next(

@@ -45,5 +45,6 @@ def _stitch(frames: list[Frame], out: Path, config: Config) -> list[Done]:
     pipeline = Pipeline(out, replace(config, originals=replace(config.originals, keep="link")), lambda notice: None)
     with closing(pipeline):
         driver, decoding = Driver(pipeline), (pipeline.features_of, config.reduction, pipeline.feature_pixels)
+        load = pipeline.decoders.load_frame
         accepted = (frame for found in frames if (frame := driver.accept(found)) is not None)
-        return [driver.process(prepare(frame, *decoding)) for frame in accepted]
+        return [driver.process(prepare(frame, *decoding, load=load)) for frame in accepted]

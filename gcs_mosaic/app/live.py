@@ -121,6 +121,7 @@ class _Daemon:
         self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
             self._pipeline.features_of,
+            self._pipeline.decoders,
             config.reduction,
             self._pipeline.feature_pixels,
             # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
@@ -359,6 +360,7 @@ class _Daemon:
         for notice in self._page.news():
             self.say(notice)
         pipeline, waiting = self._pipeline, self._preparation
+        pipeline.tell_troubles()
         behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
         if told := self._backlog.notice(behind):
             self.say(told)

@@ -15,7 +15,8 @@ from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.app.resuming import Run, runs_of, settings_of, source_of, utc_of_zero
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.frames.decode import Unreadable, decode_image
+from gcs_mosaic.frames.decode import Unreadable
+from gcs_mosaic.frames.decoding.decoders import Decoders
 from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.stitch.arrays import Bands
@@ -61,7 +62,7 @@ class Pipeline(Kept):
     `checkpoints`: where checkpoints are written, if any.
     """
 
-    FIXED = frozenset({"_worker", "_say", "features_of", "_checkpoints", "_of_flight"})
+    FIXED = frozenset({"_worker", "decoders", "_say", "features_of", "_checkpoints", "_of_flight"})
 
     def __init__(
         self,
@@ -87,6 +88,7 @@ class Pipeline(Kept):
             retry=retry,
         )
         self._worker = WorkerProcess()
+        self.decoders = Decoders(config.decode, config.frames.max_pixels)
         parts = self._worker, self.load_original, self._note_painted, out, observer
         method = method_of(config, *parts, punctual=punctual, paint_live=paint_live)
         self.mosaic, self._painter = method.stitcher, method.renderer
@@ -189,6 +191,7 @@ class Pipeline(Kept):
 
     def _process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
         name = prepared.frame.name
+        self.tell_troubles()
         if isinstance(prepared, UndecodableFrame):
             self.store.may_come_again(prepared.frame)
             self.store.settle(name, FrameState.DAMAGED, prepared.reason)
@@ -203,6 +206,8 @@ class Pipeline(Kept):
             self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
+        if state is not FrameState.REJECTED:
+            self.decoders.note_true_frame(prepared.features.width * prepared.features.height)
         self.store.settle(name, state, reason)
         covered_by = self.store.changes.cover(outcome) if isinstance(outcome, Covered) else None
         with stage("paint", name):
@@ -306,6 +311,11 @@ class Pipeline(Kept):
         self._said_problems.pop(otherwise, None)
         return found
 
+    def tell_troubles(self) -> None:
+        """Say what has happened to the processes that decode."""
+        while text := self.decoders.take_trouble():
+            self._say(Notice(source="decoding", level="warning", text=text))
+
     def _say_problem(self, source: str, problem: str | None) -> None:
         if problem and problem != self._said_problems.get(source):
             self._say(Notice(source=source, level="warning", text=problem))
@@ -316,7 +326,7 @@ class Pipeline(Kept):
         data = self.store.original(name)
         if data is None:
             return None
-        image = decode_image(data, reduction=reduction or self._reduction)
+        image = self.decoders.decode(data, self.store.content_hash(name), reduction or self._reduction)
         return None if isinstance(image, Unreadable) else image
 
     def _note_painted(self, painted: Painted) -> None:
@@ -335,6 +345,7 @@ class Pipeline(Kept):
         if self._checkpoints is not None:
             self._checkpoints.close()
         self._worker.close()
+        self.decoders.close()
         self._painter.close()
         self.store.close()
 

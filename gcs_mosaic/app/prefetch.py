@@ -12,6 +12,7 @@ from typing import Protocol
 
 from gcs_mosaic.app.turns import AHEAD, AsTheyCame, Turns
 from gcs_mosaic.frames.decode import Unreadable, load_frame
+from gcs_mosaic.frames.decoding.decoders import Decoders
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.bands import resized
@@ -19,6 +20,13 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.store.stages import stage
 
 logger = logging.getLogger(__name__)
+
+
+class LoadFrame(Protocol):
+    """Decodes a frame; called from several threads."""
+
+    def __call__(self, frame: Frame, *, reduction: int) -> Bands | Unreadable:
+        """Its pixels, reduced by an integer factor."""
 
 
 class FindFeatures(Protocol):
@@ -56,31 +64,34 @@ def prepare(
     reduction: int = 1,
     least_pixels: float = 0.0,
     known: Features | None = None,
+    load: LoadFrame = load_frame,
 ) -> DecodedFrame | UndecodableFrame:
     """Decode a frame, at full size or reduced by an integer factor, and find its features unless given; never raises.
+
+    `load` decodes it; without, it is decoded here and now, which is for files that can be trusted.
 
     least_pixels: image size for the feature search. If the reduced frame is smaller, a less reduced one is used, so that
     the frame's pose is as at full size, however coarsely it is painted.
     """
     try:
-        return _prepared(frame, find, reduction, least_pixels, known)
+        return _prepared(frame, find, reduction, least_pixels, known, load)
     except Exception as error:  # an image that OpenCV or the memory cannot handle must not end a flight
         logger.exception("%s could not be prepared", frame.name)
         return UndecodableFrame(frame, f"could not be decoded ({error!r})")
 
 
 def _prepared(
-    frame: Frame, find: FindFeatures, reduction: int, least_pixels: float, known: Features | None
+    frame: Frame, find: FindFeatures, reduction: int, least_pixels: float, known: Features | None, load: LoadFrame
 ) -> DecodedFrame | UndecodableFrame:
     start = time.perf_counter()
     with stage("decode", frame.name):
-        image = load_frame(frame, reduction=reduction)
+        image = load(frame, reduction=reduction)
     if isinstance(image, Unreadable):
         return UndecodableFrame(frame, image.reason)
     if known is not None:
         return DecodedFrame(frame, image, known, thumbnail(image), {"decode": time.perf_counter() - start})
     finer = finer_reduction(image.shape[0] * image.shape[1], reduction, least_pixels)
-    looked_at = image if finer == reduction else load_frame(frame, reduction=finer)
+    looked_at = image if finer == reduction else load(frame, reduction=finer)
     if isinstance(looked_at, Unreadable):
         return UndecodableFrame(frame, looked_at.reason)
     decoded = time.perf_counter()
@@ -122,12 +133,15 @@ class Preparation:
     def __init__(
         self,
         find: FindFeatures,
+        decoders: Decoders,
         reduction: int = 1,
         least_pixels: float = 0.0,
         turns: Turns | None = None,
         woken: Callable[[], None] = lambda: None,
     ) -> None:
         self._find, self._reduction, self._least_pixels = find, reduction, least_pixels
+        self._decoders = decoders
+        self._decoders.begin()
         self._turns = turns or AsTheyCame()
         self._woken = woken
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
@@ -192,8 +206,8 @@ class Preparation:
         self._wait_for_any(timeout_s)
 
     def close(self) -> None:
-        """Stop; frames still queued are discarded."""
-        self._pool.shutdown(cancel_futures=True)
+        """Stop; frames still queued are discarded, and those being prepared when their decoders are closed."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _ready(self) -> list[int]:
         return [number for number, future in self._ahead.items() if future.done()]
@@ -213,5 +227,5 @@ class Preparation:
 
     def _begin(self, number: int) -> None:
         given = self._waiting[number], self._find, self._reduction, self._least_pixels, self._features.get(number)
-        self._ahead[number] = self._pool.submit(prepare, *given)
+        self._ahead[number] = self._pool.submit(prepare, *given, load=self._decoders.load_frame)
         self._ahead[number].add_done_callback(lambda _: self._woken())

@@ -17,12 +17,12 @@ from typing import TypeAlias
 from rich.console import Console
 from rich.progress import Progress
 
-from gcs_mosaic.app.batch import progress_on, say, summarise, tell
+from gcs_mosaic.app.batch import prefetching, progress_on, say, summarise, tell
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, FindFeatures, Preparation, UndecodableFrame
+from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.replay_timing import Arrivals, arrivals
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
@@ -113,9 +113,7 @@ class _Replay:
         """Process all happenings, then paint a last time; returns the frames' outcomes."""
         looks = [what[0] for _, what in happenings if isinstance(what, tuple)]
         task, start = progress.add_task("flying", total=len(looks)), time.monotonic()
-        with closing(
-            _ReadAhead(looks, self._config, self._pipeline.features_of, self._pipeline.feature_pixels)
-        ) as files:
+        with closing(_ReadAhead(looks, self._config, prefetching(self._pipeline, self._config))) as files:
             for seconds, what in happenings:
                 if speed:
                     time.sleep(max(0.0, start + seconds / speed - time.monotonic()))
@@ -169,11 +167,11 @@ class _Replay:
 class _ReadAhead:
     """Files in order of arrival, read and prepared ahead."""
 
-    def __init__(self, looks: Sequence[Look], config: Config, find: FindFeatures, least_pixels: float) -> None:
+    def __init__(self, looks: Sequence[Look], config: Config, preparation: Preparation) -> None:
         self.taken = 0
         self._looks, self._settings = iter(looks), config.frames
         self._read: deque[Frame | DamagedFile] = deque()
-        self._preparation = Preparation(find, config.reduction, least_pixels)
+        self._preparation = preparation
 
     def next(self) -> DecodedFrame | UndecodableFrame | DamagedFile:
         """The next file; raises if there is none."""

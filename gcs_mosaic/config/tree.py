@@ -10,6 +10,7 @@ from pathlib import Path
 from gcs_mosaic.baseline.mosaic import PaperSettings
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.config.settings_file import from_mapping, read_settings
+from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.mavlink.settings import Listening
@@ -45,6 +46,7 @@ class Config(Listening):
     record: bool | str = False
     finish_s: float = 60.0  # time limit for the last frames and the final painting after Ctrl-C
     frames: FolderSettings = field(default_factory=FolderSettings)
+    decode: DecodeSettings = field(default_factory=DecodeSettings)
     stream: StreamSettings = field(default_factory=StreamSettings)
     shots: ShotSettings = field(default_factory=ShotSettings)
     pairing: PairingSettings = field(default_factory=PairingSettings)

@@ -35,14 +35,18 @@ class Unreadable:
 
 def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """The frame's pixels as in `decode_image`; Unreadable also if the file has changed since it was found."""
+    data = bytes_of(frame)
+    return data if isinstance(data, Unreadable) else decode_image(data, max_pixels, reduction)
+
+
+def bytes_of(frame: Frame) -> bytes | Unreadable:
+    """The frame's file, exactly as it was found."""
     if frame.data is not None:
-        return decode_image(frame.data, max_pixels, reduction)
+        return frame.data
     data = _read(frame.path.read_bytes)
-    if isinstance(data, Unreadable):
-        return data
-    if content_hash(data) != frame.content_hash:
+    if isinstance(data, bytes) and content_hash(data) != frame.content_hash:
         return Unreadable("overwritten since it was found")
-    return decode_image(data, max_pixels, reduction)
+    return data
 
 
 def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
@@ -58,8 +62,11 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
     A `reduction` of 2 or 4 gives half or a quarter of the size (rounded up); a JPEG is decoded directly at that size.
     """
     whole = is_whole(data, max_pixels)
-    if isinstance(whole, NotWhole):
-        return Unreadable(whole.reason)
+    return Unreadable(whole.reason) if isinstance(whole, NotWhole) else decode_whole(data, whole, reduction)
+
+
+def decode_whole(data: bytes, whole: Whole, reduction: int = 1) -> Bands | Unreadable:
+    """As `decode_image`, for a file that is known to be complete, with this header."""
     at_once = reduction if data.startswith(_JPEG) else 1
     try:
         image = decode_bands(data) if needs_bands(data) else _decoded(data, whole, at_once)
@@ -70,10 +77,15 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
         return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})")
     if image is None:
         return Unreadable("cannot be decoded")
-    wanted = (-(-whole.height // at_once), -(-whole.width // at_once), whole.bands)
+    wanted = reduced_shape(whole, at_once)
     if image.shape != wanted or image.dtype not in (np.uint8, np.uint16):
         return Unreadable(f"decodes to {image.shape} {image.dtype}, not to counts of 8 or 16 bits {wanted}")
     return image if at_once == reduction else _reduced(image, reduction)
+
+
+def reduced_shape(whole: Whole, reduction: int) -> tuple[int, int, int]:
+    """(height, width, bands) of a picture reduced by an integer factor."""
+    return -(-whole.height // reduction), -(-whole.width // reduction), whole.bands
 
 
 def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:

@@ -3,48 +3,72 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
-_END, _SCAN = 0xD9, 0xDA
-_ALONE = {0x01, *range(0xD0, 0xD8)}  # markers without a segment
+_PREFIX, _END, _SCAN = 0xFF, 0xD9, 0xDA
 _FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOFn, which contain the size
-_MARKER = re.compile(rb"\xff+([^\xff\x00])")
+_PROGRESSIVE = {0xC2, 0xC6, 0xCA, 0xCE}
+# Fill bytes, and markers without a segment (restart markers among them), in any number, up to the marker of a segment.
+_NEXT_MARKER = re.compile(rb"[^\xff\x01\xd0-\xd7]")
 # In entropy-coded data 0xFF is followed by zero, a restart marker or a fill byte; anything else ends the scan.
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+MOST_SEGMENTS = 100_000  # thermal cameras put 10 MB of data into some hundred
 
 
 def jpeg_header(data: bytes) -> Whole:
-    """Size and bands; raises StructureError if the main image's end marker is missing.
+    """Size and bands; raises StructureError if the main image's end marker, or a colour component, is missing.
 
     A thumbnail's end marker lies inside a segment and is skipped; data after the end is ignored.
     """
-    position, size, scans = 2, None, 0
-    while True:
-        marker, position = _marker(data, position)
-        if marker == _END:
-            break
-        if marker in _ALONE:
-            continue
-        (length,) = unpack(">H", data, position)
+    size, scanned = None, set[int]()
+    for marker, content in _segments(data):
         if marker in _FRAMES:
-            size = unpack(">xxBHHB", data, position)
-        position += max(length, 2)
-        if marker == _SCAN:
-            position, scans = _end_of_scan(data, position), scans + 1
-    if size is None or not scans:
+            size = unpack(">xxBHHB", data, content)
+        elif marker == _SCAN:
+            scanned |= _components_of_scan(data, content)
+    if size is None or not scanned:
         raise StructureError("damaged: a JPEG without a picture")
     bits, height, width, components = size
+    if len(scanned) < components:
+        raise StructureError(f"damaged: a JPEG with {len(scanned)} of {components} colour components")
     return Whole(width, height, 1 if components == 1 else 3, bits)
 
 
+def is_progressive(data: bytes) -> bool:
+    """Whether a complete JPEG comes in scans of which each refines the whole picture."""
+    return any(marker in _PROGRESSIVE for marker, _ in _segments(data))
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, int]]:
+    """(marker, offset of its content) of every segment before the end marker; raises StructureError if there is no end."""
+    position = 2
+    for _ in range(MOST_SEGMENTS):
+        marker, content = _marker(data, position)
+        if marker == _END:
+            return
+        yield marker, content
+        (length,) = unpack(">H", data, content)
+        position = content + max(length, 2)
+        if marker == _SCAN:
+            position = _end_of_scan(data, position)
+    raise StructureError(f"damaged: a JPEG of more than {MOST_SEGMENTS} segments")
+
+
 def _marker(data: bytes, position: int) -> tuple[int, int]:
-    """The marker at `position` and its end; fill bytes before it are allowed."""
-    unpack("BB", data, position)
-    found = _MARKER.match(data, position)
+    """The next marker of a segment, from `position` on, and the offset of its content."""
+    found = _NEXT_MARKER.search(data, position)
     if not found:
-        raise StructureError(f"damaged: no JPEG marker at byte {position}")
-    return found[1][0], found.end()
+        raise StructureError(f"truncated: it ends after {len(data)} bytes")
+    if found.start() == position or data[found.start() - 1] != _PREFIX or not found[0][0]:
+        raise StructureError(f"damaged: no JPEG marker at byte {found.start()}")
+    return found[0][0], found.end()
+
+
+def _components_of_scan(data: bytes, content: int) -> set[int]:
+    (count,) = unpack(">xxB", data, content)
+    return set(unpack(f">{2 * count}B", data, content + 3)[::2])
 
 
 def _end_of_scan(data: bytes, position: int) -> int:

@@ -16,7 +16,9 @@ _PALETTE, _ALPHA = 3, (1, 2)
 _LETTERS = {1: "B", 3: "H", 4: "I", 16: "Q"}  # field types: byte, short, long, long8
 _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
-_MOST_DIRECTORIES = 64  # pages and overviews; also ends cyclic chains
+_MOST_DIRECTORIES = 64  # pages and overviews
+_MOST_ENTRIES = 4096  # of a directory: cameras write a hundred
+_MOST_PIECES = 1_000_000  # of all pages: 400 megapixels in tiles of 32 x 32 are 0.4 million
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +63,14 @@ def first_page(data: bytes) -> TiffPage:
     big = unpack(order + "H", data, 2) == (43,)
     layout = _Layout(order, "Q", "Q", 8) if big else _Layout(order, "I", "H", 4)
     (directory,) = unpack(order + layout.offset, data, layout.first)
-    pages: list[TiffPage] = []
-    while directory and len(pages) < _MOST_DIRECTORIES:
+    pages, seen, pieces = list[TiffPage](), set[int](), 0
+    while directory and directory not in seen and len(pages) < _MOST_DIRECTORIES:  # a chain may be a circle
+        seen.add(directory)
         fields, directory = _directory(data, layout, directory)
         pages.append(_page(fields, _pieces(data, fields)))
+        pieces += len(pages[-1].pieces)
+        if pieces > _MOST_PIECES:
+            raise StructureError(f"damaged: a TIFF of more than {_MOST_PIECES} strips or tiles")
     if not pages:
         raise StructureError("damaged: a TIFF without a picture")
     return pages[0]
@@ -95,6 +101,8 @@ def _page(fields: dict[int, list[int]], pieces: list[tuple[int, int]]) -> TiffPa
 def _directory(data: bytes, layout: _Layout, start: int) -> tuple[dict[int, list[int]], int]:
     """The fields needed from the directory at `start`, and the offset of the next one."""
     (entries,) = unpack(layout.order + layout.count, data, start)
+    if entries > _MOST_ENTRIES:
+        raise StructureError(f"damaged: a TIFF directory of {entries} entries")
     entry_size = 4 + 2 * _SIZES[layout.offset]
     first = start + _SIZES[layout.count]
     (following,) = unpack(layout.order + layout.offset, data, first + entries * entry_size)

@@ -188,6 +188,10 @@ class FlightStore(Kept):
         """The frame's original file; None if it is missing or has changed."""
         return read_intact(*self._places[name])
 
+    def content_hash(self, name: str) -> str:
+        """Of a frame's original."""
+        return self._places[name][1]
+
     # Changes
 
     def settle(self, name: str, state: FrameState, reason: str | None) -> None:

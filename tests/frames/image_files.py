@@ -78,3 +78,21 @@ def with_exif(jpeg: bytes, exif: bytes) -> bytes:
     """The JPEG with a TIFF structure in an APP1 segment behind another one that is none of ours."""
     segments = [b"http://ns.adobe.com/xap/1.0/\0", b"Exif\0\0" + exif]
     return jpeg[:2] + b"".join(b"\xff\xe1" + struct.pack(">H", 2 + len(s)) + s for s in segments) + jpeg[2:]
+
+
+def many_scans(jpeg: bytes, times: int) -> bytes:
+    """The progressive JPEG with its last scan so many times: small, right, and slow to decode."""
+    last = jpeg.rindex(b"\xff\xda")
+    return jpeg[:last] + jpeg[last:-2] * times + jpeg[-2:]
+
+
+def cut(jpeg: bytes, share: float) -> bytes:
+    """The first part of a JPEG, closed with an end marker."""
+    return jpeg[: int(share * len(jpeg))] + b"\xff\xd9"
+
+
+def textured(width: int = 400, height: int = 300) -> NDArray[Any]:
+    """Colours of much detail."""
+    fine = np.random.default_rng(1).integers(0, 255, (height, width, 3)).astype(np.uint8)
+    blurred: NDArray[Any] = cv2.GaussianBlur(fine, (0, 0), 1.5)
+    return blurred

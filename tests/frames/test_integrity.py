@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+import time
 import zlib
 from typing import Any
 
@@ -139,3 +140,74 @@ def test_no_damage_to_the_structure_raises(which: int, changes: list[tuple[int, 
     for place, value in changes:
         damaged[place] = value
     assert isinstance(is_whole(bytes(damaged) + end), Whole | NotWhole)
+
+
+def cpu_seconds(data: bytes) -> tuple[float, Whole | NotWhole]:
+    start = time.process_time()
+    found = is_whole(data)
+    return time.process_time() - start, found
+
+
+def segment(marker: int, content: bytes = b"") -> bytes:
+    return b"\xff" + bytes([marker]) + struct.pack(">H", len(content) + 2) + content
+
+
+def chunk(kind: bytes, data: bytes = b"") -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+@pytest.mark.parametrize("marker", [b"\xff\xd0", b"\xff\xff", b"\xff\x01", b"\xff\xd3\xff"])
+def test_ten_megabytes_of_markers_without_a_segment_are_passed_over_at_once(marker: bytes) -> None:
+    taken_s, found = cpu_seconds(JPEG[:2] + marker * 5_000_000 + JPEG[2:])
+    assert found == Whole(160, 120)
+    assert taken_s < 1.5  # one at a time they take 15 s
+
+
+def a_tiff_of_many_strips() -> bytes:
+    """64 pages that share 250,000 strips."""
+    first, strips, size = 16, 250_000, 6 + 12 * 4
+    place = first + 64 * size
+    pages = b""
+    for page in range(64):
+        fields = [(256, 4, 1, 16), (257, 4, 1, 2), (273, 4, strips, place), (279, 4, strips, place + 4 * strips)]
+        following = first + (page + 1) * size if page < 63 else 0
+        entries = b"".join(struct.pack("<HHII", *field) for field in fields)
+        pages += struct.pack("<H", 4) + entries + struct.pack("<I", following)
+    return struct.pack("<2sHI", b"II", 42, first).ljust(first, b"\0") + pages + bytes(8 * strips)
+
+
+def a_tiff_of_many_entries() -> bytes:
+    entries = 65_535
+    return struct.pack("<2sHIH", b"II", 42, 8, entries) + bytes(12 * entries) + struct.pack("<I", 0)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (JPEG[:2] + segment(0xE1) * 1_000_000 + JPEG[2:], "more than 100000 segments"),
+        (PNG[:-12] + chunk(b"tEXt") * 600_000 + PNG[-12:], "more than 500000 chunks"),
+        (a_tiff_of_many_entries(), "a directory of 65535 entries"),
+        (a_tiff_of_many_strips(), "more than 1000000 strips"),
+    ],
+    ids=["segments", "chunks", "entries", "strips"],
+)
+def test_the_walk_through_a_structure_is_bounded(data: bytes, said: str) -> None:
+    taken_s, found = cpu_seconds(data)
+    assert isinstance(found, NotWhole)
+    assert said.replace("a directory", "a TIFF directory") in found.reason
+    assert taken_s < 3
+
+
+def test_a_jpeg_without_one_of_its_colours_is_not_whole() -> None:
+    """One scan for each; libjpeg would fill in grey."""
+    scans = three_scans()
+    assert is_whole(scans) == Whole(160, 120)
+    last = scans.rindex(b"\xff\xda")
+    assert is_whole(scans[:last] + b"\xff\xd9") == NotWhole("damaged: a JPEG with 2 of 3 colour components")
+
+
+def three_scans() -> bytes:
+    """A JPEG's structure, with a scan for each component; its data are none."""
+    frame = struct.pack(">BHHB", 8, 120, 160, 3) + b"".join(bytes([number, 0x11, 0]) for number in (1, 2, 3))
+    scans = [segment(0xDA, bytes([1, number, 0, 0, 63, 0])) + b"data" for number in (1, 2, 3)]
+    return b"\xff\xd8" + segment(0xC0, frame) + b"".join(scans) + b"\xff\xd9"

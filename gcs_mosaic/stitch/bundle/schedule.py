@@ -5,6 +5,9 @@ number of frames. Background results are a few frames old: newer frames are carr
 
 Each island is either adjusted or unchanged, independently of the others. The worker is another process, unaffected by rollbacks
 here; so it only computes a function of its task, and gets the task again if it has another one.
+
+An adjustment that fails in the background, such as one for which the memory is not enough, is tried again there after a pause,
+and after some failures left out until its island has grown. It is never made here: what ended the worker would end the flight.
 """
 
 from __future__ import annotations
@@ -18,6 +21,9 @@ from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.worker import Worker, WorkerFailed
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.transaction import EachWhole, Kept, Snapshot
+
+# In a row, of an island's adjustment in the background; the pause after each is twice as long as the one before.
+TRIES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,17 +59,22 @@ class Upkeep(Kept):
         self._adjustment = adjustment
         self._worker = worker
         self._worker_is_at: IslandTask | None = None  # None also while uncertain
-        self._worker_failed = False
         self._punctual = punctual
         self._adjusted = adjusted
         self._grown: dict[int, int] = {}  # frames that islands have gained since their last adjustment
         self._task: IslandTask | None = None  # the worker's task
         self._frames_before = 0  # in the graph when it began
-        self.problem: str | None = None  # the last failure in the background
+        self._failures: dict[
+            int, int
+        ] = {}  # of islands whose last adjustment failed in the background: since they had grown
+        self._pause = 0  # frames, or looks in a pause of the flight, before the worker gets another task
+        self.problem: str | None = (
+            None  # the last failure in the background; None once an adjustment has succeeded there
+        )
 
     def saved(self) -> Snapshot:
         """An adjustment that is under way is due again."""
-        saved = super().saved() | {"_task": None, "_worker_failed": False, "problem": None}
+        saved = super().saved() | {"_task": None, "_failures": {}, "_pause": 0, "problem": None}
         if self._task is not None:
             grown = self._grown.get(self._task.island, 0) + len(self._task.members)
             saved["_grown"] = self._grown | {self._task.island: grown}
@@ -76,22 +87,25 @@ class Upkeep(Kept):
     def forget(self, island: int) -> None:
         """To be called when an island has been merged into another."""
         self._grown.pop(island, None)
+        self._failures.pop(island, None)
 
     def after_frame(self) -> None:
         """After each frame, placed or not: take in what is due, adjust what has grown enough.
 
         May be called again after an exception, or at any other time: nothing is done twice.
         """
+        self._pause = max(0, self._pause - 1)
         self._each(self._steps(self._take_in_when_due, self._due))
 
     def in_a_pause(self) -> bool:
-        """When idle: adjust everything that has grown. True while a background adjustment is running."""
+        """When idle: adjust everything that has grown. True while a background adjustment is running, or to be tried again."""
+        self._pause = max(0, self._pause - 1)
         self._each(self._steps(self._take_in_when_due, lambda: list(self._grown)))
-        return self._task is not None
+        return self._task is not None or (self._pause > 0 and bool(self._grown))
 
     def finish(self) -> None:
-        """Adjust everything that has grown, synchronously."""
-        self._each(self._steps(self._take_in, lambda: list(self._grown), at_once=True))
+        """Adjust everything that has grown, synchronously; what failed in the background is tried there a last time."""
+        self._each(self._steps(self._take_in, lambda: list(self._grown.keys() | self._failures), at_once=True))
 
     def _steps(
         self, first: Callable[[], None], islands: Callable[[], list[int]], *, at_once: bool = False
@@ -112,23 +126,22 @@ class Upkeep(Kept):
 
     def _adjust(self, island: int, *, at_once: bool) -> None:
         large = self._graph.count_members(island) >= self._settings.background_from
-        if at_once or not large or self._helper is None:
+        if at_once and island in self._failures:
+            self._begin(island)
+            self._take_in(last=True)
+        elif at_once or not large or self._worker is None:
             del self._grown[island]
             adjust_island(self._graph, island, self._adjustment)
             self._adjusted(island)
-        elif self._task is None:
+        elif self._task is None and not self._pause:
             self._begin(island)
 
     def _begin(self, island: int) -> None:
-        del self._grown[island]
+        self._grown.pop(island, None)
         self._task = island_task(self._graph, island, self._adjustment)
         self._frames_before = len(self._graph.frames)
         if self._task is not None:
             self._asked(self._task)
-
-    @property
-    def _helper(self) -> Worker | None:
-        return None if self._worker_failed else self._worker
 
     def _asked(self, task: IslandTask) -> Worker:
         """The worker, running this task."""
@@ -147,16 +160,30 @@ class Upkeep(Kept):
         if since >= frames if self._punctual else self._asked(self._task).is_ready():
             self._take_in()
 
-    def _take_in(self) -> None:
-        """Wait for the result and use it, unless the island has been merged into another."""
+    def _take_in(self, *, last: bool = False) -> None:
+        """Wait for the result and use it, unless the island has been merged into another. `last`: there is no further try."""
         task, self._task = self._task, None
         if task is None:
             return
         found = self._asked(task).result()
         if isinstance(found, WorkerFailed):
-            # A flight whose map pauses now and then is better than none.
-            self.problem = f"{found.reason}; from now on frames wait while it is adjusted"
-            self._worker_failed = True
-            self.grow(task.island, len(task.members))
-        elif take_in(self._graph, task, found):
+            self._try_again(task, found, last=last)
+            return
+        self.problem = None
+        self._failures.pop(task.island, None)
+        if take_in(self._graph, task, found):
             self._adjusted(task.island)
+
+    def _try_again(self, task: IslandTask, failed: WorkerFailed, *, last: bool) -> None:
+        failures = self._failures.get(task.island, 0) + 1
+        if last:
+            self.problem = f"{failed.reason}: an island of {len(task.members)} frames stays as it was adjusted before"
+        elif failures < TRIES:
+            self.problem = f"{failed.reason}; it is tried again"
+            self._failures[task.island], self._pause = failures, 2**failures
+            self.grow(task.island, len(task.members))
+        else:
+            self.problem = (
+                f"{failed.reason}, {TRIES} times in a row: this adjustment is left out until the map has grown"
+            )
+            self._failures[task.island] = 0

@@ -71,7 +71,13 @@ class WorkerProcess:
             self.close()
         self._is_at_work, self._found = True, None
         # In a thread: a newly started process takes a second before it reads, and a large task fills the pipe.
-        self._sender = threading.Thread(target=_send, args=(self._started(), task), name="adjust", daemon=True)
+        try:
+            pipe = self._started()
+        except OSError as error:  # no memory, or too many processes
+            logger.exception("the process that adjusts the map cannot be started")
+            self._found = WorkerFailed(f"the process that adjusts the map could not be started ({error.strerror})")
+            return
+        self._sender = threading.Thread(target=_send, args=(pipe, task), name="adjust", daemon=True)
         self._sender.start()
 
     def is_ready(self) -> bool:
@@ -124,10 +130,15 @@ class WorkerProcess:
     def _started(self) -> Connection:
         if self._pipe is None:
             context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=_work, args=(theirs,), name="adjust", daemon=True)
-            self._process.start()
-            theirs.close()
+            ours, theirs = context.Pipe()
+            with theirs:
+                process = context.Process(target=_work, args=(theirs,), name="adjust", daemon=True)
+                try:
+                    process.start()
+                except BaseException:
+                    ours.close()
+                    raise
+            self._pipe, self._process = ours, process
         return self._pipe
 
 

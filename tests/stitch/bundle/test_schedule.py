@@ -86,11 +86,60 @@ def test_small_islands_and_the_last_adjustment_are_not_left_to_the_worker(ground
     assert len(worker.tasks) == begun
 
 
-def test_a_worker_that_fails_is_said_and_frames_go_on_being_placed(ground: Image) -> None:
-    mosaic = flown(ground, Mosaic(SETTINGS, FakeWorker(change=lambda found: WorkerFailed("it has died"))))
-    assert mosaic.problem == "it has died; from now on frames wait while it is adjusted"
+class FailingWorker(FakeWorker):
+    """It dies with its first tasks."""
+
+    def __init__(self, failures: float) -> None:
+        super().__init__()
+        self._failures = failures
+
+    def result(self) -> AdjustedIsland | WorkerFailed:
+        return WorkerFailed("it has died") if len(self.tasks) <= self._failures else super().result()
+
+
+def test_a_worker_that_dies_is_given_the_adjustment_again(ground: Image) -> None:
+    worker = FailingWorker(failures=1)
+    mosaic = flown(ground, Mosaic(SETTINGS, worker), LINE[:6])
+    assert mosaic.problem == "it has died; it is tried again"
+    assert len(worker.tasks) == 1  # after a pause
+    flown_on(ground, mosaic, LINE[6:10])
+    assert len(worker.tasks) > 1
+    assert mosaic.problem is None
     mosaic.adjust(everything=True)
-    assert map_error(mosaic.placements(), LINE) < 2
+    assert map_error(mosaic.placements(), LINE[:10]) < 2
+
+
+def test_an_adjustment_that_kills_the_worker_again_and_again_is_left_out_until_the_island_has_grown(
+    ground: Image, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker, here = FailingWorker(failures=np.inf), list[int]()
+    monkeypatch.setattr(upkeep, "adjust_island", lambda graph, *given: here.append(len(graph.frames)))
+    mosaic = flown(ground, Mosaic(SETTINGS, worker), LINE[:5])
+    for _ in range(20):
+        mosaic.adjust()
+    assert len(worker.tasks) == 3
+    assert mosaic.problem == "it has died, 3 times in a row: this adjustment is left out until the map has grown"
+    flown_on(ground, mosaic, LINE[5:6])
+    assert len(worker.tasks) == 4
+    mosaic.adjust(everything=True)
+    assert len(worker.tasks) == 5
+    assert mosaic.problem == "it has died: an island of 6 frames stays as it was adjusted before"
+    assert max(here) < 5  # never in the process of the flight
+
+
+def flown_on(ground: Image, mosaic: Mosaic, poses: Iterable[Pose]) -> None:
+    for i, pose in enumerate(poses, len(mosaic.placements())):
+        assert isinstance(mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i)), Placement)
+        mosaic.adjust()
+
+
+def test_in_a_pause_of_the_flight_the_worker_is_asked_again_too(ground: Image) -> None:
+    worker = FailingWorker(failures=2)
+    mosaic = flown(ground, Mosaic(SETTINGS, worker), LINE[:5])
+    while mosaic.adjust_in_a_pause():
+        pass
+    assert len(worker.tasks) == 3
+    assert mosaic.problem is None
 
 
 def test_a_pause_is_used_until_all_is_adjusted(ground: Image) -> None:

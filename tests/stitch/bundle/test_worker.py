@@ -1,11 +1,14 @@
 """A process of its own gives the same answer, and its death is an answer too."""
 
+import errno
 import logging
 import os
 import re
 import signal
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
+from multiprocessing.context import SpawnProcess
 from multiprocessing.process import BaseProcess
 
 import numpy as np
@@ -14,9 +17,10 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, island_task
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
+from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import WorkerFailed, WorkerProcess
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +115,36 @@ def test_a_process_that_is_killed_is_told_and_begun_anew(
     signalled(worker, signal.SIGKILL)
     assert worker.result() == WorkerFailed("the process that adjusts the map has died")
     assert caplog.messages == ["the process that adjusts the map has died, exit code -9"]
+    worker.begin(task)
+    assert isinstance(worker.result(), AdjustedIsland)
+
+
+def test_a_killed_process_costs_a_map_one_adjustment_and_not_those_after_it(ground: Image) -> None:
+    settings = StitchSettings(upkeep=UpkeepSettings(background_from=3, per_doubling=8))
+    with closing(WorkerProcess()) as worker:
+        mosaic, problems = Mosaic(settings, worker, punctual=True), list[str | None]()
+        for i in range(9):
+            mosaic.add(photograph(ground, Pose(400 + 90 * i, 500, 0.01 * i, 0.05, 0.03), SMALL_CAMERA), str(i))
+            mosaic.adjust()
+            problems.append(mosaic.problem)
+            if i == 3:
+                signalled(worker, signal.SIGKILL)
+    assert problems[4] == "the process that adjusts the map has died; it is tried again"
+    assert problems[-1] is None
+    assert problems.index(None, 4) > 4
+
+
+def test_a_process_that_cannot_be_started_is_an_answer(
+    task: IslandTask, worker: WorkerProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(process: BaseProcess) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(SpawnProcess, "start", full)
+        worker.begin(task)
+        assert worker.is_ready()
+        assert failed(worker).reason == "the process that adjusts the map could not be started (Cannot allocate memory)"
     worker.begin(task)
     assert isinstance(worker.result(), AdjustedIsland)
 

@@ -1,0 +1,100 @@
+"""Messages between the program and a worker process, each with a mass of bytes: a file, or the pixels of a picture."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable
+from multiprocessing import reduction
+from multiprocessing.connection import Connection
+from typing import Any
+
+Message = dict[str, Any]
+
+KEPT_BYTES = 256 << 20  # of the shared file, between two pictures
+
+
+class Channel:
+    """One end. The masses go through a nameless file that both ends have open, so that a copy takes a few milliseconds and
+    nothing is left behind whichever side is killed; through the pipe where there is no such file (Windows).
+
+    Messages are JSON: what a decoder under attack sends can be wrong, but not be executed. Raises EOFError or OSError when
+    the other end is gone.
+    """
+
+    def __init__(self, pipe: Connection, file: int | None) -> None:
+        self._pipe, self._file = pipe, file
+
+    def __reduce__(self) -> tuple[Callable[..., Channel], tuple[Connection, Any]]:
+        """For handing it to a new process."""
+        return _received, (self._pipe, None if self._file is None else reduction.DupFd(self._file))
+
+    def send(self, message: Message, mass: memoryview = memoryview(b"")) -> None:  # noqa: B008 - never changes
+        """A message and, if not empty, flat bytes."""
+        if self._file is not None and mass.nbytes:
+            _write(self._file, mass)
+        self._pipe.send_bytes(json.dumps(message).encode())
+        if self._file is None and mass.nbytes:
+            self._pipe.send_bytes(mass)
+
+    def receive(self) -> Message:
+        """The next message; if it came with a mass, `fill` is next."""
+        message = json.loads(self._pipe.recv_bytes())
+        if not isinstance(message, dict):
+            raise OSError("no message of ours")
+        return message
+
+    def fill(self, mass: memoryview) -> None:
+        """Flat bytes, as many as there is room for."""
+        if self._file is None:
+            if self._pipe.recv_bytes_into(mass) != mass.nbytes:
+                raise OSError("fewer bytes than were said")
+        else:
+            _read(self._file, mass)
+
+    @property
+    def descriptors(self) -> set[int]:
+        """In use."""
+        return {self._pipe.fileno(), *([] if self._file is None else [self._file])}
+
+    def poll(self, timeout_s: float) -> bool:
+        """Whether there is a message, or the other end is gone."""
+        return self._pipe.poll(timeout_s)
+
+    def close(self) -> None:
+        self._pipe.close()
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+def nameless_file() -> int | None:
+    """A descriptor of a file in memory, or in the folder for temporary files; None where descriptors cannot be shared."""
+    if hasattr(os, "memfd_create"):
+        return os.memfd_create("decoded")
+    if not hasattr(os, "pwritev") or not hasattr(os, "preadv"):
+        return None
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
+
+
+def _received(pipe: Connection, file: Any) -> Channel:
+    return Channel(pipe, None if file is None else file.detach())
+
+
+def _write(file: int, mass: memoryview) -> None:
+    if os.fstat(file).st_size > max(KEPT_BYTES, mass.nbytes):
+        os.ftruncate(file, mass.nbytes)
+    done = 0
+    while done < mass.nbytes:
+        done += os.pwritev(file, [mass[done:]], done)
+
+
+def _read(file: int, mass: memoryview) -> None:
+    done = 0
+    while done < mass.nbytes:
+        count = os.preadv(file, [mass[done:]], done)
+        if not count:
+            raise OSError("fewer bytes than were said")
+        done += count
