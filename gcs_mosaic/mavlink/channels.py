@@ -26,7 +26,6 @@ from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
 
-_LARGEST_DATAGRAM = 65535
 _MOST_PEERS = 32  # senders whose partial packets are kept; the one silent longest is evicted
 _PEER_GONE_S = 10.0  # nothing is sent to a peer that has missed ten heartbeats
 
@@ -146,19 +145,17 @@ class CallingChannel:
                 f"--mavlink {connection_string(address)!r} cannot be called ({error.strerror}): give the address of a "
                 "machine that can be reached, such as udpout:192.168.1.10:14550."
             ) from error
+        self._datagrams = DatagramReader(self._socket)
 
     @property
     def skipped_bytes(self) -> int:
         return self._reader.skipped_bytes
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
-        self._socket.settimeout(timeout_s)
-        try:
-            data = self._socket.recv(_LARGEST_DATAGRAM)
-        except (TimeoutError, ConnectionError):  # no listener there yet
-            return []
-        received = time.monotonic()
-        return [Arrival(message, received) for message in self._reader.feed(data)]
+        arrivals: list[Arrival | Notice] = []
+        for data, _, received in self._datagrams.read(timeout_s):
+            arrivals += [Arrival(message, received) for message in self._reader.feed(data)]
+        return arrivals
 
     def send(self, packet: bytes) -> bool:
         try:
