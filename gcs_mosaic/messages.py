@@ -60,6 +60,7 @@ class TriggerEvent:
     result: CaptureResult
     file_hint: str | None  # base name only, path already stripped
     position: Position | None
+    latest: float | None = field(default=None, compare=False)  # when it was read, if `received` is an estimate
 
 
 def content_hash(data: bytes) -> str:
@@ -125,6 +126,15 @@ class Refusals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Aircraft:
+    """A system that sends heartbeats or triggers on a link."""
+
+    system: int  # MAVLink system id
+    described: str = ""  # autopilot and kind, such as "ArduPilot, quadrotor"
+    last_heard_utc: float | None = None  # its last heartbeat, seconds since 1970; None: there was none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkReport:
     """Status of a link; sent on change, and about once a second while packets arrive."""
 
@@ -134,6 +144,7 @@ class LinkReport:
     silences: int = 0  # how often it fell silent
     followed: int | None = None  # MAVLink system id of the selected aircraft, whose triggers count
     others: tuple[tuple[int, int], ...] = ()  # (system id, ignored triggers), busiest first
+    aircraft: tuple[Aircraft, ...] = ()  # the followed one first, then those heard last
     refused: Refusals = Refusals()
     sent: int = 0  # packets; 0 unless announcing is enabled
 

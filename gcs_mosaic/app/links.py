@@ -11,13 +11,13 @@ from pathlib import Path
 
 from gcs_mosaic.mavlink.address import connection_string, parse_address
 from gcs_mosaic.mavlink.link import triggers
-from gcs_mosaic.mavlink.monitor import VehicleChoice
 from gcs_mosaic.mavlink.resend import Recovery
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.mavlink.signing import Signing, load_key
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.mavlink.transmitter import Transmitter, check_identity
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import (
     DamagedFile,
     DroppedFrame,
@@ -49,14 +49,15 @@ class Links:
     sources: list[ItemSource]
     recording: Recording
     speakers: list[Speaker]
+    choice: VehicleChoice
 
 
 def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
     """Open the links; `stack` closes them. Raises UsageError."""
     check_identity(config.link)
     key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
-    choice, recovery, taken = VehicleChoice(config.link.vehicle), Recovery(), threading.Event()
-    links = Links([], Recording(), [])
+    choice, recovery, taken = VehicleChoice(config.link), Recovery(), threading.Event()
+    links = Links([], Recording(), [], choice)
     stack.callback(links.recording.close)
     for link_id, address in enumerate(map(parse_address, config.mavlink)):
         name = connection_string(address)

@@ -17,6 +17,7 @@ from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
 from gcs_mosaic.app.links import Item, Links
+from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
 from gcs_mosaic.app.resuming import checkpoints_of, files_taken, later_by, saved_flight, told_again
@@ -185,6 +186,7 @@ class _Daemon:
     def run(self, links: Links) -> None:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
+        requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
@@ -193,6 +195,7 @@ class _Daemon:
             self._work()
             self._announcements.missing(self._event_log.tick(time.monotonic()))
             self._event_log.save()
+            requests.look(time.monotonic())
             self._report()
         self._inbox.join()
         self._finish()

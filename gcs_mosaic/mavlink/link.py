@@ -11,12 +11,13 @@ from typing import TypeAlias
 
 from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.channels import Channel, open_channel
-from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener, VehicleChoice
+from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import LinkReport, Notice, StreamOffer, TriggerEvent
 
 Items: TypeAlias = Generator[TriggerEvent | StreamOffer | Notice | LinkReport, None, None]
@@ -38,7 +39,7 @@ def triggers(
     belong to this link alone.
     """
     settings = settings or LinkSettings()
-    choice = choice or VehicleChoice(settings.vehicle)
+    choice = choice or VehicleChoice(settings)
     channel = open_channel(address, settings, signing)
     now = time.monotonic()
     listener = Listener(address, settings, choice, now, time.time() - now)
@@ -71,11 +72,11 @@ class _Link:
                 if self.speaker:
                     self._speak(self.speaker)
                 yield from self._look()
-            yield self.listener.farewell()
+            yield from self.listener.farewell(time.monotonic())
 
     def _hear(self, arrival: Arrival) -> Items:
         self.recording.record(arrival)
-        for item in self.listener.hear(arrival.message, arrival.received, arrival.sender):
+        for item in self.listener.hear(arrival.message, arrival.received, arrival.sender, arrival.latest):
             if self.speaker and isinstance(item, TriggerEvent):
                 self.speaker.note(item, arrival.received)
             yield item

@@ -61,4 +61,4 @@ class SourceClocks:
         key = (event.vehicle, event.component, event.source, event.clock)
         wraps = event.source is Source.CAMERA_FEEDBACK and event.clock == "boot"
         clock = self._clocks.setdefault(key, OffsetClock(wrap_s=FEEDBACK_WRAP_S if wraps else None))
-        return clock.moment(event.source_time, event.received)
+        return clock.moment(event.source_time, event.received if event.latest is None else event.latest)
