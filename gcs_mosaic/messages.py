@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from hashlib import blake2b
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 FEEDBACK_WRAP_S = 2**32 / 1e6  # ArduPilot stores CAMERA_FEEDBACK's time since boot as 32-bit microseconds
 
@@ -44,6 +44,19 @@ class Position:
     altitude_m: float | None
 
 
+class Teller(NamedTuple):
+    """The sender of one kind of camera message. `sender` is the peer's address, where the link knows it."""
+
+    sender: str
+    system: int
+    component: int
+    source: Source
+
+    def __str__(self) -> str:
+        message = "CAMERA_IMAGE_CAPTURED" if self.source >= Source.IMAGE_CAPTURED_BY_AUTOPILOT else self.source.name
+        return f"{message} of system {self.system}, component {self.component}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriggerEvent:
     """One camera message of any kind (MAVLink messages 112, 180, 263)."""
@@ -61,6 +74,12 @@ class TriggerEvent:
     file_hint: str | None  # base name only, path already stripped
     position: Position | None
     latest: float | None = field(default=None, compare=False)  # when it was read, if `received` is an estimate
+    sender: str = field(default="", compare=False)  # the peer's address, where the link knows it
+
+    @property
+    def teller(self) -> Teller:
+        """Who sent it."""
+        return Teller(self.sender, self.vehicle, self.component, self.source)
 
 
 def content_hash(data: bytes) -> str:

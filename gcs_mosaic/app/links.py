@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.mavlink.address import connection_string, parse_address
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.link import triggers
 from gcs_mosaic.mavlink.resend import Recovery
 from gcs_mosaic.mavlink.settings import Listening
@@ -50,6 +51,7 @@ class Links:
     recording: Recording
     speakers: list[Speaker]
     choice: VehicleChoice
+    trust: Trust
 
 
 def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
@@ -57,7 +59,7 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
     check_identity(config.link)
     key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
     choice, recovery, taken = VehicleChoice(config.link), Recovery(), threading.Event()
-    links = Links([], Recording(), [], choice)
+    links = Links([], Recording(), [], choice, Trust())
     stack.callback(links.recording.close)
     for link_id, address in enumerate(map(parse_address, config.mavlink)):
         name = connection_string(address)
@@ -67,7 +69,7 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
             transmitter = Transmitter(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
             speaker = Speaker(name, transmitter, recovery if config.link.recover else None, taken)
             links.speakers.append(speaker)
-        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
+        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker, links.trust)
         stack.callback(_close, items)
         links.sources.append(ItemSource(items, LinkReport(address=name, state="failed")))
     return links

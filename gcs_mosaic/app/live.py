@@ -28,6 +28,7 @@ from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
@@ -161,6 +162,7 @@ class _Daemon:
         self._reporter.watch = initial_report(config)
         self._event_log = EventLog(store.ledger, config.pairing, until_writable)
         self._came: dict[str, float] = {}  # when files were complete, by frame name
+        self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
@@ -186,6 +188,7 @@ class _Daemon:
     def run(self, links: Links) -> None:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
+        self._trust = links.trust
         requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
@@ -243,6 +246,7 @@ class _Daemon:
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
         self._event_log.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
+        self._trust.sources = self._event_log.credible()
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.channels import Channel, open_channel
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
@@ -31,18 +32,19 @@ def triggers(
     recording: Recording | None = None,
     signing: Signing | None = None,
     speaker: Speaker | None = None,
+    trust: Trust | None = None,
 ) -> Items:
     """Camera events, link reports and notices, until `stop` is set (or a recording ends).
 
     The link is opened by this call, not by the first `next`, so UsageError (port in use, missing file) is raised at once.
-    `close` releases the link. Several links to one aircraft share a `choice` and a `recording`; `signing` and `speaker`
+    `close` releases the link. Several links to one aircraft share a `choice`, `trust` and a `recording`; `signing` and `speaker`
     belong to this link alone.
     """
     settings = settings or LinkSettings()
     choice = choice or VehicleChoice(settings)
     channel = open_channel(address, settings, signing)
     now = time.monotonic()
-    listener = Listener(address, settings, choice, now, time.time() - now)
+    listener = Listener(address, settings, choice, now, time.time() - now, trust)
     link = _Link(channel, listener, recording or Recording(), signing, speaker)
     listening = link.listen(stop, settings.poll_s)
     next(listening)  # only a generator that has started runs its cleanup, and releases the port, on close

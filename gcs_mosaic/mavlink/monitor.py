@@ -7,17 +7,19 @@ from dataclasses import replace
 from typing import Literal
 
 from gcs_mosaic.mavlink.address import LinkAddress, connection_string
-from gcs_mosaic.mavlink.flood import FloodGate, TriggerSource, Verdict
+from gcs_mosaic.mavlink.flood import FloodGate, Trust, Verdict
 from gcs_mosaic.mavlink.left_out import LeftOut
 from gcs_mosaic.mavlink.messages import MavMessage, decode, decode_offer
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.mavlink.vehicle_time import VehicleTimes
-from gcs_mosaic.messages import Aircraft, LinkReport, Notice, Refusals, StreamOffer, TriggerEvent
+from gcs_mosaic.messages import Aircraft, LinkReport, Notice, Refusals, StreamOffer, Teller, TriggerEvent
 
 LinkState = Literal["listening", "heard", "silent", "failed"]
 
 REPORT_EVERY_S = 1.0
+MOST_FLOODS_NAMED = 2
+HELD_AT_MOST_S = 10.0  # the time in which a full bucket of 200 leaks at 20 a second
 MOST_NAMED = 8  # other aircraft listed; system ids can be forged, and the status must stay small
 NO_REFUSALS = Refusals()
 _REFUSED = {
@@ -37,7 +39,13 @@ class Listener:
     """Turns messages into events and notices. Call `tick` periodically, so that silence is detected too."""
 
     def __init__(
-        self, address: LinkAddress, settings: LinkSettings, choice: VehicleChoice, started: float, utc_of_zero: float
+        self,
+        address: LinkAddress,
+        settings: LinkSettings,
+        choice: VehicleChoice,
+        started: float,
+        utc_of_zero: float,
+        trust: Trust | None = None,
     ) -> None:
         """`started` is on the monotonic clock; `utc_of_zero` is UTC at that clock's zero."""
         self._address, self._settings, self._choice = address, settings, choice
@@ -52,7 +60,9 @@ class Listener:
         self._changes = choice.changes
         self._times = VehicleTimes()
         self._refusals_said: set[str] = set()
-        self._gate = FloodGate(settings.most_triggers_per_s, settings.most_triggers_at_once)
+        self._gate = FloodGate(settings.most_triggers_per_s, settings.most_triggers_at_once, trust)
+        self._floods: set[Teller] = set()  # reported, as long as they are few
+        self._said_crowded = False
         self._first_vehicle: float | None = None
         self._aircraft: dict[int, Aircraft] = {}  # by system id
         self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
@@ -66,6 +76,7 @@ class Listener:
         """What was still held, and the closing notice."""
         self._choice.look(now, at_once=True)
         yield from self._follow_choice(now)
+        yield from self._gate.ripe(now + HELD_AT_MOST_S)
         flood = f"; {self._gate.left_out} triggers of a flood were left out" if self._gate.left_out else ""
         yield self._notice("info", f"{self._name} is closed{flood}")
 
@@ -82,8 +93,7 @@ class Listener:
             yield from self._heartbeat(message, received)
         self._times.hear(message, received)
         if event := decode(message, received):
-            source = TriggerSource(sender, event.vehicle, event.component, message.get_type())
-            yield from self._trigger(replace(self._times.dated(event), latest=latest), source)
+            yield from self._trigger(replace(self._times.dated(event), latest=latest, sender=sender))
         if offer := decode_offer(message):
             yield offer
 
@@ -97,6 +107,7 @@ class Listener:
         """
         self._choice.look(now)
         yield from self._follow_choice(now)
+        yield from self._gate.ripe(now)
         if self._noise_at != self._last_heard:
             self._noise, self._noise_at = noise, self._last_heard
         report = self._report(working, refused, sent)
@@ -156,13 +167,13 @@ class Listener:
             self._silent = False
             yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")
 
-    def _trigger(self, event: TriggerEvent, source: TriggerSource) -> Iterator[TriggerEvent | Notice]:
+    def _trigger(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
         self._aircraft.setdefault(event.vehicle, Aircraft(system=event.vehicle))
         if self._choice.triggered(event.vehicle, event.received):
             yield from self._follow_choice(event.received)
-            yield from self._admit(event, source)
+            yield from self._admit(event)
             return
-        self._left_out.keep(event, source)
+        self._left_out.keep(event)
         yield from self._follow_choice(event.received)
         yield from self._not_followed(event.vehicle)
 
@@ -174,8 +185,8 @@ class Listener:
         for text in self._choice.news():
             yield self._notice("warning" if self._changes > 1 else "info", text)
         if followed is not None:
-            for event, source in self._left_out.take(followed, now):
-                yield from self._admit(event, source)
+            for event in self._left_out.take(followed, now):
+                yield from self._admit(event)
         for system in list(self._left_out.counts):
             yield from self._not_followed(system)
 
@@ -206,18 +217,27 @@ class Listener:
         followed = [one for one in newest if one.system == self._choice.followed]
         return (*followed, *(one for one in newest if one not in followed))[:MOST_NAMED]
 
-    def _admit(self, event: TriggerEvent, source: TriggerSource) -> Iterator[TriggerEvent | Notice]:
-        verdict = self._gate.ask(source, event.received)
-        yield from self._about_flood(verdict, source)
-        if verdict in ("admitted", "opened"):
-            yield event
+    def _admit(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
+        verdict, admitted = self._gate.ask(event)
+        yield from self._about_flood(verdict, event.teller)
+        yield from admitted
 
-    def _about_flood(self, verdict: Verdict, source: TriggerSource) -> Iterator[Notice]:
-        if verdict == "closed":
-            most = f"more than {self._settings.most_triggers_per_s:g} times a second"
-            text = f"{source} comes {most}, as from no camera: it is left out until it is quieter"
+    def _about_flood(self, verdict: Verdict, source: Teller) -> Iterator[Notice]:
+        """Each flood once, and its end; where there are more than sources of an aircraft, that there are many."""
+        if self._gate.is_crowded and not self._said_crowded:
+            self._said_crowded = True
+            text = (
+                f"more sources trigger cameras on {self._name} than an aircraft has: of those whose pictures were never "
+                "found, some are left out (a signing key keeps forgers out)"
+            )
             yield self._notice("warning", text)
-        elif verdict == "opened":
+        if verdict == "closed" and source not in self._floods and len(self._floods) < MOST_FLOODS_NAMED:
+            self._floods.add(source)
+            most = f"more than {self._settings.most_triggers_per_s:g} times a second"
+            also = "; so may others, which are not named" if len(self._floods) == MOST_FLOODS_NAMED else ""
+            yield self._notice("warning", f"{source} comes {most}, as from no camera: left out until quieter{also}")
+        elif verdict == "opened" and source in self._floods:
+            self._floods.discard(source)
             text = f"{source} is quieter again: it is listened to; {self._gate.left_out} triggers were left out so far"
             yield self._notice("info", text)
 
