@@ -30,6 +30,8 @@ _MOST_PEERS = 32  # senders whose partial packets are kept; the one silent longe
 _PEER_GONE_S = 10.0  # nothing is sent to a peer that has missed ten heartbeats
 
 Admits = Callable[[bytes], bool]
+Skips = Callable[[str, bytes, float], bool]
+"""Whether to drop a datagram undecoded, by its sender, content and arrival: decoding a flood costs more than receiving it."""
 
 
 class Channel(Protocol):
@@ -86,6 +88,7 @@ class UdpChannel:
 
     def __init__(self, address: LinkAddress, settings: LinkSettings, admits: Admits | None = None) -> None:
         self.ended, self.working = False, True
+        self.skips: Skips | None = None
         self._admits = admits
         self._socket = bind_udp(address.host, address.port, settings.receive_buffer_bytes)
         self._datagrams = DatagramReader(self._socket)
@@ -98,11 +101,14 @@ class UdpChannel:
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         arrivals: list[Arrival | Notice] = []
         for data, sender, received in self._datagrams.read(timeout_s):
+            name = host_and_port(*sender)
+            if self.skips is not None and self.skips(name, data, received):
+                continue
             peer = self._peer(sender)
             messages = peer.reader.feed(data)
             if messages:
                 peer.heard = received
-            arrivals += [Arrival(message, received, host_and_port(*sender)) for message in messages]
+            arrivals += [Arrival(message, received, name) for message in messages]
         return arrivals
 
     def send(self, packet: bytes) -> bool:

@@ -8,16 +8,21 @@ that others do costs them a message.
 
 from __future__ import annotations
 
+import struct
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gcs_mosaic.messages import Teller, TriggerEvent
+from gcs_mosaic.mavlink.messages import AUTOPILOT_COMPONENT
+from gcs_mosaic.messages import Source, Teller, TriggerEvent
 
 Verdict = Literal["admitted", "held", "left out", "closed", "opened"]
 
 MOST_SOURCES = 64  # per link; an autopilot has up to three, each of MAVLink's six cameras one
+_HEADER = struct.Struct("<xBBxxBBHB")  # of MAVLink 2: marker, length, flags, flags, counter, system, component, message id
+_MAVLINK_2, _CHECKSUM, _SIGNED, _SIGNATURE = 0xFD, 2, 1, 13
+_KINDS = {112: Source.CAMERA_TRIGGER, 180: Source.CAMERA_FEEDBACK, 263: Source.IMAGE_CAPTURED_BY_CAMERA}
 UNKNOWN_AT_ONCE = 10  # messages of an unknown source beyond its rate; what exceeds it is held
 _OPENED_AT = 0.5  # of a full bucket: hysteresis against floods that come in waves
 
@@ -67,6 +72,26 @@ class FloodGate:
         held, bucket.held = bucket.held, []
         return verdict, [*held, event]
 
+    def skips(self, sender: str, data: bytes, now: float) -> bool:
+        """Whether a datagram is one message of a source that is closed, by its header alone, and stays so; it is counted."""
+        if len(data) < _HEADER.size or data[0] != _MAVLINK_2:
+            return False
+        length, flags, system, component, low, high = _HEADER.unpack_from(data)
+        kind = _KINDS.get(low + (high << 16))
+        if kind is None or len(data) != _HEADER.size + length + _CHECKSUM + (_SIGNATURE if flags & _SIGNED else 0):
+            return False
+        if kind is Source.IMAGE_CAPTURED_BY_CAMERA and component == AUTOPILOT_COMPONENT:
+            kind = Source.IMAGE_CAPTURED_BY_AUTOPILOT
+        bucket = self._buckets.get(Teller(sender, system, component, kind))
+        if bucket is None or not bucket.closed:
+            return False
+        bucket.leak(self._per_second, now)
+        if bucket.level <= _OPENED_AT * UNKNOWN_AT_ONCE:
+            return False
+        bucket.level = min(bucket.level + 1, float(self._at_once))
+        self.left_out += 1
+        return True
+
     def ripe(self, now: float) -> Iterator[TriggerEvent]:
         """Held messages of sources that have been quieter since, oldest first for each."""
         for source, bucket in self._buckets.items():
@@ -103,7 +128,8 @@ class FloodGate:
             bucket.level += 1
             return "opened" if is_trusted or self._has_room(event.received) else self._hold(bucket, event)
         bucket.level += 1
-        if bucket.level > self._at_once:
+        most = self._at_once if is_trusted or not self.is_crowded else 2 * UNKNOWN_AT_ONCE
+        if bucket.level > most:
             bucket.closed, bucket.level = True, float(self._at_once)
             self.left_out += len(bucket.held)
             bucket.held.clear()

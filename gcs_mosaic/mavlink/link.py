@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from gcs_mosaic.mavlink.address import LinkAddress
-from gcs_mosaic.mavlink.channels import Channel, open_channel
+from gcs_mosaic.mavlink.channels import Channel, UdpChannel, open_channel
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener
 from gcs_mosaic.mavlink.received import Arrival
@@ -45,6 +45,8 @@ def triggers(
     channel = open_channel(address, settings, signing)
     now = time.monotonic()
     listener = Listener(address, settings, choice, now, time.time() - now, trust)
+    if isinstance(channel, UdpChannel):
+        channel.skips = listener.skips
     link = _Link(channel, listener, recording or Recording(), signing, speaker)
     listening = link.listen(stop, settings.poll_s)
     next(listening)  # only a generator that has started runs its cleanup, and releases the port, on close

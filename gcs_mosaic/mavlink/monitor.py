@@ -97,6 +97,10 @@ class Listener:
         if offer := decode_offer(message):
             yield offer
 
+    def skips(self, sender: str, data: bytes, now: float) -> bool:
+        """Whether to drop a datagram undecoded, as one of a flood that goes on."""
+        return self._gate.skips(sender, data, now)
+
     def tick(
         self, now: float, *, working: bool = True, noise: int = 0, refused: Refusals = NO_REFUSALS, sent: int = 0
     ) -> Iterator[TriggerEvent | Notice | LinkReport]:
