@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from hashlib import blake2b
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 FEEDBACK_WRAP_S = 2**32 / 1e6  # ArduPilot stores CAMERA_FEEDBACK's time since boot as 32-bit microseconds
 
@@ -44,6 +44,19 @@ class Position:
     altitude_m: float | None
 
 
+class Teller(NamedTuple):
+    """The sender of one kind of camera message. `sender` is the peer's address, where the link knows it."""
+
+    sender: str
+    system: int
+    component: int
+    source: Source
+
+    def __str__(self) -> str:
+        message = "CAMERA_IMAGE_CAPTURED" if self.source >= Source.IMAGE_CAPTURED_BY_AUTOPILOT else self.source.name
+        return f"{message} of system {self.system}, component {self.component}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriggerEvent:
     """One camera message of any kind (MAVLink messages 112, 180, 263)."""
@@ -60,6 +73,13 @@ class TriggerEvent:
     result: CaptureResult
     file_hint: str | None  # base name only, path already stripped
     position: Position | None
+    latest: float | None = field(default=None, compare=False)  # when it was read, if `received` is an estimate
+    sender: str = field(default="", compare=False)  # the peer's address, where the link knows it
+
+    @property
+    def teller(self) -> Teller:
+        """Who sent it."""
+        return Teller(self.sender, self.vehicle, self.component, self.source)
 
 
 def content_hash(data: bytes) -> str:
@@ -125,6 +145,15 @@ class Refusals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Aircraft:
+    """A system that sends heartbeats or triggers on a link."""
+
+    system: int  # MAVLink system id
+    described: str = ""  # autopilot and kind, such as "ArduPilot, quadrotor"
+    last_heard_utc: float | None = None  # its last heartbeat, seconds since 1970; None: there was none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkReport:
     """Status of a link; sent on change, and about once a second while packets arrive."""
 
@@ -134,6 +163,7 @@ class LinkReport:
     silences: int = 0  # how often it fell silent
     followed: int | None = None  # MAVLink system id of the selected aircraft, whose triggers count
     others: tuple[tuple[int, int], ...] = ()  # (system id, ignored triggers), busiest first
+    aircraft: tuple[Aircraft, ...] = ()  # the followed one first, then those heard last
     refused: Refusals = Refusals()
     sent: int = 0  # packets; 0 unless announcing is enabled
 

@@ -75,6 +75,7 @@ class Running:
     def trigger(self, name: str) -> None:
         """The camera says that it took a picture, which will be in the file `name`."""
         self.taken += 1
+        self.vehicle.tick(None)
         self.vehicle.capture(Capture(index=self.taken, name=name, state=None))
 
     def take(self, name: str, data: bytes) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from gcs_mosaic.frames.pending_file import file_and_version
-from gcs_mosaic.messages import Frame, TriggerEvent
+from gcs_mosaic.messages import Frame, Teller, TriggerEvent
 from gcs_mosaic.store.flight_store import SET_ASIDE, frame_of
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord
@@ -87,6 +87,10 @@ class EventLog:
         frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
         self._outcomes += self._pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
+
+    def credible(self) -> frozenset[Teller]:
+        """The sources of events whose shots have proved true."""
+        return self._pairing.credible()
 
     def tick(self, now: float) -> list[Missing]:
         """Advance time; returns the events whose frames are now missing."""

@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.mavlink.address import connection_string, parse_address
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.link import triggers
-from gcs_mosaic.mavlink.monitor import VehicleChoice
 from gcs_mosaic.mavlink.resend import Recovery
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.mavlink.signing import Signing, load_key
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.mavlink.transmitter import Transmitter, check_identity
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import (
     DamagedFile,
     DroppedFrame,
@@ -49,14 +50,16 @@ class Links:
     sources: list[ItemSource]
     recording: Recording
     speakers: list[Speaker]
+    choice: VehicleChoice
+    trust: Trust
 
 
 def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
     """Open the links; `stack` closes them. Raises UsageError."""
     check_identity(config.link)
     key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
-    choice, recovery, taken = VehicleChoice(config.link.vehicle), Recovery(), threading.Event()
-    links = Links([], Recording(), [])
+    choice, recovery, taken = VehicleChoice(config.link), Recovery(), threading.Event()
+    links = Links([], Recording(), [], choice, Trust())
     stack.callback(links.recording.close)
     for link_id, address in enumerate(map(parse_address, config.mavlink)):
         name = connection_string(address)
@@ -66,7 +69,7 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
             transmitter = Transmitter(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
             speaker = Speaker(name, transmitter, recovery if config.link.recover else None, taken)
             links.speakers.append(speaker)
-        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker)
+        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker, links.trust)
         stack.callback(_close, items)
         links.sources.append(ItemSource(items, LinkReport(address=name, state="failed")))
     return links

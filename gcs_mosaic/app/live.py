@@ -19,6 +19,7 @@ from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.flight_page import FlightPage
 from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
 from gcs_mosaic.app.links import Item, Links
+from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
 from gcs_mosaic.app.resuming import OpenedFlight, files_taken, open_flight, runs_of, told_again
@@ -28,6 +29,7 @@ from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
@@ -134,6 +136,7 @@ class _Daemon:
         self._reporter.watch = initial_report(config)
         self._event_log = EventLog(store.ledger, config.pairing, until_writable)
         self._came: dict[str, float] = {}  # when files were complete, by frame name
+        self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
@@ -159,6 +162,8 @@ class _Daemon:
     def run(self, links: Links) -> None:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
+        self._trust = links.trust
+        requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
@@ -168,6 +173,7 @@ class _Daemon:
             self._work()
             self._announcements.missing(self._event_log.tick(time.monotonic()))
             self._event_log.save()
+            requests.look(time.monotonic())
             self._report()
         self._inbox.join()
         self._finish()
@@ -215,6 +221,7 @@ class _Daemon:
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
         self._event_log.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
+        self._trust.sources = self._event_log.credible()
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received

@@ -18,7 +18,7 @@ from types import FrameType
 from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
-from gcs_mosaic.cli.options import listening_of, parse, web_settings_of
+from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, web_settings_of
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 
@@ -116,6 +116,16 @@ def status(given: argparse.Namespace) -> None:
     print(read_status(given.flight, as_json=given.json))
 
 
+def vehicle(given: argparse.Namespace) -> None:
+    """List the aircraft of a flight, or choose the one that it follows."""
+    from gcs_mosaic.store.aircraft import follow, heard_aircraft
+
+    if isinstance(given.system, int):
+        print(follow(given.flight or DEFAULT_OUT, given.system))
+    else:
+        print(heard_aircraft(given.system or DEFAULT_OUT))
+
+
 def export(given: argparse.Namespace) -> None:
     """Export a flight for other programs."""
     from gcs_mosaic.export import export
@@ -154,6 +164,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "replay": replay,
     "serve": serve,
     "status": status,
+    "vehicle": vehicle,
     "export": export,
     "benchmark": benchmark,
     "config": config,

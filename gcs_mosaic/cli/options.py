@@ -17,6 +17,8 @@ from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 from gcs_mosaic.web.settings import WebSettings
 
+DEFAULT_OUT = Path("mosaic")  # of the settings, which would load the stitching
+HIGHEST_SYSTEM = 255
 ANNOUNCE_AS = 191  # default system id: not an aircraft's, which count from 1, nor the ground station's
 
 # The setting that each option overrides, if given.
@@ -211,6 +213,20 @@ def _add_status(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="as JSON")
 
 
+def _add_vehicle_command(parser: argparse.ArgumentParser) -> None:
+    told = "MAVLink system id to follow; without: list what is heard"
+    parser.add_argument("system", nargs="?", type=_system_or_folder, metavar="ID", help=told)
+    parser.add_argument("flight", nargs="?", type=Path, metavar="DIR", help=f"the flight's --out ({DEFAULT_OUT})")
+
+
+def _system_or_folder(text: str) -> int | Path:
+    if not text.isdecimal():
+        return Path(text)
+    if not 1 <= int(text) <= HIGHEST_SYSTEM:
+        raise argparse.ArgumentTypeError(f"{text} is no MAVLink system id: give one from 1 to {HIGHEST_SYSTEM}")
+    return int(text)
+
+
 def _add_export(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
     parser.add_argument("--format", choices=["png", "tiff", "placements"], required=True)
@@ -269,6 +285,7 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "replay": ("a recorded flight again", _add_replay, {"epilog": WHEN_FRAMES_CAME}),
     "serve": ("the page of a flight that was written before", _add_serve, {}),
     "status": ("what a running or ended flight says of itself", _add_status, {}),
+    "vehicle": ("which aircraft a running flight follows: list them, or choose one", _add_vehicle_command, {}),
     "export": ("a flight for other programs: a picture, all bands, where each pixel lies", _add_export, {}),
     "benchmark": ("what a frame costs on this machine", _add_benchmark, {}),
     "config": ("all settings with their defaults and reasons, as YAML", _add_nothing, {}),

@@ -7,12 +7,13 @@ import math
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.files import frames_in as frames_in
 from gcs_mosaic.frames.pending_file import Candidate
 from gcs_mosaic.frames.scan import Look, Scan, scan
@@ -90,6 +91,8 @@ class FolderWatch:
         oldest = min((one.modified for one in (taken or {}).values()), default=math.inf)
         self._oldest_ns = min(started_utc - settings.from_age_s, oldest) * 1e9
         self._candidates: dict[Path, Candidate] = {}
+        self._appearances = Appearances()
+        self._scanned: float | None = None  # when the last scan began
         self._before = NOTHING_TAKEN if taken is None else taken
         self._versions = {name: one.version for name, one in self._before.items()}
         self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
@@ -105,7 +108,9 @@ class FolderWatch:
         start, changed = time.perf_counter(), self._changed
         found = scan(self._folder)
         self._polls += 1
-        ready = [look for look in found.images if self._is_ready(look, now)]
+        pause = Pause(now if self._scanned is None else self._scanned, now + time.perf_counter() - start)
+        self._scanned = now
+        ready = [look for look in found.images if self._is_ready(look, now, pause)]
         took_s = time.perf_counter() - start
         self.look_again_s = self._wait_s(took_s, changed=self._changed > changed)
         self._forget_vanished(found)
@@ -121,7 +126,7 @@ class FolderWatch:
         poll_s = self._settings.poll_s
         return max(min(AGAIN_S, poll_s), took_s / AGAIN_SHARE) if changed else max(poll_s, took_s / LOOKING_SHARE)
 
-    def _is_ready(self, look: Look, now: float) -> bool:
+    def _is_ready(self, look: Look, now: float, pause: Pause) -> bool:
         candidate = self._candidates.get(look.path)
         if candidate is None:
             candidate = self._candidates[look.path] = Candidate(self._settings)
@@ -130,7 +135,9 @@ class FolderWatch:
                 candidate.leave(look)
             elif self._was_taken(look):
                 candidate.leave(look)
-        self._changed += candidate.is_changed(look)
+        if candidate.is_changed(look):
+            self._changed += 1
+            candidate.appeared = pause
         return candidate.is_ready(look, now)
 
     def _was_taken(self, look: Look) -> bool:
@@ -143,9 +150,16 @@ class FolderWatch:
             self._versions[look.name] = self._versions.get(look.name, 0) + 1
             self._taken += 1
             self._last_utc = time.time()
+            item = self._dated(item, self._candidates[look.path].appeared)
         self._damaged += isinstance(item, DamagedFile)
         if item is not None:
             yield item
+
+    def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
+        if pause is None:
+            return frame
+        utc_of_zero = time.time() - time.monotonic()
+        return replace(frame, received=self._appearances.dated(pause, frame.modified, frame.received, utc_of_zero))
 
     def _forget_vanished(self, found: Scan) -> None:
         there = {look.path for look in found.images}

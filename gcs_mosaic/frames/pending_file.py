@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from gcs_mosaic.frames.appearance import Pause
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
@@ -21,6 +22,7 @@ class Candidate:
 
     settings: FolderSettings
     content: str | None = None
+    appeared: Pause | None = None  # between which two scans the newest change happened
     _signature: tuple[int, int] | None = None
     _settled: bool = False  # nothing to do until the signature changes
     _broken_since: float | None = None

@@ -26,11 +26,12 @@ from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
 
-_LARGEST_DATAGRAM = 65535
 _MOST_PEERS = 32  # senders whose partial packets are kept; the one silent longest is evicted
 _PEER_GONE_S = 10.0  # nothing is sent to a peer that has missed ten heartbeats
 
 Admits = Callable[[bytes], bool]
+Skips = Callable[[str, bytes, float], bool]
+"""Whether to drop a datagram undecoded, by its sender, content and arrival: decoding a flood costs more than receiving it."""
 
 
 class Channel(Protocol):
@@ -87,6 +88,7 @@ class UdpChannel:
 
     def __init__(self, address: LinkAddress, settings: LinkSettings, admits: Admits | None = None) -> None:
         self.ended, self.working = False, True
+        self.skips: Skips | None = None
         self._admits = admits
         self._socket = bind_udp(address.host, address.port, settings.receive_buffer_bytes)
         self._datagrams = DatagramReader(self._socket)
@@ -99,11 +101,14 @@ class UdpChannel:
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         arrivals: list[Arrival | Notice] = []
         for data, sender, received in self._datagrams.read(timeout_s):
+            name = host_and_port(*sender)
+            if self.skips is not None and self.skips(name, data, received):
+                continue
             peer = self._peer(sender)
             messages = peer.reader.feed(data)
             if messages:
                 peer.heard = received
-            arrivals += [Arrival(message, received, host_and_port(*sender)) for message in messages]
+            arrivals += [Arrival(message, received, name) for message in messages]
         return arrivals
 
     def send(self, packet: bytes) -> bool:
@@ -146,19 +151,17 @@ class CallingChannel:
                 f"--mavlink {connection_string(address)!r} cannot be called ({error.strerror}): give the address of a "
                 "machine that can be reached, such as udpout:192.168.1.10:14550."
             ) from error
+        self._datagrams = DatagramReader(self._socket)
 
     @property
     def skipped_bytes(self) -> int:
         return self._reader.skipped_bytes
 
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
-        self._socket.settimeout(timeout_s)
-        try:
-            data = self._socket.recv(_LARGEST_DATAGRAM)
-        except (TimeoutError, ConnectionError):  # no listener there yet
-            return []
-        received = time.monotonic()
-        return [Arrival(message, received) for message in self._reader.feed(data)]
+        arrivals: list[Arrival | Notice] = []
+        for data, _, received in self._datagrams.read(timeout_s):
+            arrivals += [Arrival(message, received) for message in self._reader.feed(data)]
+        return arrivals
 
     def send(self, packet: bytes) -> bool:
         try:

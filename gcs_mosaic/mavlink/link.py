@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from gcs_mosaic.mavlink.address import LinkAddress
-from gcs_mosaic.mavlink.channels import Channel, open_channel
-from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener, VehicleChoice
+from gcs_mosaic.mavlink.channels import Channel, UdpChannel, open_channel
+from gcs_mosaic.mavlink.flood import Trust
+from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.signing import Signing
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import LinkReport, Notice, StreamOffer, TriggerEvent
 
 Items: TypeAlias = Generator[TriggerEvent | StreamOffer | Notice | LinkReport, None, None]
@@ -30,18 +32,21 @@ def triggers(
     recording: Recording | None = None,
     signing: Signing | None = None,
     speaker: Speaker | None = None,
+    trust: Trust | None = None,
 ) -> Items:
     """Camera events, link reports and notices, until `stop` is set (or a recording ends).
 
     The link is opened by this call, not by the first `next`, so UsageError (port in use, missing file) is raised at once.
-    `close` releases the link. Several links to one aircraft share a `choice` and a `recording`; `signing` and `speaker`
+    `close` releases the link. Several links to one aircraft share a `choice`, `trust` and a `recording`; `signing` and `speaker`
     belong to this link alone.
     """
     settings = settings or LinkSettings()
-    choice = choice or VehicleChoice(settings.vehicle)
+    choice = choice or VehicleChoice(settings)
     channel = open_channel(address, settings, signing)
     now = time.monotonic()
-    listener = Listener(address, settings, choice, now, time.time() - now)
+    listener = Listener(address, settings, choice, now, time.time() - now, trust)
+    if isinstance(channel, UdpChannel):
+        channel.skips = listener.skips
     link = _Link(channel, listener, recording or Recording(), signing, speaker)
     listening = link.listen(stop, settings.poll_s)
     next(listening)  # only a generator that has started runs its cleanup, and releases the port, on close
@@ -71,11 +76,11 @@ class _Link:
                 if self.speaker:
                     self._speak(self.speaker)
                 yield from self._look()
-            yield self.listener.farewell()
+            yield from self.listener.farewell(time.monotonic())
 
     def _hear(self, arrival: Arrival) -> Items:
         self.recording.record(arrival)
-        for item in self.listener.hear(arrival.message, arrival.received, arrival.sender):
+        for item in self.listener.hear(arrival.message, arrival.received, arrival.sender, arrival.latest):
             if self.speaker and isinstance(item, TriggerEvent):
                 self.speaker.note(item, arrival.received)
             yield item

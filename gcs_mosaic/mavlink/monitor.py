@@ -1,21 +1,25 @@
-"""Link monitor: vehicle selection, heartbeat and silence tracking, operator notices. No I/O; time is passed in."""
+"""Link monitor: heartbeat and silence tracking, operator notices. No I/O; time is passed in."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Literal
 
 from gcs_mosaic.mavlink.address import LinkAddress, connection_string
-from gcs_mosaic.mavlink.flood import FloodGate, TriggerSource, Verdict
+from gcs_mosaic.mavlink.flood import FloodGate, Trust, Verdict
+from gcs_mosaic.mavlink.left_out import LeftOut
 from gcs_mosaic.mavlink.messages import MavMessage, decode, decode_offer
 from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.mavlink.vehicle_time import VehicleTimes
-from gcs_mosaic.messages import LinkReport, Notice, Refusals, StreamOffer, TriggerEvent
+from gcs_mosaic.messages import Aircraft, LinkReport, Notice, Refusals, StreamOffer, Teller, TriggerEvent
 
 LinkState = Literal["listening", "heard", "silent", "failed"]
 
 REPORT_EVERY_S = 1.0
+MOST_FLOODS_NAMED = 2
+HELD_AT_MOST_S = 10.0  # the time in which a full bucket of 200 leaks at 20 a second
 MOST_NAMED = 8  # other aircraft listed; system ids can be forged, and the status must stay small
 NO_REFUSALS = Refusals()
 _REFUSED = {
@@ -24,35 +28,24 @@ _REFUSED = {
     "replayed": "they are older than what was heard before; two ways by which the same packets come do that, too",
 }
 MAV_TYPE_GCS = 6
+MAV_AUTOPILOT_INVALID = 8  # a camera, a companion computer
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 GROUND_STATION_PORT = 14550  # the default port of every ground station
 _AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _VEHICLES = {1: "fixed-wing aircraft", 2: "quadrotor", 4: "helicopter", 13: "hexarotor", 14: "octorotor", 30: "camera"}
 
 
-class VehicleChoice:
-    """The one aircraft whose triggers are used; shared by all links, so that they agree on it."""
-
-    def __init__(self, wanted: int | None = None) -> None:
-        self.wanted = wanted
-        self._chosen: dict[str, int] = {} if wanted is None else {"id": wanted}
-
-    @property
-    def followed(self) -> int | None:
-        """System id of the followed aircraft; None until one triggers."""
-        return self._chosen.get("id")
-
-    def follows(self, event: TriggerEvent) -> bool:
-        """Whether `event` comes from the followed aircraft; without a configured one, the first asked about is chosen."""
-        # A single, hence atomic, dictionary call: links on several threads may ask at once.
-        return self._chosen.setdefault("id", event.vehicle) == event.vehicle
-
-
 class Listener:
     """Turns messages into events and notices. Call `tick` periodically, so that silence is detected too."""
 
     def __init__(
-        self, address: LinkAddress, settings: LinkSettings, choice: VehicleChoice, started: float, utc_of_zero: float
+        self,
+        address: LinkAddress,
+        settings: LinkSettings,
+        choice: VehicleChoice,
+        started: float,
+        utc_of_zero: float,
+        trust: Trust | None = None,
     ) -> None:
         """`started` is on the monotonic clock; `utc_of_zero` is UTC at that clock's zero."""
         self._address, self._settings, self._choice = address, settings, choice
@@ -62,12 +55,16 @@ class Listener:
         self._noise, self._noise_at = 0, started  # non-MAVLink bytes as of the last message
         self._reported: tuple[LinkReport, float] | None = None
         self._silent, self._silences = False, 0
-        self._others: Counter[int] = Counter()  # triggers of other aircraft by system id
+        self._left_out = LeftOut()  # triggers of other aircraft
+        self._others_said: set[int] = set()
+        self._changes = choice.changes
         self._times = VehicleTimes()
         self._refusals_said: set[str] = set()
-        self._gate = FloodGate(settings.most_triggers_per_s, settings.most_triggers_at_once)
+        self._gate = FloodGate(settings.most_triggers_per_s, settings.most_triggers_at_once, trust)
+        self._floods: set[Teller] = set()  # reported, as long as they are few
+        self._said_crowded = False
         self._first_vehicle: float | None = None
-        self._systems: set[int] = set()
+        self._aircraft: dict[int, Aircraft] = {}  # by system id
         self._ground_station: Literal["unknown", "missing", "heard"] = "unknown"
 
     def greeting(self, identity: str | None = None) -> Notice:
@@ -75,33 +72,46 @@ class Listener:
         manner = f"announcing ourselves as {identity}" if identity else "nothing is ever sent"
         return self._notice("info", f"listening on {self._name}; {manner}")
 
-    def farewell(self) -> Notice:
-        """The closing notice."""
+    def farewell(self, now: float) -> Iterator[TriggerEvent | Notice]:
+        """What was still held, and the closing notice."""
+        self._choice.look(now, at_once=True)
+        yield from self._follow_choice(now)
+        yield from self._gate.ripe(now + HELD_AT_MOST_S)
         flood = f"; {self._gate.left_out} triggers of a flood were left out" if self._gate.left_out else ""
-        return self._notice("info", f"{self._name} is closed{flood}")
+        yield self._notice("info", f"{self._name} is closed{flood}")
 
     def hear(
-        self, message: MavMessage, received: float, sender: str = ""
+        self, message: MavMessage, received: float, sender: str = "", latest: float | None = None
     ) -> Iterator[TriggerEvent | StreamOffer | Notice]:
-        """Events and notices from a message; most yield none. `sender` is the peer's address, where the link knows it."""
+        """Events and notices from a message; most yield none. `sender` is the peer's address, where the link knows it.
+
+        `latest`: when it was read, if `received` is an estimate.
+        """
         yield from self._back_again(received)
+        self._choice.heard(message.get_srcSystem(), received, autopilot=_is_of_autopilot(message))
         if message.get_type() == "HEARTBEAT":
             yield from self._heartbeat(message, received)
         self._times.hear(message, received)
         if event := decode(message, received):
-            source = TriggerSource(sender, event.vehicle, event.component, message.get_type())
-            yield from self._trigger(self._times.dated(event), source)
+            yield from self._trigger(replace(self._times.dated(event), latest=latest, sender=sender))
         if offer := decode_offer(message):
             yield offer
 
+    def skips(self, sender: str, data: bytes, now: float) -> bool:
+        """Whether to drop a datagram undecoded, as one of a flood that goes on."""
+        return self._gate.skips(sender, data, now)
+
     def tick(
         self, now: float, *, working: bool = True, noise: int = 0, refused: Refusals = NO_REFUSALS, sent: int = 0
-    ) -> Iterator[Notice | LinkReport]:
+    ) -> Iterator[TriggerEvent | Notice | LinkReport]:
         """Time-driven notices and reports.
 
         `working` is false while the link cannot be opened; `noise` is the number of non-MAVLink bytes so far, `refused` and
         `sent` count packets.
         """
+        self._choice.look(now)
+        yield from self._follow_choice(now)
+        yield from self._gate.ripe(now)
         if self._noise_at != self._last_heard:
             self._noise, self._noise_at = noise, self._last_heard
         report = self._report(working, refused, sent)
@@ -143,7 +153,8 @@ class Listener:
             last_heard_utc=heard_utc,
             silences=self._silences,
             followed=self._choice.followed,
-            others=tuple(self._others.most_common(MOST_NAMED)),
+            others=self._others(),
+            aircraft=self._aircraft_heard(),
             refused=refused,
             sent=sent,
         )
@@ -160,23 +171,77 @@ class Listener:
             self._silent = False
             yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")
 
-    def _trigger(self, event: TriggerEvent, source: TriggerSource) -> Iterator[TriggerEvent | Notice]:
-        if self._choice.follows(event):
-            verdict = self._gate.ask(source, event.received)
-            yield from self._about_flood(verdict, source)
-            if verdict in ("admitted", "opened"):
-                yield event
+    def _trigger(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
+        self._aircraft.setdefault(event.vehicle, Aircraft(system=event.vehicle))
+        if self._choice.triggered(event.vehicle, event.received):
+            yield from self._follow_choice(event.received)
+            yield from self._admit(event)
             return
-        self._others[event.vehicle] += 1
-        if self._others[event.vehicle] == 1:
-            yield self._notice("warning", _not_followed(event.vehicle, self._choice))
+        self._left_out.keep(event)
+        yield from self._follow_choice(event.received)
+        yield from self._not_followed(event.vehicle)
 
-    def _about_flood(self, verdict: Verdict, source: TriggerSource) -> Iterator[Notice]:
-        if verdict == "closed":
-            most = f"more than {self._settings.most_triggers_per_s:g} times a second"
-            text = f"{source} comes {most}, as from no camera: it is left out until it is quieter"
+    def _follow_choice(self, now: float) -> Iterator[TriggerEvent | Notice]:
+        """If another aircraft is followed now: let in its triggers that were left out."""
+        if self._changes == self._choice.changes:
+            return
+        self._changes, followed = self._choice.changes, self._choice.followed
+        for text in self._choice.news():
+            yield self._notice("warning" if self._changes > 1 else "info", text)
+        if followed is not None:
+            for event in self._left_out.take(followed, now):
+                yield from self._admit(event)
+        for system in list(self._left_out.counts):
+            yield from self._not_followed(system)
+
+    def _not_followed(self, system: int) -> Iterator[Notice]:
+        """One warning per system, as long as they are as few as aircraft."""
+        followed = self._choice.followed
+        if followed is None or system in self._others_said or len(self._others_said) > MOST_NAMED:
+            return
+        self._others_said.add(system)
+        if len(self._others_said) > MOST_NAMED:
+            yield self._notice("warning", f"more than {MOST_NAMED} other systems trigger a camera and are left out")
+            return
+        text = (
+            f"system {system} triggers a camera too and is left out, because system {followed} is followed "
+            f"({self._choice.why}): gcs-mosaic vehicle {system} follows it instead"
+        )
+        yield self._notice("warning", text)
+
+    def _others(self) -> tuple[tuple[int, int], ...]:
+        """The busiest of the other aircraft, with the number of triggers left out; while none is followed, none is left out."""
+        followed = self._choice.followed
+        others = self._left_out.counts.most_common(MOST_NAMED + 1) if followed is not None else []
+        return tuple((system, count) for system, count in others if system != followed)[:MOST_NAMED]
+
+    def _aircraft_heard(self) -> tuple[Aircraft, ...]:
+        """Heard last first; system ids can be forged, so not all."""
+        newest = sorted(self._aircraft.values(), key=lambda one: -(one.last_heard_utc or 0.0))
+        followed = [one for one in newest if one.system == self._choice.followed]
+        return (*followed, *(one for one in newest if one not in followed))[:MOST_NAMED]
+
+    def _admit(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
+        verdict, admitted = self._gate.ask(event)
+        yield from self._about_flood(verdict, event.teller)
+        yield from admitted
+
+    def _about_flood(self, verdict: Verdict, source: Teller) -> Iterator[Notice]:
+        """Each flood once, and its end; where there are more than sources of an aircraft, that there are many."""
+        if self._gate.is_crowded and not self._said_crowded:
+            self._said_crowded = True
+            text = (
+                f"more sources trigger cameras on {self._name} than an aircraft has: of those whose pictures were never "
+                "found, some are left out (a signing key keeps forgers out)"
+            )
             yield self._notice("warning", text)
-        elif verdict == "opened":
+        if verdict == "closed" and source not in self._floods and len(self._floods) < MOST_FLOODS_NAMED:
+            self._floods.add(source)
+            most = f"more than {self._settings.most_triggers_per_s:g} times a second"
+            also = "; so may others, which are not named" if len(self._floods) == MOST_FLOODS_NAMED else ""
+            yield self._notice("warning", f"{source} comes {most}, as from no camera: left out until quieter{also}")
+        elif verdict == "opened" and source in self._floods:
+            self._floods.discard(source)
             text = f"{source} is quieter again: it is listened to; {self._gate.left_out} triggers were left out so far"
             yield self._notice("info", text)
 
@@ -186,27 +251,31 @@ class Listener:
             if self._ground_station == "missing":
                 yield self._notice("info", f"a ground station (system {system}) is heard on {self._name}")
             self._ground_station = "heard"
-        elif system not in self._systems:
-            self._systems.add(system)
+            return
+        known = self._aircraft.get(system)
+        if known is None or known.last_heard_utc is None:
             self._first_vehicle = received if self._first_vehicle is None else self._first_vehicle
-            yield self._notice("info", f"first heartbeat on {self._name}: system {system}{_described(message)}")
+            described = f" ({_described(message)})" if _described(message) else ""
+            yield self._notice("info", f"first heartbeat on {self._name}: system {system}{described}")
+        if known is None or known.last_heard_utc is None or _is_of_autopilot(message):
+            described = _described(message)
+        else:
+            described = known.described
+        heard_utc = received + self._utc_of_zero
+        self._aircraft[system] = Aircraft(system=system, described=described, last_heard_utc=heard_utc)
 
     def _notice(self, level: Literal["info", "warning"], text: str) -> Notice:
         return Notice(source=self._name, level=level, text=text)
 
 
+def _is_of_autopilot(message: MavMessage) -> bool:
+    is_heartbeat = message.get_type() == "HEARTBEAT" and message.type != MAV_TYPE_GCS
+    return is_heartbeat and message.autopilot != MAV_AUTOPILOT_INVALID
+
+
 def _described(heartbeat: MavMessage) -> str:
     names = (_AUTOPILOTS.get(heartbeat.autopilot), _VEHICLES.get(heartbeat.type))
-    described = ", ".join(name for name in names if name)
-    return f" ({described})" if described else ""
-
-
-def _not_followed(vehicle: int, choice: VehicleChoice) -> str:
-    why = "as asked" if choice.wanted is not None else "the first to trigger a camera"
-    return (
-        f"system {vehicle} triggers a camera too and is left out, because system {choice.followed} is followed "
-        f"({why}): use --vehicle {vehicle} to follow it instead"
-    )
+    return ", ".join(name for name in names if name)
 
 
 def _no_ground_station(name: str) -> str:

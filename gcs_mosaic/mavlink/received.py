@@ -14,3 +14,4 @@ class Arrival:
     message: MavMessage
     received: float
     sender: str = ""
+    latest: float | None = None  # when it was read, if `received` is an estimate

@@ -11,6 +11,10 @@ class LinkSettings:
 
     vehicle: int | None = None
     """MAVLink system id of the aircraft to follow; none = the first to trigger a camera."""
+    decide_after_s: float = 3.0
+    """Wait for the HEARTBEAT of an autopilot before following a system that triggers without: three heartbeats."""
+    release_s: float = 30.0
+    """A followed aircraft silent for this long gives way to another one that triggers: longer than a turn behind a hill."""
     most_triggers_per_s: float = 20.0
     """Highest sustained trigger rate of a source; one that exceeds it is no camera and is ignored until it is quieter."""
     most_triggers_at_once: int = 200

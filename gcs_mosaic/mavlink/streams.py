@@ -16,11 +16,13 @@ from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.serial_port import open_serial, require_termios
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.sockets import listen_tcp
+from gcs_mosaic.mavlink.stall import STALLED_S, spread
 from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
 
 _CHUNK = 4096
+_MOST_HELD = 1 << 22  # bytes of a pause that are read at once; more than the kernel holds
 _KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # s, s, probes: a dead peer is found after 25 s
 
 Mode = Literal["rb", "rwb"]
@@ -47,6 +49,7 @@ class StreamChannel:
         self._trouble: str | None = None  # the last one reported
         self._brought, self._hangs_up = False, False  # this connection delivered data; the previous one did not
         self._skipped_before = 0  # bytes, on earlier connections
+        self._looked = time.monotonic()  # when it was last seen whether there is anything to read
         self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
 
     @property
@@ -56,17 +59,36 @@ class StreamChannel:
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         if self._stream is None:
             return self._reopened(timeout_s)
-        if not select.select([self._stream], [], [], timeout_s)[0]:
+        ready = select.select([self._stream], [], [], timeout_s)[0]
+        looked, self._looked = self._looked, time.monotonic()
+        if not ready:
             return []
+        stalled = self._looked - looked > timeout_s + STALLED_S
         try:
-            data = self._stream.read(_CHUNK)
+            data = self._held_up(self._stream) if stalled else self._stream.read(_CHUNK)
         except OSError as error:
             return self._lost(error.strerror or str(error))
         if not data:
             return self._lost("the other side has closed it")
-        received = time.monotonic()
-        arrivals = [Arrival(message, received) for message in self._reader.feed(data)]
-        return [*self._works(), *arrivals]
+        messages = self._reader.feed(data)
+        if stalled:
+            return [*self._works(), *spread(messages, len(data), looked, self._looked)]
+        return [*self._works(), *(Arrival(message, self._looked) for message in messages)]
+
+    def _held_up(self, stream: io.RawIOBase) -> bytes:
+        """All that the kernel held while nobody read. What ends the stream after some data is left to the next read."""
+        data = bytearray()
+        while len(data) < _MOST_HELD and select.select([stream], [], [], 0.0)[0]:
+            try:
+                chunk = stream.read(_CHUNK)
+            except OSError:
+                if not data:
+                    raise
+                break
+            if not chunk:
+                break
+            data += chunk
+        return bytes(data)
 
     def send(self, packet: bytes) -> bool:
         if self._unsent:  # finish the partly written packet first
@@ -108,7 +130,7 @@ class StreamChannel:
             return []
         self._skipped_before += self._reader.skipped_bytes
         self._reader, self._unsent = PacketReader(datagrams=False, admits=self._admits), b""
-        self.working, self._brought = True, False
+        self.working, self._brought, self._looked = True, False, time.monotonic()
         return [] if self._hangs_up else [self._connected()]
 
     def _works(self) -> list[Arrival | Notice]:

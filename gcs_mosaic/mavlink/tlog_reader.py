@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.clock import plausible_utc
-from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
+from gcs_mosaic.mavlink.monitor import Listener
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog import on_one_clock, read_tlog
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import Notice, TriggerEvent
 
 _LEAP_S = 2.0  # tolerated disorder of a recording's timestamps: several links are written with a slight delay
@@ -58,7 +59,7 @@ def read_recording(path: Path, settings: LinkSettings, read: Callable[[int], Non
 class _Recorded:
     def __init__(self, path: Path, settings: LinkSettings) -> None:
         address = LinkAddress(kind="file", path=path)
-        self._listener = Listener(address, settings, VehicleChoice(settings.vehicle), 0.0, 0.0)
+        self._listener = Listener(address, settings, VehicleChoice(settings), 0.0, 0.0)
         self._heard: list[tuple[float, TriggerEvent | Notice]] = []
         self._first_utc = self._last_utc = self._seconds = 0.0
         self.packets = 0
@@ -72,10 +73,18 @@ class _Recorded:
 
     def hear(self, arrival: Arrival) -> None:
         self._seconds = arrival.received
-        said = [*self._listener.tick(arrival.received), *self._listener.hear(arrival.message, arrival.received)]
-        self._heard += [(arrival.received, item) for item in said if isinstance(item, TriggerEvent | Notice)]
+        self._note(self._listener.tick(arrival.received))
+        self._note(self._listener.hear(arrival.message, arrival.received))
+
+    def _note(self, said: Iterable[object]) -> None:
+        """Triggers that were held back, until it was known whom to follow, keep their own times."""
+        for item in said:
+            if isinstance(item, TriggerEvent | Notice):
+                self._heard.append((item.received if isinstance(item, TriggerEvent) else self._seconds, item))
 
     def link(self) -> RecordedLink:
+        self._note(item for item in self._listener.farewell(self._seconds) if isinstance(item, TriggerEvent))
+        self._heard.sort(key=lambda one: one[0])
         runs_through = abs(self._last_utc - self._first_utc - self._seconds) <= _LEAP_S
         return RecordedLink(
             heard=self._heard,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.messages import LinkReport, SourceReport
+from gcs_mosaic.messages import Aircraft, LinkReport, SourceReport
 from gcs_mosaic.store.documents import FORMAT, Document, finite, iso_utc
 from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.store.held_out import Figures, held_out_entry, held_out_words
@@ -92,10 +92,16 @@ def link_entry(link: LinkReport) -> Document:
         "last_heard": None if link.last_heard_utc is None else iso_utc(link.last_heard_utc),
         "silences": link.silences,
         "followed": link.followed,
+        "aircraft": [aircraft_entry(one) for one in link.aircraft],
         "other_triggers": {str(system): count for system, count in link.others},
         "refused": asdict(link.refused),
         "sent": link.sent,
     }
+
+
+def aircraft_entry(aircraft: Aircraft) -> Document:
+    last_heard = None if aircraft.last_heard_utc is None else iso_utc(aircraft.last_heard_utc)
+    return {"system": aircraft.system, "described": aircraft.described, "last_heard": last_heard}
 
 
 def watch_entry(source: SourceReport) -> Document:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import takewhile
 
+from gcs_mosaic.triggers.credibility import Credibility
 from gcs_mosaic.triggers.delay import UsualDelay
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State
 from gcs_mosaic.triggers.outcomes import How
@@ -24,7 +25,16 @@ class FrameSearch:
     def __init__(self, events: Index[PendingEvent], frames: Index[PendingFrame], settings: PairingSettings) -> None:
         self._events, self._frames, self._settings = events, frames, settings
         self.learnt = Learnt()
-        self.delay = UsualDelay(settings.early_s, settings.window_s, settings.spread_s)
+        self.sources = Credibility(settings)
+
+    @property
+    def delay(self) -> UsualDelay:
+        """The usual delay, by the most credible source."""
+        return self.sources.delay
+
+    def is_doubtful(self, event: PendingEvent) -> bool:
+        """Whether the event's source is."""
+        return self.sources.is_doubtful(event.event.teller)
 
     def named(self, event: PendingEvent) -> PendingFrame | None:
         """The frame that the event names, unless already matched by name."""
@@ -51,11 +61,13 @@ class FrameSearch:
     def counting(self, frame: PendingFrame) -> PendingEvent | None:
         if frame.number is None:
             return None
-        for stream, offset in self.learnt.offsets():
-            for event in self._events.under((stream, frame.number - offset)):
-                if self._may_belong(event, frame) and lag(event, frame) >= -self._settings.early_s:
-                    return event
-        return None
+        events = [
+            event
+            for stream, offset in self.learnt.offsets()
+            for event in self._events.under((stream, frame.number - offset))
+            if self._may_belong(event, frame) and lag(event, frame) >= -self._settings.early_s
+        ]
+        return min(events, key=self.is_doubtful, default=None)  # the first of equals
 
     def frame_by_time(self, event: PendingEvent) -> PendingFrame | None:
         """The orphan with the delay closest to the usual one, or the nearest in time while that is unknown."""
@@ -65,19 +77,30 @@ class FrameSearch:
         return min(frames, key=lambda frame: abs(lag(event, frame) - usual), default=None)
 
     def event_by_time(self, frame: PendingFrame) -> PendingEvent | None:
-        """The open event with the delay closest to the usual one, or the oldest while that is unknown."""
+        """The open event with the delay closest to the usual one, or the oldest while that is unknown; doubtful ones last."""
         events = [event for event in self._events.oldest_first() if self._is_near(event, frame)]
         usual = self.delay.value
         if usual is None:
             return events[0] if events else None
-        return min(events, key=lambda event: abs(lag(event, frame) - usual), default=None)
+        return min(events, key=lambda event: (self.is_doubtful(event), abs(lag(event, frame) - usual)), default=None)
+
+    def better_than_doubtful(self, frame: PendingFrame) -> PendingEvent | None:
+        """The credible open event to which a frame belongs that a doubtful one has, other than by name."""
+        held = frame.event
+        if held is None or held.how not in (How.TIME, How.SEQUENCE) or not self.is_doubtful(held):
+            return None
+        frame.event = None  # as if it were free
+        found = self.event_by_time(frame)
+        frame.event = held
+        return None if found is None or self.is_doubtful(found) else found
 
     def clearly_nearest(self, frame: PendingFrame) -> PendingEvent | None:
         """The event, matched or not, with the usual delay, if it is much nearer than any other can be."""
         if self.delay.value is None or not frame.fresh:
             return None
         usual = self.delay.value
-        nearest = min(self._events.oldest_first(), key=lambda event: abs(lag(event, frame) - usual), default=None)
+        events = (event for event in self._events.oldest_first() if not self.is_doubtful(event))
+        nearest = min(events, key=lambda event: abs(lag(event, frame) - usual), default=None)
         clear = nearest and abs(lag(nearest, frame) - usual) < _CLEARLY * self.delay.tolerance_s
         return nearest if clear else None
 

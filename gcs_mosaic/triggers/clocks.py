@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Hashable
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from gcs_mosaic.messages import FEEDBACK_WRAP_S, Source, TriggerEvent, unwrapped
 JUMP_S = 5.0  # further above the envelope than this: a delayed message, or a clock jump
 SAME_CLOCK_S = 0.5  # two late messages agree this well only if the clock itself has jumped
 SAME_CLOCK_AFTER_S = 1.0  # ... and only if they did not arrive in one burst
+_MOST_CLOCKS = 64  # no link has as many sources, but a forger might
 DRIFT = 1e-4  # seconds per second; quartz is good to 20-50 ppm
 
 
@@ -52,13 +54,16 @@ class SourceClocks:
     """One clock offset per source of timestamped events."""
 
     def __init__(self) -> None:
-        self._clocks: dict[Hashable, OffsetClock] = {}
+        self._clocks: OrderedDict[Hashable, OffsetClock] = OrderedDict()
 
     def moment(self, event: TriggerEvent) -> float:
         """Time of the event on the host's monotonic clock; its arrival if it carries no timestamp."""
         if event.source_time is None or event.clock == "none":
             return event.received
-        key = (event.vehicle, event.component, event.source, event.clock)
+        key = (event.teller, event.clock)
         wraps = event.source is Source.CAMERA_FEEDBACK and event.clock == "boot"
         clock = self._clocks.setdefault(key, OffsetClock(wrap_s=FEEDBACK_WRAP_S if wraps else None))
-        return clock.moment(event.source_time, event.received)
+        self._clocks.move_to_end(key)
+        if len(self._clocks) > _MOST_CLOCKS:
+            self._clocks.popitem(last=False)
+        return clock.moment(event.source_time, event.received if event.latest is None else event.latest)

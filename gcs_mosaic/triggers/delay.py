@@ -51,6 +51,21 @@ class UsualDelay:
         gaps = [later - earlier for earlier, later in pairwise(self._shots)]
         self.tolerance_s = min(self._widest_s, median(gaps) / 2) if gaps else self._widest_s
 
+    @property
+    def shots(self) -> int:
+        """How many are kept."""
+        return len(self._shots)
+
+    def agreement(self) -> float:
+        """How many of the last files the shots explain, less the shots beyond one for each file, or without one."""
+        if self.value is None or not self._files or not self._shots:
+            return 0.0
+        files = sorted(file - self.value for file in self._files)
+        began = files[0] - _SHARP_S if len(files) == _FILES else self._shots[0]
+        due = bisect(self._shots, files[-1] + _SHARP_S) - bisect(self._shots, began - 1e-9)
+        explained = sum(max(0.0, 1 - abs(_distance(file, self._shots)) / _SHARP_S) for file in files)
+        return min(self._score(self.value), explained - max(0, due - len(files)))
+
     def _candidates(self) -> list[float]:
         delays = [file - shot for file in list(self._files)[-_TRIED:] for shot in self._shots]
         return [delay for delay in delays if -self._early_s <= delay <= self._window_s]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
+from itertools import islice
 
-from gcs_mosaic.messages import CaptureResult, Frame, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Frame, Teller, TriggerEvent
 from gcs_mosaic.triggers.candidates import FrameSearch
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State, number_in
@@ -13,6 +14,7 @@ from gcs_mosaic.triggers.outcomes import EventCounts, Failed, How, Matched, Miss
 from gcs_mosaic.triggers.post_flight import match_by_sequence
 from gcs_mosaic.triggers.settings import PairingSettings
 
+_TAKEN_BACK = 32  # frames looked through; a source is doubted long before
 _MISLED = 5  # most frames that can arrive before a counter is known to have shifted
 
 
@@ -38,7 +40,7 @@ class Pairing:
             raise ValueError(f"event {event_id} was told before")
         held = PendingEvent(event_id, event, moment, now)
         if event.result is not CaptureResult.FAILED:
-            self._search.delay.shot(held.moment)
+            self._search.sources.shot(event.teller, held.moment)
         self._states[State.PENDING] += 1
         self._events.put(held, [("id", event_id)])
         return [*self._look_at(held, event), *self._give_up_oldest()]
@@ -64,8 +66,8 @@ class Pairing:
         self._frames.put(held, [("frame", frame.name), name, ("folded", name.casefold()), ("number", held.number)])
         self._frames.overflow()
         if fresh:
-            self._search.delay.file(frame.received)
-        outcomes = [*self._answer(held, asked_by), *self._check_counters(held)]
+            self._search.sources.file(frame.received)
+        outcomes = [*self._answer(held, asked_by), *self._check_counters(held), *self._take_back()]
         outcomes += () if held.event else self._find_event(held)
         return outcomes if held.event else [*outcomes, Orphan(frame)]
 
@@ -76,6 +78,10 @@ class Pairing:
         if event is None or frame is None or event.frame is frame or event.state is State.FAILED:
             return []
         return list(self._match(event, frame, How.SEQUENCE))
+
+    def credible(self) -> frozenset[Teller]:
+        """The sources of events whose shots have proved true."""
+        return self._search.sources.credible()
 
     def tick(self, now: float) -> list[Missing]:
         """Pending events that are overdue at `now` become missing."""
@@ -88,7 +94,7 @@ class Pairing:
 
     def close(self) -> list[Outcome]:
         """End of input: match the rest by sequence; events still pending become missing."""
-        outcomes = list(self._count_off())
+        outcomes = [*self._take_back(), *self._count_off()]
         pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
         return [*outcomes, *(self._missing(held) for held in pending)]
 
@@ -161,6 +167,12 @@ class Pairing:
                 yield from self._match(event, frame, How.SEQUENCE)
         for event in [event for event in self._events.oldest_first() if event.open]:
             yield from self._find_frame(event)
+
+    def _take_back(self) -> Iterator[Outcome]:
+        """Give to credible events the frames that doubtful ones took before they were doubted."""
+        for frame in list(islice(self._frames.newest_first(), _TAKEN_BACK)):
+            if (event := self._search.better_than_doubtful(frame)) is not None:
+                yield from self._match(event, frame, How.TIME)
 
     def _are_misled(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Whether times and counters now agree on this pair, but it is not matched."""

@@ -18,9 +18,10 @@ from pathlib import Path
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs_mosaic.mavlink.address import parse_address
-from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
+from gcs_mosaic.mavlink.monitor import Listener
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import TriggerEvent
 from gcs_mosaic.triggers import Pairing
 from gcs_mosaic.triggers.shots import New, ShotMerger
@@ -123,7 +124,7 @@ class Ear:
     def __init__(self, *, datagrams: bool) -> None:
         settings = LinkSettings(vehicle=VEHICLE)
         self.reader = PacketReader(datagrams=datagrams)
-        self.listener = Listener(parse_address("udp:14550"), settings, VehicleChoice(VEHICLE), 0.0, 0.0)
+        self.listener = Listener(parse_address("udp:14550"), settings, VehicleChoice(settings), 0.0, 0.0)
         self.merger, self.pairing, self.known = ShotMerger(), Pairing(), 0
 
     def hear(self, data: bytes, now: float) -> Iterator[TriggerEvent]:

@@ -15,7 +15,7 @@ from gcs_mosaic.messages import Notice, TriggerEvent
 from tests.mavlink.mavlink_peer import captured, feedback, heartbeat, packet, trigger
 from tests.ports import free_port
 
-QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
+QUICK = LinkSettings(decide_after_s=0, poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 
 
 class Vehicle:

@@ -1,17 +1,20 @@
 from __future__ import annotations
 
 from gcs_mosaic.mavlink.address import parse_address
-from gcs_mosaic.mavlink.monitor import Listener, VehicleChoice
+from gcs_mosaic.mavlink.monitor import Listener
 from gcs_mosaic.mavlink.parser import dialect
 from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import LinkReport, Notice, Refusals, TriggerEvent
 from tests.mavlink.mavlink_peer import heartbeat, received, trigger
 
-SETTINGS = LinkSettings(silent_after_s=10, ground_station_after_s=20)
+SETTINGS = LinkSettings(decide_after_s=0, silent_after_s=10, ground_station_after_s=20)
 
 
 def listener(choice: VehicleChoice | None = None, address: str = "udp:14550") -> Listener:
-    return Listener(parse_address(address), SETTINGS, choice or VehicleChoice(), started=0.0, utc_of_zero=1.75e9)
+    return Listener(
+        parse_address(address), SETTINGS, choice or VehicleChoice(SETTINGS), started=0.0, utc_of_zero=1.75e9
+    )
 
 
 def texts(items: object) -> list[str]:
@@ -47,7 +50,7 @@ def test_silences_are_counted() -> None:
 
 
 def test_a_forger_with_many_names_does_not_fill_the_report() -> None:
-    ours = listener(VehicleChoice(wanted=1))
+    ours = listener(VehicleChoice(LinkSettings(vehicle=1)))
     for system in range(2, 255):
         for seq in range(1 + (system == 77)):
             list(ours.hear(received(trigger(seq), system=system), 1.0))
@@ -59,7 +62,7 @@ def test_a_forger_with_many_names_does_not_fill_the_report() -> None:
 def test_a_trigger_is_dated_by_the_vehicles_own_clocks() -> None:
     ours = listener()
     list(ours.hear(received(dialect.MAVLink_system_time_message(1_750_000_100_000_000, 100_000)), 5.0))
-    (event,) = ours.hear(received(trigger(1, time_usec=102_500_000)), 8.0)
+    event = list(ours.hear(received(trigger(1, time_usec=102_500_000)), 8.0))[-1]
     assert isinstance(event, TriggerEvent)
     assert event.utc == 1_750_000_102.5
 
@@ -97,10 +100,10 @@ def test_where_only_this_machine_can_send_a_missing_ground_station_is_no_news() 
 
 
 def test_only_the_first_vehicle_that_triggers_is_followed() -> None:
-    choice = VehicleChoice()
+    choice = VehicleChoice(SETTINGS)
     first, second = listener(choice), listener(choice)
-    assert [type(item) for item in first.hear(received(trigger(1), system=3), 1.0)] == [TriggerEvent]
-    assert "--vehicle 4" in texts(second.hear(received(trigger(1), system=4), 2.0))[0]
+    assert [type(item) for item in first.hear(received(trigger(1), system=3), 1.0)] == [Notice, TriggerEvent]
+    assert "gcs-mosaic vehicle 4 follows it" in texts(second.hear(received(trigger(1), system=4), 2.0))[0]
     assert list(second.hear(received(trigger(2), system=4), 3.0)) == []
     assert choice.followed == 3
     assert report(second, 4.0).others == ((4, 2),)
@@ -108,7 +111,7 @@ def test_only_the_first_vehicle_that_triggers_is_followed() -> None:
 
 
 def test_the_vehicle_that_was_asked_for_is_followed() -> None:
-    ours = listener(VehicleChoice(wanted=4))
+    ours = listener(VehicleChoice(LinkSettings(vehicle=4)))
     assert "as asked" in texts(ours.hear(received(trigger(1), system=3), 1.0))[0]
     assert [type(item) for item in ours.hear(received(trigger(1), system=4), 2.0)] == [TriggerEvent]
 

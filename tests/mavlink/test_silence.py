@@ -18,7 +18,7 @@ from tests.mavlink.hostile_peer import questions
 from tests.mavlink.mavlink_peer import captured, packet, signed, trigger
 from tests.ports import free_port
 
-QUICK = LinkSettings(poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
+QUICK = LinkSettings(decide_after_s=0, poll_s=0.02, silent_after_s=0.1, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))
 PACKETS = [packet(message) for message in questions()]
 CALM = [packet(captured(1), component=100), packet(captured(9), component=100)]  # with a gap that might be asked for

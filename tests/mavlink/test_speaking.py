@@ -30,7 +30,7 @@ from tests.mavlink.hostile_peer import questions
 from tests.mavlink.mavlink_peer import Message, captured, heartbeat, packet, signed, trigger
 from tests.ports import free_port
 
-LOUD = LinkSettings(announce=191, poll_s=0.02, reconnect_first_s=0.02)
+LOUD = LinkSettings(decide_after_s=0, announce=191, poll_s=0.02, reconnect_first_s=0.02)
 SECRET = bytes(range(200, 232))
 LONGEST_WAIT_S = 10.0
 

@@ -21,7 +21,7 @@ from gcs_mosaic.messages import Notice, TriggerEvent
 from tests.mavlink.mavlink_peer import packet, trigger
 from tests.ports import free_port
 
-QUICK = LinkSettings(poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
+QUICK = LinkSettings(decide_after_s=0, poll_s=0.02, reconnect_first_s=0.02, reconnect_longest_s=0.05)
 WAITS = (0.02, 0.04, 0.05, 0.05, 0.05)  # seconds between two tries
 
 
@@ -129,7 +129,7 @@ def test_a_serial_device_that_is_not_there_is_said(listen: Callable[[str], Items
 
 def test_a_serial_line_at_a_wrong_speed_is_told_from_a_silent_one() -> None:
     ours, theirs = pty.openpty()
-    stop, quick = threading.Event(), LinkSettings(poll_s=0.02, silent_after_s=0.1)
+    stop, quick = threading.Event(), LinkSettings(decide_after_s=0, poll_s=0.02, silent_after_s=0.1)
     heard = triggers(parse_address(os.ttyname(theirs)), stop, quick)
     said(heard, "is connected")
     os.write(ours, b"\x00\x80\xf8" * 20)

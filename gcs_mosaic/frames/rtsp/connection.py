@@ -20,6 +20,7 @@ from av.video.stream import VideoStream
 from gcs_mosaic.frames.rtsp.address import StreamAddress
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
 from gcs_mosaic.frames.rtsp.packet_loss import DamageWatch, tells_of_damage
+from gcs_mosaic.frames.rtsp.redirect import final_address, followed_elsewhere
 from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 
@@ -65,14 +66,23 @@ class Connection:
     @classmethod
     def open(cls, address: StreamAddress, settings: StreamSettings, log: Log) -> Connection | NotConnected:
         """Connect; takes as long as the settings allow."""
-        av.logging.set_level(av.logging.WARNING)
+        final = final_address(address, settings.allowed_hosts, settings.open_timeout_s)
+        if isinstance(final, str):
+            return NotConnected(final)
+        av.logging.set_level(av.logging.INFO)  # at which redirects are logged
         av.logging.set_skip_repeated(False)  # a second lost packet is as bad as the first
         timeout = (settings.open_timeout_s, settings.read_timeout_s)
         options = _OPTIONS | {"rtsp_transport": settings.transport}
         try:
-            container = av.open(address.url, format="rtsp", options=options, timeout=timeout)
+            container = av.open(final.url, format="rtsp", options=options, timeout=timeout)
         except (av.error.FFmpegError, OSError, ValueError) as error:
-            return NotConnected(_reason(error))
+            return NotConnected(_left_for(address, settings, log) or _reason(error))
+        finally:
+            av.logging.set_level(av.logging.WARNING)
+        if elsewhere := _left_for(address, settings, log):
+            container.close()
+            return NotConnected(elsewhere)
+        log[:] = [one for one in log if one[0] <= av.logging.WARNING]
         if not container.streams.video:
             container.close()
             return NotConnected("it has no video")
@@ -141,6 +151,11 @@ class Connection:
 
     def _new_clock(self) -> CaptureClock:
         return CaptureClock(time.monotonic(), self._settings.latency_s)
+
+
+def _left_for(address: StreamAddress, settings: StreamSettings, log: Log) -> str | None:
+    """Why not to stay where FFmpeg was redirected to, by its log."""
+    return followed_elsewhere((text for _, _, text in log), address, settings.allowed_hosts)
 
 
 def _camera_utc(packet: Packet[VideoStream]) -> float | None:

@@ -1,0 +1,129 @@
+"""Which aircraft is followed: the first to trigger a camera, until it is gone or the operator chooses another. No I/O."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+
+from gcs_mosaic.mavlink.settings import LinkSettings
+
+
+class VehicleChoice:
+    """The one aircraft whose triggers are used; shared by all links, so that they agree on it. Thread-safe.
+
+    All times are arrival times in monotonic seconds, so silence is judged by what was heard meanwhile: a program that stood
+    still, and has yet to read what the kernel holds, releases nobody.
+    """
+
+    def __init__(self, settings: LinkSettings | None = None) -> None:
+        self._settings = settings or LinkSettings()
+        self._lock = threading.Lock()
+        self._followed = self._settings.vehicle
+        self._asked = self._followed is not None  # chosen by the operator, and never released
+        self._heard: dict[int, float] = {}  # by system id, as are the following
+        self._autopilots: set[int] = set()
+        self._first_trigger: dict[int, float] = {}
+        self._last_trigger: dict[int, float] = {}
+        self._latest = 0.0
+        self._news: deque[str] = deque()
+        self.changes = 0
+        """How often the followed aircraft has changed: links compare it to let in what they have left out."""
+
+    @property
+    def followed(self) -> int | None:
+        """System id of the followed aircraft; None until one triggers."""
+        return self._followed
+
+    @property
+    def why(self) -> str:
+        """Why that one is followed."""
+        return "as asked" if self._asked else "the first to trigger a camera"
+
+    def heard(self, system: int, now: float, *, autopilot: bool = False) -> None:
+        """A message of `system` came; `autopilot`: a HEARTBEAT of one."""
+        with self._lock:
+            self._heard[system] = max(now, self._heard.get(system, now))
+            self._latest = max(self._latest, now)
+            if autopilot:
+                self._autopilots.add(system)
+
+    def triggered(self, system: int, now: float) -> bool:
+        """`system` triggered a camera; whether it is followed."""
+        with self._lock:
+            self._first_trigger.setdefault(system, now)
+            self._last_trigger[system] = now
+            self._look(now)
+            return self._followed == system
+
+    def look(self, now: float, *, at_once: bool = False) -> None:
+        """Decide what can be decided at `now`; `at_once`: nothing more will be heard."""
+        with self._lock:
+            self._look(float("inf") if at_once else now)
+
+    def choose(self, system: int) -> bool:
+        """The operator's choice; False if nothing was heard of `system`."""
+        with self._lock:
+            if system not in self._heard:
+                return False
+            self._asked = True
+            if system != self._followed:
+                self._follow(system, f"system {system} is followed from now on, as asked")
+            return True
+
+    def systems(self) -> list[int]:
+        """System ids heard so far."""
+        with self._lock:
+            return sorted(self._heard)
+
+    def news(self) -> Iterator[str]:
+        """What the operator is to be told, once."""
+        while self._news:
+            try:
+                yield self._news.popleft()
+            except IndexError:  # another link was faster
+                return
+
+    def _look(self, now: float) -> None:
+        if self._followed is None:
+            self._decide(now)
+        elif not self._asked and (follower := self._successor(self._followed)) is not None:
+            silence = self._latest - self._heard.get(self._followed, 0.0)
+            text = (
+                f"system {self._followed} has been silent for {silence:.0f} s and system {follower} triggers a camera"
+            )
+            self._follow(follower, f"{text}: system {follower} is followed now")
+
+    def _decide(self, now: float) -> None:
+        """An aircraft is known by the HEARTBEAT of its autopilot; without one in time, the first to trigger is followed."""
+        order = sorted(self._first_trigger, key=self._first_trigger.__getitem__)
+        known = [system for system in order if system in self._autopilots]
+        if known:
+            others = [str(system) for system in sorted(self._autopilots - {known[0]})]
+            choose = f"; heard too: {', '.join(others)} (gcs-mosaic vehicle ID follows another)" if others else ""
+            self._follow(known[0], f"system {known[0]} is followed, the first to trigger a camera{choose}")
+        elif order and now - self._first_trigger[order[0]] >= self._settings.decide_after_s:
+            text = f"system {order[0]} is followed, the first to trigger a camera, though no autopilot of it is heard"
+            self._follow(order[0], text)
+
+    def _successor(self, followed: int) -> int | None:
+        """The aircraft that has triggered last, if the followed one has been silent for so long before that.
+
+        One of which no autopilot was heard gives way sooner, but not to another such.
+        """
+        is_known = followed in self._autopilots
+        patience = self._settings.release_s if is_known else self._settings.decide_after_s
+        silent_since = self._heard.get(followed, 0.0)
+        if self._latest - silent_since <= (patience if self._autopilots else self._settings.release_s):
+            return None
+        others = [
+            system
+            for system, last in self._last_trigger.items()
+            if system != followed and last > silent_since and (system in self._autopilots or not self._autopilots)
+        ]
+        return max(others, key=self._last_trigger.__getitem__, default=None)
+
+    def _follow(self, system: int, text: str) -> None:
+        self._followed = system
+        self.changes += 1
+        self._news.append(text)

@@ -1,0 +1,73 @@
+"""Which sources of events agree with the files that arrive: a forged counter, or a camera filmed elsewhere, does not. Pure.
+
+Each source's shots are compared with all files by themselves: a source is as good as the files that it explains at one delay,
+less its shots that brought none. Doubt only decides who comes first: a doubtful source gets the files that no other claims.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from gcs_mosaic.messages import Teller
+from gcs_mosaic.triggers.delay import UsualDelay
+from gcs_mosaic.triggers.settings import PairingSettings
+
+_MOST_SOURCES = 32  # whose shots are kept; those that agree least are forgotten
+_JUDGED = 6  # sources compared with each file: the best so far, and the newest
+_KNOWN = 3.0  # files that a source must explain before another one is doubted
+_SHARE = 0.25  # of the best source's agreement, below which a source is doubted
+
+
+class Credibility:
+    """The shots of every source, and how well they agree with the files."""
+
+    def __init__(self, settings: PairingSettings) -> None:
+        self._settings = settings
+        self._sources: OrderedDict[Teller, UsualDelay] = OrderedDict()  # last heard last
+        self._agreement: dict[Teller, float] = {}
+        self._best: Teller | None = None
+        self._none_yet = self._new()
+
+    @property
+    def delay(self) -> UsualDelay:
+        """That of the source that agrees best."""
+        return self._none_yet if self._best is None else self._sources[self._best]
+
+    def shot(self, teller: Teller, moment: float) -> None:
+        """A source says that a picture was taken."""
+        if teller not in self._sources and len(self._sources) >= _MOST_SOURCES:
+            self._forget(min((one for one in self._sources if one != self._best), key=self._agreement_of))
+        self._sources.setdefault(teller, self._new()).shot(moment)
+        self._sources.move_to_end(teller)
+        if self._best is None:
+            self._best = teller
+
+    def file(self, received: float) -> None:
+        """A file has arrived: judge the sources by it."""
+        by_merit = sorted(self._sources, key=self._agreement_of, reverse=True)
+        newest = list(reversed(self._sources))
+        for teller in dict.fromkeys([*by_merit[: _JUDGED // 2], *newest[: _JUDGED // 2]]):
+            self._sources[teller].file(received)
+            self._agreement[teller] = self._sources[teller].agreement()
+        # Of equals the one that announces fewest shots.
+        self._best = max(by_merit, key=lambda one: (self._agreement_of(one), -self._sources[one].shots), default=None)
+
+    def is_doubtful(self, teller: Teller) -> bool:
+        """Whether its shots agree with the files far less than those of another source."""
+        best = self._agreement_of(self._best) if self._best is not None else 0.0
+        return best >= _KNOWN and self._agreement_of(teller) < _SHARE * best
+
+    def credible(self) -> frozenset[Teller]:
+        """The sources whose shots have proved true."""
+        known = (one for one, agreement in self._agreement.items() if agreement >= _KNOWN)
+        return frozenset(one for one in known if not self.is_doubtful(one))
+
+    def _agreement_of(self, teller: Teller) -> float:
+        return self._agreement.get(teller, 0.0)
+
+    def _new(self) -> UsualDelay:
+        return UsualDelay(self._settings.early_s, self._settings.window_s, self._settings.spread_s)
+
+    def _forget(self, teller: Teller) -> None:
+        del self._sources[teller]
+        self._agreement.pop(teller, None)
