@@ -17,21 +17,24 @@ from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
 from gcs_mosaic.app.links import Item, Links
+from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import Preparation
+from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import checkpoints_of, files_taken, later_by, saved_flight, told_again
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
+from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
+from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
 from gcs_mosaic.store.disk import CannotWrite
-from gcs_mosaic.store.durability import Durability
 from gcs_mosaic.store.folder import (
     LEDGER_NAME,
     FlightFolder,
@@ -40,6 +43,7 @@ from gcs_mosaic.store.folder import (
     resume_flight_folder,
 )
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.log import LogFile
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
@@ -55,6 +59,8 @@ IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and repain
 TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
 CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands
 RETRY_S = 2.0  # between attempts to write to a full disk
+DISK_EACH_S = 1.0  # between looks at the output folder while nothing is written
+LOST_S = 0.2  # then other work is looked for
 
 
 def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> None:
@@ -78,13 +84,13 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         if checkpoints is not None:
             stack.callback(checkpoints.close)
         saved = _saved(folder, checkpoints, config)
-        stack.enter_context(flight_log(folder, config))
+        log = stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
         feed, page = _serve(address, folder, stack)
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
-        daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed)
+        daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed, log, links.recording)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
@@ -137,13 +143,21 @@ class _Daemon:
         console: Console,
         shutdown: Shutdown,
         feed: Feed,
+        log: LogFile,
+        recording: Recording,
     ) -> None:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
         self._inbox = Inbox(shutdown.stop)
-        until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
+        self._until_writable = UntilWritable(folder.path, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(
-            folder.path, config, self.say, feed.publish, retry=until_writable, checkpoints=checkpoints
+            folder.path,
+            config,
+            self.say,
+            feed.publish,
+            retry=self._until_writable,
+            checkpoints=checkpoints,
+            elsewhere=lambda name: Path(config.watch) / file_and_version(name)[0],
         )
         self._driver = Driver(self._pipeline)
         self._preparation = Preparation(
@@ -155,15 +169,18 @@ class _Daemon:
             self._inbox.wake,
         )
         store = self._pipeline.store
-        self._durability = Durability(store.ledger.make_durable)
-        self._reporter = Reporter(folder.path, store.flight, store.ledger, console)
+        self._output = OutputFolder(folder, config, self._pipeline, log, recording, self.say)
+        self._until_writable.ensure = self._output.ensure
+        self._unread = UnreadFrames(store.found_again)
+        self._reporter = Reporter(folder.path, store.flight, store.ledger, console, self._output.is_ours)
         self._reporter.watch = initial_report(config)
-        self._event_log = EventLog(store.ledger, config.pairing, until_writable)
+        self._event_log = EventLog(store.ledger, config.pairing, self._until_writable)
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
         self._adjusting = False  # whether an adjustment started in a pause is still running
+        self._disk_due = 0.0
         self._looked = False  # whether every file present at the start has been accepted
 
     def resume(self, saved: Snapshot, shots: Shots) -> None:
@@ -191,8 +208,9 @@ class _Daemon:
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
-            self._announcements.missing(self._event_log.tick(time.monotonic()))
+            self._announcements.missing(self._event_log.tick(self._inbox.taken_until(time.monotonic())))
             self._event_log.save()
+            self._look_after_disk()
             self._report()
         self._inbox.join()
         self._finish()
@@ -202,7 +220,7 @@ class _Daemon:
         self._announcements.notice(notice)
 
     def close(self) -> None:
-        self._durability.close()
+        self._output.close()
         self._preparation.close()
         self._pipeline.close()
 
@@ -215,6 +233,7 @@ class _Daemon:
         while item is not None:
             self._take(item)
             item = self._inbox.next(0.0) if time.monotonic() < until else None
+        self._pipeline.store.tell_accounts()
 
     def _take(self, item: Item) -> None:
         match item:
@@ -258,6 +277,8 @@ class _Daemon:
         if self._preparation.is_ready:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
+            if isinstance(prepared, UndecodableFrame) and self._unread.add(prepared, time.monotonic()):
+                return
             self._note_done(self._driver.process(prepared, self._begin_next))
             self._pipeline.checkpoint()
         elif self._repainting() and self._pipeline.repaint_some():
@@ -303,6 +324,34 @@ class _Daemon:
         logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
         self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
 
+    # The disk
+
+    def _look_after_disk(self) -> None:
+        """See that the folder is there even if nothing is written; once a second is enough."""
+        now = time.monotonic()
+        for frame in self._unread.readable(now):
+            self._preparation.append(frame)
+        if now < self._disk_due:
+            return
+        self._disk_due = now + DISK_EACH_S
+        self._until_writable(lambda: None)
+        self._output.report()
+        if not len(self._preparation):
+            self._keep_lost_originals(now + LOST_S)
+
+    def _keep_lost_originals(self, until: float) -> None:
+        """Those that are not kept, one after another, until this monotonic time."""
+        while time.monotonic() < until and self._pipeline.store.seeks_originals(time.monotonic()):
+            for notice in self._pipeline.store.keep_lost(time.monotonic()):
+                self.say(notice)
+
+    def _wait_for_disk(self, trouble: CannotWrite) -> None:
+        """Pause between two attempts to write; limited at the end."""
+        self._report(now=True)
+        self._shutdown.hurry.wait(RETRY_S)
+        if not self._may_go_on():
+            raise trouble
+
     # Shutdown
 
     def _finish(self) -> None:
@@ -313,9 +362,12 @@ class _Daemon:
         while len(self._preparation) and self._may_go_on():
             self._preparation.wait(WAIT_S)
             self._work()
+            self._look_after_disk()
             self._report()
+        self._give_up_unread()
         self._say_what_is_left()
         self._paint_final()
+        self._keep_lost_originals(self._until)
         self._event_log.close()
         self._event_log.save()
         self._driver.save()
@@ -337,6 +389,10 @@ class _Daemon:
             kept = self._pipeline.store.out / "frames"
             text = f"{left} frames are not on the map, there was no time: gcs-mosaic stitch {kept} makes one of all"
             self.say(Notice(source="daemon", level="warning", text=text))
+
+    def _give_up_unread(self) -> None:
+        for failed in self._unread.rest():
+            self._note_done(self._driver.process(failed))
 
     def _paint_final(self) -> None:
         try:
@@ -368,13 +424,6 @@ class _Daemon:
             self._until = time.monotonic() + self._config.finish_s
         return not self._shutdown.hurry.is_set() and time.monotonic() < self._until
 
-    def _wait_for_disk(self, trouble: CannotWrite) -> None:
-        """Pause between two attempts to write; limited at the end."""
-        self._report(now=True)
-        self._shutdown.hurry.wait(RETRY_S)
-        if not self._may_go_on():
-            raise trouble
-
     def _farewell(self) -> str:
         left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
         return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
@@ -382,7 +431,9 @@ class _Daemon:
     # Output
 
     def _report(self, *, now: bool = False) -> None:
-        pipeline, waiting = self._pipeline, self._preparation
-        behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
+        pipeline, waiting, now_s = self._pipeline, self._preparation, time.monotonic()
+        coming = self._inbox.frames()  # more than a few only while the disk is waited for
+        seconds = max(waiting.behind_s(now_s), *(now_s - frame.received for frame in coming[:1]), 0.0)
+        behind = Behind(frames=len(waiting) + len(self._unread) + len(coming), seconds=seconds)
         counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)
