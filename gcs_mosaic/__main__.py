@@ -4,10 +4,12 @@ import os
 import sys
 
 from gcs_mosaic.app.heap import share_heap
+from gcs_mosaic.cli.streams import open_standard_streams
 
 
 def main() -> int:
     """Run the program; returns the exit code."""
+    open_standard_streams()
     share_heap()
     # numpy reads it on import. BLAS threads waiting for each other within one product cost a third of a flight's total time;
     # parallel work has threads of its own.

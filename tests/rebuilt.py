@@ -30,6 +30,7 @@ def assert_explained(out: Path, scratch: Path) -> None:
     """The tiles and masks of a flight are byte for byte what its ledger and originals say; `scratch` is an empty folder."""
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         originals = {frame.name: out / frame.original for frame in ledger.frames() if frame.original}
+    scratch.mkdir(exist_ok=True)
     canvas, writer = Canvas(lambda name: original(originals[name])), TileWriter(scratch, TileSettings())
     for one in painted_of(out):
         writer.write(canvas.paint(original(originals[one.name]), one), canvas.tile_later)

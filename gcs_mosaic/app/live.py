@@ -90,7 +90,8 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
-        daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed, log, links.recording)
+        reopen = _reopening(log, links.recording, config)
+        daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed, reopen)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
@@ -134,6 +135,23 @@ def _serve(address: HttpAddress | None, folder: FlightFolder, stack: ExitStack) 
     return feed, page
 
 
+def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
+    # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
+    turns = AsTheyCame() if config.method == "paper" else NewestFirst()
+    return Preparation(pipeline.features_of, config.reduction, pipeline.feature_pixels, turns, woken)
+
+
+def _reopening(log: LogFile, recording: Recording, config: Config) -> Callable[[], None]:
+    """Opens again, in a folder that was made anew, the files that stay open for the whole flight."""
+
+    def reopen() -> None:
+        log.reopen()
+        if config.record is True:
+            recording.reopen()
+
+    return reopen
+
+
 class _Daemon:
     def __init__(
         self,
@@ -143,8 +161,7 @@ class _Daemon:
         console: Console,
         shutdown: Shutdown,
         feed: Feed,
-        log: LogFile,
-        recording: Recording,
+        reopen: Callable[[], None] = lambda: None,
     ) -> None:
         self._config, self._shutdown = config, shutdown
         self._announcements = Announcements()
@@ -160,16 +177,9 @@ class _Daemon:
             elsewhere=lambda name: Path(config.watch) / file_and_version(name)[0],
         )
         self._driver = Driver(self._pipeline)
-        self._preparation = Preparation(
-            self._pipeline.features_of,
-            config.reduction,
-            self._pipeline.feature_pixels,
-            # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
-            AsTheyCame() if config.method == "paper" else NewestFirst(),
-            self._inbox.wake,
-        )
+        self._preparation = _preparation_of(config, self._pipeline, self._inbox.wake)
         store = self._pipeline.store
-        self._output = OutputFolder(folder, config, self._pipeline, log, recording, self.say)
+        self._output = OutputFolder(folder, config, self._pipeline, reopen, self.say)
         self._until_writable.ensure = self._output.ensure
         self._unread = UnreadFrames(store.found_again)
         self._reporter = Reporter(folder.path, store.flight, store.ledger, console, self._output.is_ours)

@@ -8,12 +8,10 @@ from collections.abc import Callable
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.resuming import checkpoints_of
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import Notice, Topic
 from gcs_mosaic.store.durability import Durability
 from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder
-from gcs_mosaic.store.guard import FolderGuard, Taken
-from gcs_mosaic.store.log import LogFile
+from gcs_mosaic.store.guard import FolderGuard, Retaken
 
 logger = logging.getLogger(__name__)
 
@@ -21,24 +19,25 @@ SLOW_S = 3.0  # a sync that takes longer is told: the map is as far behind
 
 
 class OutputFolder:
-    """Keeps the folder of one flight whole. For use by the flight's thread. `say` receives notices for the operator."""
+    """Keeps the folder of one flight whole. For use by the flight's thread.
+
+    `reopen()` opens again the files that stay open, in a folder that was made anew. `say` receives notices for the operator.
+    """
 
     def __init__(
         self,
         folder: FlightFolder,
         config: Config,
         pipeline: Pipeline,
-        log: LogFile,
-        recording: Recording,
+        reopen: Callable[[], None],
         say: Callable[[Notice], None],
     ) -> None:
         self._config, self._pipeline, self._say = config, pipeline, say
-        self._out, self._log, self._recording = folder.path, log, recording
+        self._out, self._reopen = folder.path, reopen
         self._guard = FolderGuard(folder.path, folder.lock, pipeline.store.ledger)
         self._durability = Durability(pipeline.store.ledger.make_durable)
-        self._taken: Taken | None = None  # but not everything is written again
+        self._taken: Retaken | None = None  # but not everything is written again
         self._is_slow = False
-        self._problem: str | None = None
         self.is_ours = self._guard.is_ours
         pipeline.store.may_write = self.is_ours
 
@@ -74,8 +73,6 @@ class OutputFolder:
 
     def _write_again(self) -> int:
         """Returns the number of originals that are gone."""
-        self._log.reopen()
-        if self._config.record is True:
-            self._recording.reopen()
+        self._reopen()
         self._pipeline.checkpoint_into(checkpoints_of(self._out, self._config))
         return self._pipeline.store.write_again()

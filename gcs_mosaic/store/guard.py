@@ -28,7 +28,7 @@ PUT_BACK = "put it back, or make an empty folder of that name; the flight waits,
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class Retaken:
     """What had happened to a folder that was taken again, in words; `everything`: what was written to it may be gone."""
 
     what: str
@@ -49,13 +49,13 @@ class FolderGuard:
         """Whether the folder at the path is this flight's; cheap, and callable from any thread."""
         return self._lock.holds(self._out)
 
-    def ensure(self) -> Taken | None:
+    def ensure(self) -> Retaken | None:
         """None if all is in place; else what was taken again. Raises CannotWrite, OSError and DiskFull while it cannot be
         had."""
         identity = self._identity()
         if self.is_ours() and identity == self._file and not self._ledger.damaged:
             return None
-        taken = Taken(self._lost(identity), everything=not self.is_ours() or identity != self._file)
+        taken = Retaken(self._lost(identity), everything=not self.is_ours() or identity != self._file)
         logger.warning("%s: %s", self._out, taken.what)
         self._take()
         self._ledger.write_anew()
@@ -89,18 +89,16 @@ class FolderGuard:
             return f"the folder is gone; {PUT_BACK}"
         if self._is_mount and not self._out.is_mount():
             return f"its mount is gone; {PUT_BACK}"
-        if self._lock.holds(self._out):
+        if self._identity() not in (None, self._file) and not self._is_older_state():
+            return f"the {LEDGER_NAME} there is not this flight's, and left as it is: move it away, then it goes on"
+        if self.is_ours() or self._identity() is not None:
             return ""
-        if self._path.exists():
-            return (
-                "" if self._is_ours() else "another flight is there, and left as it is: move it away, then it goes on"
-            )
         strange = next((name for name in OUR_NAMES if os.path.lexists(self._out / name)), "")
         return (
             f"it has a {strange} of its own, which is left as it is: move it away, then it goes on" if strange else ""
         )
 
-    def _is_ours(self) -> bool:
+    def _is_older_state(self) -> bool:
         """Whether the ledger at the path is an older state of this flight, not another one's."""
         with suppress(UsageError), Ledger(self._path, read_only=True) as found:
             return found.flight() == self._ledger.flight()

@@ -69,6 +69,7 @@ class LedgerFile:
         part = self.path.with_name(f".{self.path.name}.part")
         with self._watched():
             _remove(part, *_companions(part))
+            part.touch()  # tells why, if that is impossible, in better words than SQLite
             with closing(sqlite3.connect(part, isolation_level=None)) as new:
                 self._memory.backup(new)
             sync_file(part)

@@ -72,7 +72,7 @@ class UntilWritable:
         except DiskFull:
             raise
         except CannotWrite:
-            if not self._in_words(self.ensure):
+            if not self._in_words(self.ensure):  # raises in better words if the folder is the reason
                 raise
         return self._in_words(write)  # the folder was gone, which nobody need be told of: it has been taken again
 

@@ -119,7 +119,7 @@ def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
     card.put("b.jpg", OTHER)
     read = candidate.read_whole
 
-    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
+    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | candidate.Unread | None:
         if look.name == "a.jpg":
             look.path.unlink(missing_ok=True)
         return read(look, settings)
