@@ -382,6 +382,7 @@ class _Daemon:
         self._event_log.save()
         self._driver.save()
         self._pipeline.checkpoint(at_once=True)
+        self._until_writable(self._output.verify)
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())

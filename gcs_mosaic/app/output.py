@@ -57,6 +57,11 @@ class OutputFolder:
         self._say(Notice(source="disk", level="warning", text=text, topic=Topic.DISK))
         return True
 
+    def verify(self) -> None:
+        """See that the ledger's file holds the whole flight, and write it anew if not. Raises like `ensure`."""
+        self._pipeline.store.ledger.verify()
+        self.ensure()
+
     def report(self) -> None:
         """Tell once of a disk that is slow, or does not take the ledger, and when that is over."""
         slow = self._durability.takes_s > SLOW_S

@@ -6,11 +6,9 @@ The format has no header: each packet is preceded by its arrival time in microse
 from __future__ import annotations
 
 import os
-import shutil
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Literal
@@ -70,17 +68,18 @@ class Recording:
                 yield from self._write(self._file, now)
 
     def reopen(self) -> None:
-        """Go on in the file at the path, after its folder was lost; a new one begins with what was recorded so far. Raises
-        OSError."""
+        """Go on in the file at the path, after its folder was lost. It begins with what was recorded so far, if that can still be
+        read; else it may be older. Raises OSError."""
         with self._lock:
             if self._file is None or _is_at(self._file, self._path):
                 return
-            begin_anew = not self._path.exists()
-            new = self._path.open("a+b", buffering=0)
-            if begin_anew:
-                with suppress(OSError):  # the old disk may be gone
-                    self._file.seek(0)
-                    shutil.copyfileobj(self._file, new)
+            recorded = _written(self._file)
+            new = self._path.open("w+b" if recorded else "a+b", buffering=0)
+            try:
+                _write_whole(new, recorded)
+            except OSError:
+                new.close()
+                raise
             self._file.close()
             self._file, self._sure = new, None
 
@@ -123,6 +122,15 @@ class Recording:
     def _forget(self) -> None:
         self._unwritten.clear()
         self._packets = 0
+
+
+def _written(file: FileIO) -> bytes:
+    """Everything in an open file, which may have no name any more."""
+    try:
+        file.seek(0)
+        return file.read()
+    except OSError:  # its disk is gone
+        return b""
 
 
 def _is_at(file: FileIO, path: Path) -> bool:

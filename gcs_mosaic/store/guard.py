@@ -41,9 +41,7 @@ class FolderGuard:
     def __init__(self, out: Path, lock: FolderLock, ledger: Ledger) -> None:
         self._out, self._lock, self._ledger = out, lock, ledger
         self._path = out / LEDGER_NAME
-        self._file = self._identity()
-        self._is_mount = out.is_mount()
-        self._disks = disks_above(out)
+        self._note()
 
     def is_ours(self) -> bool:
         """Whether the folder at the path is this flight's; cheap, and callable from any thread."""
@@ -52,21 +50,20 @@ class FolderGuard:
     def ensure(self) -> Retaken | None:
         """None if all is in place; else what was taken again. Raises CannotWrite, OSError and DiskFull while it cannot be
         had."""
-        identity = self._identity()
+        identity = identity_of(self._path)
         if self.is_ours() and identity == self._file and not self._ledger.damaged:
             return None
         taken = Retaken(self._lost(identity), everything=not self.is_ours() or identity != self._file)
         logger.warning("%s: %s", self._out, taken.what)
         self._take()
         self._ledger.write_anew()
-        self._file, self._is_mount, self._disks = self._identity(), self._out.is_mount(), disks_above(self._out)
+        self._note()
         return taken
 
-    def _identity(self) -> tuple[int, int] | None:
-        with suppress(OSError):
-            found = self._path.stat()
-            return found.st_dev, found.st_ino
-        return None
+    def _note(self) -> None:
+        """What tells this folder from another at the same path."""
+        self._file, self._folder = identity_of(self._path), identity_of(self._out)
+        self._is_mount, self._disks = self._out.is_mount(), disks_above(self._out)
 
     def _lost(self, identity: tuple[int, int] | None) -> str:
         if not self.is_ours():
@@ -89,9 +86,10 @@ class FolderGuard:
             return f"the folder is gone; {PUT_BACK}"
         if self._is_mount and not self._out.is_mount():
             return f"its mount is gone; {PUT_BACK}"
-        if self._identity() not in (None, self._file) and not self._is_older_state():
+        if identity_of(self._path) not in (None, self._file) and not self._is_older_state():
             return f"the {LEDGER_NAME} there is not this flight's, and left as it is: move it away, then it goes on"
-        if self.is_ours() or self._identity() is not None:
+        known = self.is_ours() or identity_of(self._out) == self._folder  # the second: all that is in it was deleted
+        if known or identity_of(self._path) is not None:
             return ""
         strange = next((name for name in OUR_NAMES if os.path.lexists(self._out / name)), "")
         return (
@@ -108,6 +106,14 @@ class FolderGuard:
         """Whether another disk is mounted where that of the folder was."""
         above = disks_above(self._out)
         return bool(above) and above[0] not in self._disks
+
+
+def identity_of(path: Path) -> tuple[int, int] | None:
+    """Device and number of a file or folder; None if it is not there."""
+    with suppress(OSError):
+        found = path.stat()
+        return found.st_dev, found.st_ino
+    return None
 
 
 def disks_above(out: Path) -> list[int]:

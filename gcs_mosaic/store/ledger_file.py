@@ -7,6 +7,7 @@ read never waits for the disk, nor for another program that has locked the file.
 
 from __future__ import annotations
 
+import logging
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -14,8 +15,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import CannotWrite, is_disk_full, sync_file, sync_folder, telling_disk_full
 from gcs_mosaic.store.schema import connect, connect_for_reading
+
+logger = logging.getLogger(__name__)
 
 # Primary result codes after which it is unknown what the file holds.
 DAMAGE = (
@@ -78,6 +82,16 @@ class LedgerFile:
             sync_folder(self.path.parent)
             self._file = connect(self.path)
         self.damaged = False
+
+    def verify(self) -> None:
+        """Read the whole file as others do; note if it does not hold what is in memory: something else may have written to it."""
+        try:
+            with closing(connect_for_reading(self.path)) as found:
+                whole = found.execute("PRAGMA quick_check").fetchone()[0] == "ok"
+                self.damaged |= not whole or _counts(found) != _counts(self._memory)
+        except (sqlite3.DatabaseError, UsageError):
+            logger.warning("%s cannot be read", self.path, exc_info=True)
+            self.damaged = True
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
@@ -149,6 +163,11 @@ def held_in_memory(file: sqlite3.Connection) -> sqlite3.Connection:
     memory.row_factory = sqlite3.Row
     memory.execute("PRAGMA foreign_keys = ON")
     return memory
+
+
+def _counts(database: sqlite3.Connection) -> list[int]:
+    tables = database.execute("SELECT name FROM sqlite_schema WHERE type = 'table' ORDER BY name").fetchall()
+    return [database.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for (name,) in tables]
 
 
 def code(error: sqlite3.Error) -> int:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Literal
 
 from gcs_mosaic.messages import Notice
+from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.documents import iso_utc
 
 BAR = "  | "  # before each line of a traceback
@@ -83,18 +84,19 @@ class LogFile(RotatingFileHandler):
         return bool(super().shouldRollover(record)) and (stream is None or is_at(stream.fileno(), self.baseFilename))
 
     def reopen(self) -> None:
-        """Go on in the file at the path, after the folder was lost; a new one begins with what was written so far."""
+        """Go on in the file at the path, after the folder was lost. It begins with what was written so far, if that can still be
+        read; else it may be older."""
         self.acquire()
         try:
-            old, self.stream = self.stream, None
+            old = self.stream
             if old is None or is_at(old.fileno(), self.baseFilename):
-                self.stream = old
                 return
-            written = b"" if Path(self.baseFilename).exists() else _written(old)
+            written = _written(old)
+            if written:
+                write_beside(Path(self.baseFilename), written)
+            self.stream = self._open()
             with suppress(OSError):
                 old.close()
-            self.stream = self._open()
-            self.stream.buffer.write(written)
         finally:
             self.release()
 
