@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import logging
 import os
-from contextlib import suppress
+import sqlite3
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import LEDGER_NAME, OUR_NAMES
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import FolderLock
+from gcs_mosaic.store.schema import connect_for_reading
 
 logger = logging.getLogger(__name__)
 
@@ -98,9 +100,8 @@ class FolderGuard:
 
     def _is_older_state(self) -> bool:
         """Whether the ledger at the path is an older state of this flight, not another one's."""
-        with suppress(UsageError), Ledger(self._path, read_only=True) as found:
-            return found.flight() == self._ledger.flight()
-        return False
+        ours = self._ledger.flight()
+        return ours is not None and flight_at(self._path) == (ours.name, ours.started_utc)
 
     def _is_on_new_disk(self) -> bool:
         """Whether another disk is mounted where that of the folder was."""
@@ -113,6 +114,19 @@ def identity_of(path: Path) -> tuple[int, int] | None:
     with suppress(OSError):
         found = path.stat()
         return found.st_dev, found.st_ino
+    return None
+
+
+def flight_at(path: Path) -> tuple[str, float] | None:
+    """Name and start of the flight in a ledger; None if there is none. Its main file decides; the log beside it may be left
+    from another ledger, and counts only if the main file is still without a flight."""
+    for without_log in (True, False):
+        with (
+            suppress(UsageError, sqlite3.DatabaseError),
+            closing(connect_for_reading(path, without_log=without_log)) as found,
+        ):
+            for row in found.execute("SELECT name, started_utc FROM flight"):
+                return str(row["name"]), float(row["started_utc"])
     return None
 
 

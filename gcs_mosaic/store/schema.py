@@ -159,11 +159,15 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def connect_for_reading(path: Path) -> sqlite3.Connection:
-    """The ledger at `path`, alongside the program that writes it. Raises UsageError if there is none of ours."""
+def connect_for_reading(path: Path, *, without_log: bool = False) -> sqlite3.Connection:
+    """The ledger at `path`, alongside the program that writes it. Raises UsageError if there is none of ours.
+
+    `without_log`: the main file alone, as of its last checkpoint: the log beside it may be another ledger's.
+    """
     if not path.is_file():
         raise UsageError(f"{path} does not exist: name a folder that gcs-mosaic has written a flight into")
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_S, isolation_level=None)
+    how = "immutable=1" if without_log else "mode=ro"
+    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, timeout=BUSY_S, isolation_level=None)
     try:
         connection.row_factory = sqlite3.Row
         if version_of(connection, path) == 0:
