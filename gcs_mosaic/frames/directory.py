@@ -91,7 +91,7 @@ class FolderWatch:
         self._versions = {name: one.version for name, one in self._before.items()}
         self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
         self._said: set[str] = set()
-        self._said_unread: set[str] = set()  # said again if it comes again after a file could be read
+        self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
         self._missing = False
         self._since_utc = started_utc
@@ -142,15 +142,20 @@ class FolderWatch:
             self._versions[look.name] = self._versions.get(look.name, 0) + 1
             self._taken += 1
             self._last_utc = time.time()
-            self._said -= self._said_unread
-            self._said_unread.clear()
         self._damaged += isinstance(item, DamagedFile)
         if isinstance(item, Unread):
-            text = f"files in {self._folder} {item.reason}: they are tried again"
-            self._said_unread.add(text)
-            yield from self._once("warning", text)
-        elif item is not None:
+            yield from self._unread_now(look, item)
+            return
+        self._unread.discard(look.path)
+        if item is not None:
             yield item
+
+    def _unread_now(self, look: Look, unread: Unread) -> Iterator[Notice]:
+        """Say once that files cannot be read now, and again only if all could be read in between."""
+        if not self._unread:
+            text = f"files in {self._folder} {unread.reason}: they are tried again"
+            yield Notice(source=str(self._folder), level="warning", text=text)
+        self._unread.add(look.path)
 
     def _forget_vanished(self, found: Scan) -> None:
         there = {look.path for look in found.images}

@@ -210,7 +210,7 @@ def flown(folder: Path, loss: Loss, pictures: list[bytes]) -> tuple[str, float]:
             time.sleep(AWAY_S)
         else:
             bring(flight, coming, DURING)
-            time.sleep(AWAY_S)
+            time.sleep(0.0 if back is nothing else AWAY_S)
         back()
         bring(flight, coming, FRAMES)
         start = time.monotonic()
