@@ -5,10 +5,12 @@ import sys
 
 from gcs_mosaic.app.heap import share_heap
 from gcs_mosaic.app.open_files import allow_more_files
+from gcs_mosaic.cli.streams import open_standard_streams
 
 
 def main() -> int:
     """Run the program; returns the exit code."""
+    open_standard_streams()
     share_heap()
     allow_more_files()
     # numpy reads it on import. BLAS threads waiting for each other within one product cost a third of a flight's total time;

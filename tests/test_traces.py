@@ -13,13 +13,22 @@ BROAD = {"", "Exception", "BaseException", "OSError"}
 
 # Handlers that neither log nor raise nor tell what they caught, by module and function: how many there are, and why.
 SILENT = {
-    ("cli/main.py", "_flush_or_let_go"): (1, "the reader of the terminal is gone: nobody is there to be told"),
+    ("cli/streams.py", "flush_or_let_go"): (1, "the reader of the terminal is gone: nobody is there to be told"),
+    ("cli/streams.py", "open_standard_streams"): (1, "it is closed, which is the answer; there is no log yet"),
     ("app/heap.py", "share_heap"): (1, "another system, which has no such thing"),
     ("store/stages.py", "_tells_core"): (1, "another system, which has no such thing"),
     ("store/folder.py", "FlightFolder.close"): (1, "tidying up; the log is closed already"),
     ("store/checkpoint.py", "Checkpoints._made"): (1, "`_failed` logs it, once for each trouble"),
     ("store/lock.py", "try_lock"): (1, "a network folder without locks, before there is a log"),
     ("store/lock.py", "is_still_there"): (1, "it is not there, which is the answer"),
+    ("store/lock.py", "FolderLock.is_deleted"): (1, "its disk is gone, so it was not deleted, which is the answer"),
+    ("store/guard.py", "identity_of"): (1, "it is not there, which is the answer"),
+    ("store/guard.py", "disks_above"): (1, "it is not there, which is the answer"),
+    ("store/log.py", "is_at"): (1, "it is not there, which is the answer"),
+    ("store/log.py", "LogFile.reopen"): (1, "the log itself: its old disk is gone"),
+    ("store/log.py", "_written"): (1, "the log itself: its old disk is gone"),
+    ("mavlink/tlog_writer.py", "_written"): (1, "what is lost with the old disk was told when it was lost"),
+    ("mavlink/tlog_writer.py", "_is_at"): (1, "it is not there, which is the answer"),
     ("store/log.py", "tell"): (1, "the terminal is gone"),
     ("store/log.py", "LogFile.close"): (1, "the log itself"),
     ("store/log.py", "_WholeLines.write"): (1, "the log itself: what went wrong before is raised"),

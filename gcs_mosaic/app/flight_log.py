@@ -28,7 +28,7 @@ PACKAGE = "gcs_mosaic"
 
 
 @contextmanager
-def flight_log(folder: FlightFolder, config: Config) -> Iterator[None]:
+def flight_log(folder: FlightFolder, config: Config) -> Iterator[LogFile]:
     """Keep flight.log in the folder while the body runs. Unexpected exceptions are logged there and become FlightFailed."""
     path = folder.path / LOG_NAME
     file = LogFile(path, config.log, _tell)
@@ -37,7 +37,7 @@ def flight_log(folder: FlightFolder, config: Config) -> Iterator[None]:
         with _listening(handlers, LEVELS[config.log.level]), _catching():
             _introduce(config)
             with _written_down(path):
-                yield
+                yield file
     except (UsageError, CannotWrite):
         if not (folder.path / LEDGER_NAME).exists():
             path.unlink(missing_ok=True)  # a flight that never began leaves nothing behind

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -70,7 +71,9 @@ class Inbox:
 
     def __init__(self, stop: threading.Event) -> None:
         self._stop = stop
-        self._items: queue.Queue[Item | None] = queue.Queue(ROOM)  # None only wakes the reader
+        # Items with the monotonic times at which they came; None only wakes the reader.
+        self._items: queue.Queue[tuple[float, Item] | None] = queue.Queue(ROOM)
+        self._last_came = 0.0  # of those taken
         self._threads: list[threading.Thread] = []
         self._pictures = threading.BoundedSemaphore(PICTURES)
 
@@ -87,13 +90,23 @@ class Inbox:
     def next(self, timeout_s: float) -> Item | None:
         """The oldest item; None after the timeout or a `wake`."""
         with suppress(queue.Empty):
-            item = self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
-            while item is None:
-                item = self._items.get_nowait()
+            found = self._items.get(timeout=timeout_s) if timeout_s else self._items.get_nowait()
+            while found is None:
+                found = self._items.get_nowait()
+            self._last_came, item = found
             if isinstance(item, Frame) and item.data is not None:
                 self._pictures.release()
             return item
         return None
+
+    def taken_until(self, now: float) -> float:
+        """The time up to which everything that came has been taken: `now` if nothing waits."""
+        return now if self._items.empty() else min(now, self._last_came)
+
+    def frames(self) -> list[Frame]:
+        """The frames that wait, oldest first."""
+        with self._items.mutex:
+            return [found[1] for found in self._items.queue if found is not None and isinstance(found[1], Frame)]
 
     def wake(self) -> None:
         """Make `next` return at once; callable from any thread."""
@@ -117,9 +130,10 @@ class Inbox:
     def _put(self, item: Item) -> None:
         if isinstance(item, Frame) and item.data is not None:
             item = self._within_memory(item)
+        came = time.monotonic()
         while not self._stop.is_set():
             with suppress(queue.Full):
-                self._items.put(item, timeout=PUT_S)
+                self._items.put((came, item), timeout=PUT_S)
                 return
 
     def _within_memory(self, frame: Frame) -> Frame | DroppedFrame:

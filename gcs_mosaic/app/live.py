@@ -20,26 +20,30 @@ from gcs_mosaic.app.flight_page import FlightPage
 from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.operator_requests import OperatorRequests
+from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import Preparation
+from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, files_taken, open_flight, runs_of, told_again
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
+from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken
+from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.mavlink.flood import Trust
+from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
-from gcs_mosaic.store.durability import Durability
 from gcs_mosaic.store.folder import (
     LEDGER_NAME,
     FlightFolder,
     refuse_watching_ourselves,
 )
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.log import LogFile
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
@@ -53,6 +57,8 @@ IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and repain
 TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
 CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands
 RETRY_S = 2.0  # between attempts to write to a full disk
+DISK_EACH_S = 1.0  # between looks at the output folder while nothing is written
+LOST_S = 0.2  # then other work is looked for
 
 
 def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> None:
@@ -73,7 +79,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         opened = open_flight(config)
         stack.callback(opened.close)
         folder = opened.folder
-        stack.enter_context(flight_log(folder, config))
+        log = stack.enter_context(flight_log(folder, config))
         recorded = record(config, links.recording, folder.path)
         page = FlightPage(config, address, folder.path)
         stack.callback(page.stop)
@@ -81,7 +87,8 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
-        daemon = _Daemon(config, opened, console, shutdown, page)
+        reopen = _reopening(log, links.recording, config)
+        daemon = _Daemon(config, opened, console, shutdown, page, reopen)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
         if recorded:
@@ -102,6 +109,23 @@ def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:
         return files_taken(ledger.frames())
 
 
+def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
+    # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
+    turns = AsTheyCame() if config.method == "paper" else NewestFirst()
+    return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels, turns, woken)
+
+
+def _reopening(log: LogFile, recording: Recording, config: Config) -> Callable[[], None]:
+    """Opens again, in a folder that was made anew, the files that stay open for the whole flight."""
+
+    def reopen() -> None:
+        log.reopen()
+        if config.record is True:
+            recording.reopen()
+
+    return reopen
+
+
 class _Daemon:
     def __init__(
         self,
@@ -110,37 +134,39 @@ class _Daemon:
         console: Console,
         shutdown: Shutdown,
         page: FlightPage,
+        reopen: Callable[[], None] = lambda: None,
     ) -> None:
         self._config, self._shutdown, self._page = config, shutdown, page
         self._announcements = Announcements()
         self._backlog = Backlog()
         self._inbox = Inbox(shutdown.stop)
         out = opened.folder.path
-        until_writable = UntilWritable(out, self.say, self._wait_for_disk)
+        self._until_writable = UntilWritable(out, self.say, self._wait_for_disk)
         self._pipeline = Pipeline(
-            out, config, self.say, page.publish, retry=until_writable, checkpoints=opened.checkpoints
+            out,
+            config,
+            self.say,
+            page.publish,
+            retry=self._until_writable,
+            checkpoints=opened.checkpoints,
+            elsewhere=lambda name: Path(config.watch) / file_and_version(name)[0],
         )
         self._driver = Driver(self._pipeline)
-        self._preparation = Preparation(
-            self._pipeline.features_of,
-            self._pipeline.decoders,
-            config.reduction,
-            self._pipeline.feature_pixels,
-            # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
-            AsTheyCame() if config.method == "paper" else NewestFirst(),
-            self._inbox.wake,
-        )
+        self._preparation = _preparation_of(config, self._pipeline, self._inbox.wake)
         store = self._pipeline.store
-        self._durability = Durability(store.ledger.make_durable)
-        self._reporter = Reporter(out, store.flight, store.ledger, console)
+        self._output = OutputFolder(opened.folder, config, self._pipeline, reopen, self.say)
+        self._until_writable.ensure = self._output.ensure
+        self._unread = UnreadFrames(store.found_again)
+        self._reporter = Reporter(out, store.flight, store.ledger, console, self._output.is_ours)
         self._reporter.watch = initial_report(config)
-        self._event_log = EventLog(store.ledger, config.pairing, until_writable)
+        self._event_log = EventLog(store.ledger, config.pairing, self._until_writable)
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
         self._adjusting = False  # whether an adjustment started in a pause is still running
+        self._disk_due = 0.0
         self._looked = False  # whether every file present at the start has been accepted
 
     def resume(self, saved: Snapshot | None, shots: Shots) -> None:
@@ -171,9 +197,10 @@ class _Daemon:
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
-            self._announcements.missing(self._event_log.tick(time.monotonic()))
+            self._announcements.missing(self._event_log.tick(self._inbox.taken_until(time.monotonic())))
             self._event_log.save()
             requests.look(time.monotonic())
+            self._look_after_disk()
             self._report()
         self._inbox.join()
         self._finish()
@@ -183,7 +210,7 @@ class _Daemon:
         self._announcements.notice(notice)
 
     def close(self) -> None:
-        self._durability.close()
+        self._output.close()
         self._preparation.close()
         self._pipeline.close()
 
@@ -196,6 +223,7 @@ class _Daemon:
         while item is not None:
             self._take(item)
             item = self._inbox.next(0.0) if time.monotonic() < until else None
+        self._pipeline.store.tell_accounts()
 
     def _take(self, item: Item) -> None:
         match item:
@@ -240,6 +268,8 @@ class _Daemon:
         if self._preparation.is_ready:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
+            if isinstance(prepared, UndecodableFrame) and self._unread.add(prepared, time.monotonic()):
+                return
             self._note_done(self._driver.process(prepared, self._begin_next))
             self._pipeline.checkpoint()
         elif self._repainting() and self._pipeline.repaint_some():
@@ -285,6 +315,34 @@ class _Daemon:
         logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
         self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
 
+    # The disk
+
+    def _look_after_disk(self) -> None:
+        """See that the folder is there even if nothing is written; once a second is enough."""
+        now = time.monotonic()
+        for frame in self._unread.readable(now):
+            self._preparation.append(frame)
+        if now < self._disk_due:
+            return
+        self._disk_due = now + DISK_EACH_S
+        self._until_writable(lambda: None)
+        self._output.report()
+        if not len(self._preparation):
+            self._keep_lost_originals(now + LOST_S)
+
+    def _keep_lost_originals(self, until: float) -> None:
+        """Those that are not kept, one after another, until this monotonic time."""
+        while time.monotonic() < until and self._pipeline.store.seeks_originals(time.monotonic()):
+            for notice in self._pipeline.store.keep_lost(time.monotonic()):
+                self.say(notice)
+
+    def _wait_for_disk(self, trouble: CannotWrite) -> None:
+        """Pause between two attempts to write; limited at the end."""
+        self._report(now=True)
+        self._shutdown.hurry.wait(RETRY_S)
+        if not self._may_go_on():
+            raise trouble
+
     # Shutdown
 
     def _finish(self) -> None:
@@ -295,13 +353,17 @@ class _Daemon:
         while len(self._preparation) and self._may_go_on():
             self._preparation.wait(WAIT_S)
             self._work()
+            self._look_after_disk()
             self._report()
+        self._give_up_unread()
         self._say_what_is_left()
         self._paint_final()
+        self._keep_lost_originals(self._until)
         self._event_log.close()
         self._event_log.save()
         self._driver.save()
         self._pipeline.checkpoint(at_once=True)
+        self._until_writable(self._output.verify)
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())
@@ -319,6 +381,10 @@ class _Daemon:
         if left := store.settle_unstitched():
             text = f"{left} frames are not on the map, there was no time: gcs-mosaic --resume --out {store.out} goes on with them"
             self.say(Notice(source="daemon", level="warning", text=text))
+
+    def _give_up_unread(self) -> None:
+        for failed in self._unread.rest():
+            self._note_done(self._driver.process(failed))
 
     def _paint_final(self) -> None:
         try:
@@ -350,13 +416,6 @@ class _Daemon:
             self._until = time.monotonic() + self._config.finish_s
         return not self._shutdown.hurry.is_set() and time.monotonic() < self._until
 
-    def _wait_for_disk(self, trouble: CannotWrite) -> None:
-        """Pause between two attempts to write; limited at the end."""
-        self._report(now=True)
-        self._shutdown.hurry.wait(RETRY_S)
-        if not self._may_go_on():
-            raise trouble
-
     def _farewell(self) -> str:
         left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
         return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
@@ -366,10 +425,15 @@ class _Daemon:
     def _report(self, *, now: bool = False) -> None:
         for notice in self._page.news():
             self.say(notice)
-        pipeline, waiting = self._pipeline, self._preparation
+        pipeline = self._pipeline
         pipeline.tell_troubles()
-        behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
+        behind = self._behind(time.monotonic())
         if told := self._backlog.notice(behind):
             self.say(told)
         counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)
+
+    def _behind(self, now_s: float) -> Behind:
+        waiting, coming = self._preparation, self._inbox.frames()  # more than a few only while the disk is waited for
+        seconds = max(waiting.behind_s(now_s), *(now_s - frame.received for frame in coming[:1]), 0.0)
+        return Behind(frames=len(waiting) + len(self._unread) + len(coming), seconds=seconds)

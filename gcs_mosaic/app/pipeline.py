@@ -26,6 +26,7 @@ from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejec
 from gcs_mosaic.stitch.transaction import Kept, Snapshot, transaction
 from gcs_mosaic.store.checkpoint import Checkpoints
 from gcs_mosaic.store.flight_store import FlightStore
+from gcs_mosaic.store.lost_originals import Elsewhere
 from gcs_mosaic.store.records import Accounts, FrameState, IslandRecord
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
@@ -58,7 +59,7 @@ class Pipeline(Kept):
 
     `say` receives notices for the operator; `published(revision, tiles)` is called once tiles are on disk. `punctual`:
     the same frames always give the same map, whatever the machine's speed. `paint_live`: paint each frame on arrival, not
-    all at the end. `observer` is called while frames are placed. `utc` and `retry` are the store's;
+    all at the end. `observer` is called while frames are placed. `utc`, `retry` and `elsewhere` are the store's;
     `checkpoints`: where checkpoints are written, if any.
     """
 
@@ -77,6 +78,7 @@ class Pipeline(Kept):
         utc: Callable[[], float] = time.time,
         retry: Retry = at_once,
         checkpoints: Checkpoints | None = None,
+        elsewhere: Elsewhere = lambda name: None,
     ) -> None:
         self.store = FlightStore(
             out,
@@ -86,6 +88,7 @@ class Pipeline(Kept):
             published=published,
             utc=utc,
             retry=retry,
+            elsewhere=elsewhere,
         )
         self._worker = WorkerProcess()
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
@@ -155,6 +158,12 @@ class Pipeline(Kept):
         if self._checkpoints is not None:
             self._checkpoints.write(self._state, self.store.ledger.make_durable, at_once=at_once)
             self._say_problem("checkpoint", self._checkpoints.problem)
+
+    def checkpoint_into(self, checkpoints: Checkpoints | None) -> None:
+        """Write whole checkpoints there from now on: what was written may be gone."""
+        if self._checkpoints is not None:
+            self._checkpoints.close()
+        self._checkpoints = checkpoints
 
     def _state(self) -> Snapshot:
         return self._of_flight | {"pipeline": self.saved()}

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport, Topic
-from gcs_mosaic.store.disk import DiskFull, overwrite, write_beside
+from gcs_mosaic.store.disk import CannotWrite, DiskFull, overwrite, write_beside
 from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
@@ -28,15 +28,28 @@ logger = logging.getLogger(__name__)
 
 STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
+NOTICES_KEPT = 1000  # until the ledger takes them
 ISLANDS_SHOWN = 12  # all are in mosaic.json
 STATUS_BYTES = 8192  # more than the document needs: padded, so that a full disk can still overwrite it in place
 STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
 class Reporter:
-    """Reports to the operator and keeps status.json up to date. A full disk never stops it."""
+    """Reports to the operator and keeps status.json up to date. A full disk never stops it.
 
-    def __init__(self, out: Path, flight: FlightRecord, ledger: Ledger, console: Console) -> None:
+    `may_write`: whether the output folder is ours now; nothing is written into another one.
+    """
+
+    def __init__(
+        self,
+        out: Path,
+        flight: FlightRecord,
+        ledger: Ledger,
+        console: Console,
+        may_write: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._may_write = may_write
+        self._unrecorded: deque[tuple[Notice, float]] = deque(maxlen=NOTICES_KEPT)
         self._path = out / "status.json"
         self._flight, self._ledger, self._console = flight, ledger, console
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
@@ -51,8 +64,8 @@ class Reporter:
         log_notice(logger, notice)
         self._notices.append(NoticeRecord(utc=now, source=notice.source, level=notice.level, text=notice.text))
         self.line(notice.text, "bold green" if notice.topic is Topic.PAGE else STYLES[notice.level])
-        with suppress(DiskFull, sqlite3.OperationalError):
-            self._ledger.record_notice(notice, now)
+        self._unrecorded.append((notice, now))
+        self._record()
 
     def line(self, text: str, style: str = "") -> None:
         """Print one line with the time of day. A closed terminal must not end the flight."""
@@ -88,11 +101,8 @@ class Reporter:
         """Write status.json, but not more often than useful."""
         if not now and time.monotonic() - self._written < STATUS_EACH_S:
             return
-        try:
-            counted = accounts()
-        except sqlite3.OperationalError:  # the disk is missing, as reported by the ledger's writer
-            logger.debug("the accounts cannot be read", exc_info=True)
-            return
+        if not now:  # while the flight waits for the disk, this would only wait as well
+            self._record()
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -103,14 +113,25 @@ class Reporter:
             watch=self.watch,
             behind=behind,
             last_frame=self.last_frame,
-            accounts=counted,
+            accounts=accounts(),
             held_out=largest(held_out(), ISLANDS_SHOWN),
             notices=tuple(self._notices),
         )
         self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
         self._written = time.monotonic()
 
+    def _record(self) -> None:
+        """Bring notices into the ledger; those that it does not take now follow later."""
+        try:
+            while self._unrecorded:
+                self._ledger.record_notice(*self._unrecorded[0])
+                self._unrecorded.popleft()
+        except (CannotWrite, sqlite3.OperationalError):  # told by the ledger's other writers
+            logger.debug("a notice cannot be recorded now", exc_info=True)
+
     def _put(self, data: bytes) -> None:
+        if not self._may_write():
+            return
         try:
             write_beside(self._path, data)
         except (DiskFull, OSError):  # reported by the map's writer

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import sys
 import threading
@@ -19,8 +18,10 @@ from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, web_settings_of
+from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.permissions import restrict
 
 SIMULATOR = ("gcs_mosaic.sitl.__main__", "sitl.__main__")  # in an installed package, in a clone
 
@@ -44,18 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("gcs-mosaic: interrupted", file=sys.stderr)
         return 130
     finally:
-        _flush_or_let_go()
-
-
-def _flush_or_let_go() -> None:
-    """A closed pipe must not change the exit code, as it would if Python's own final flush failed."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, stream.fileno())
-            os.close(nowhere)
+        flush_or_let_go()
 
 
 def fly(given: argparse.Namespace) -> None:
@@ -70,7 +60,9 @@ def fly(given: argparse.Namespace) -> None:
         from gcs_mosaic.app import live
         from gcs_mosaic.cli.choices import flight_config
 
-        live.fly(flight_config(given, listening), links, Console(stderr=True), shutdown)
+        config = flight_config(given, listening)
+        restrict(config.permissions)
+        live.fly(config, links, Console(stderr=True), shutdown)
 
 
 def stitch(given: argparse.Namespace) -> None:
@@ -79,6 +71,7 @@ def stitch(given: argparse.Namespace) -> None:
     from gcs_mosaic.cli.choices import config_of
 
     config = config_of(given)
+    restrict(config.permissions)
     batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
 
 
@@ -88,6 +81,7 @@ def replay(given: argparse.Namespace) -> None:
     from gcs_mosaic.cli.choices import config_of
 
     config = config_of(given)
+    restrict(config.permissions)
     replay.replay(given.recording, given.frames, Path(config.out), config, Console(), given.speed)
 
 

@@ -19,6 +19,7 @@ from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from gcs_mosaic.store.log import LogSettings
 from gcs_mosaic.store.originals import OriginalsSettings
+from gcs_mosaic.store.permissions import Readers
 from gcs_mosaic.store.tiles import TileSettings
 from gcs_mosaic.triggers import PairingSettings
 from gcs_mosaic.triggers.shots import ShotSettings
@@ -44,6 +45,8 @@ class Config(Listening):
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
     # record received packets for replay to FILE.tlog, or with true to flight.tlog in the output folder; false: do not
     record: bool | str = False
+    # who of the computer's users may read what is written: owner, group or all
+    permissions: Readers = "owner"
     finish_s: float = 60.0  # time limit for the last frames and the final painting after Ctrl-C
     frames: FolderSettings = field(default_factory=FolderSettings)
     decode: DecodeSettings = field(default_factory=DecodeSettings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import threading
 import time
@@ -15,12 +14,10 @@ from typing import Literal, TypeAlias
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.files import frames_in as frames_in
-from gcs_mosaic.frames.pending_file import Candidate
+from gcs_mosaic.frames.pending_file import Candidate, Unread
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
-
-logger = logging.getLogger(__name__)
 
 REPORT_EACH_S = 1.0
 AGAIN_S = 0.08  # delay of the scan after one that found a new or changed file: most are complete by then
@@ -97,6 +94,8 @@ class FolderWatch:
         self._versions = {name: one.version for name, one in self._before.items()}
         self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
         self._said: set[str] = set()
+        self._unread: set[Path] = set()  # files that cannot be read now
+        self._device: int | None = None  # where images were seen last
         self._missing = False
         self._since_utc = started_utc
         self._last_utc: float | None = None
@@ -152,6 +151,10 @@ class FolderWatch:
             self._last_utc = time.time()
             item = self._dated(item, self._candidates[look.path].appeared)
         self._damaged += isinstance(item, DamagedFile)
+        if isinstance(item, Unread):
+            yield from self._unread_now(look, item)
+            return
+        self._unread.discard(look.path)
         if item is not None:
             yield item
 
@@ -161,6 +164,13 @@ class FolderWatch:
         utc_of_zero = time.time() - time.monotonic()
         return replace(frame, received=self._appearances.dated(pause, frame.modified, frame.received, utc_of_zero))
 
+    def _unread_now(self, look: Look, unread: Unread) -> Iterator[Notice]:
+        """Say once that files cannot be read now, and again only if all could be read in between."""
+        if not self._unread:
+            text = f"files in {self._folder} {unread.reason}: they are tried again"
+            yield Notice(source=str(self._folder), level="warning", text=text)
+        self._unread.add(look.path)
+
     def _forget_vanished(self, found: Scan) -> None:
         there = {look.path for look in found.images}
         for path in [path for path, known in self._candidates.items() if path not in there]:
@@ -168,9 +178,8 @@ class FolderWatch:
                 del self._candidates[path]
 
     def _remarks(self, found: Scan) -> Iterator[Notice]:
-        for text in sorted(found.unreadable - self._said):
-            self._said.add(text)
-            logger.warning("%s", text)
+        for text in sorted(found.unreadable):
+            yield from self._once("warning", text)
         for suffix in sorted(found.strangers):
             kind = f"files ending in {suffix}" if suffix else "files without an ending"
             yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
@@ -197,16 +206,24 @@ class FolderWatch:
 
     def _presence(self, found: Scan) -> Iterator[Notice]:
         """Report when the folder disappears (card removed, mount lost) and when it returns."""
-        if bool(found.missing) == self._missing:
+        missing = found.missing or self._unmounted(found)
+        if bool(missing) == self._missing:
             return
-        self._missing, self._since_utc = bool(found.missing), time.time()
+        self._missing, self._since_utc = bool(missing), time.time()
         self._gaps += self._missing
         folder = str(self._folder)
         if self._missing:
-            text = f"the folder {folder} is gone ({found.missing}); waiting for it to come back"
+            text = f"the folder {folder} {missing}: bring it back; the flight goes on, and takes what it missed"
             yield Notice(source=folder, level="error", text=text)
         else:
             yield Notice(source=folder, level="info", text=f"the folder {folder} is back")
+
+    def _unmounted(self, found: Scan) -> str:
+        """Where a disk with images was mounted, the empty folder below its mount is no folder of frames."""
+        if found.images:
+            self._device = found.device
+        away = self._device is not None and found.device != self._device and not found.is_mount
+        return "is empty, its disk is gone" if away else ""
 
     def _once(self, level: Literal["info", "warning", "error"], text: str) -> Iterator[Notice]:
         if text not in self._said:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import time
 from dataclasses import dataclass
@@ -13,7 +14,24 @@ from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
 
+# A file that cannot be read for one of these reasons is as whole as before: the disk, the mount or the machine is not.
+PASSING = {
+    getattr(errno, name)
+    for name in (
+        *("EIO", "EMFILE", "ENFILE", "ENOMEM", "EAGAIN", "EINTR", "EBUSY", "ESTALE", "ETIMEDOUT", "ENODEV", "ENXIO"),
+        *("ENOTCONN", "ENETDOWN", "EHOSTDOWN", "EHOSTUNREACH", "ECONNRESET", "EREMOTEIO", "ENOMEDIUM"),
+    )
+    if hasattr(errno, name)
+}
+UNREAD_AFTER_S = 60.0  # then such a file is told as damaged; it is looked at again all the same
 _VERSIONED = re.compile(r"(.+)#(\d+)", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """Why a file cannot be read now."""
+
+    reason: str
 
 
 @dataclass(slots=True)
@@ -49,39 +67,47 @@ class Candidate:
             return False
         return not self._settled and now >= self._check_at
 
-    def take(self, look: Look, now: float, version: int) -> Frame | DamagedFile | None:
-        """The file as a frame, as damaged (once), or None: not yet, gone, or content that was accepted before."""
+    def take(self, look: Look, now: float, version: int) -> Frame | DamagedFile | Unread | None:
+        """The file as a frame, as damaged (once), as unread (each time), or None: not yet, gone, or content that was accepted
+        before."""
         data = read_whole(look, self.settings)
         if data is None:
             self._signature = None
             return None
+        if isinstance(data, Unread):
+            told = self._broken(versioned(look.name, version), data.reason, now, UNREAD_AFTER_S)
+            return told or data
         if isinstance(data, NotWhole):
-            return self._broken(versioned(look.name, version), data.reason, now)
+            return self._broken(versioned(look.name, version), data.reason, now, self.settings.damaged_after_s)
         self._settled, self._reported = True, False
         taken_before, self.content = self.content, content_hash(data)
         if self.content == taken_before:
             return None
         return frame_of(look, versioned(look.name, version), data, self.content)
 
-    def _broken(self, name: str, reason: str, now: float) -> DamagedFile | None:
+    def _broken(self, name: str, reason: str, now: float, patience_s: float) -> DamagedFile | None:
         since = self._broken_since = now if self._broken_since is None else self._broken_since
         self._check_at = now + min((now - since) / 2, self.settings.recheck_longest_s)
-        if self._reported or now - since < self.settings.damaged_after_s:
+        if self._reported or now - since < patience_s:
             return None
         self._reported = True
         return DamagedFile(name=name, reason=reason)
 
 
-def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
-    """The bytes of a complete image; or why it is not one; None if the file is gone or has changed since the scan."""
+def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | Unread | None:
+    """The bytes of a complete image; or why it is not one, or cannot be read now; None if the file is gone or has changed since
+    the scan."""
     if look.size > settings.max_file_bytes:
         return NotWhole(f"{look.size} bytes, more than the limit of {settings.max_file_bytes}")
     try:
         data = look.path.read_bytes()
     except FileNotFoundError:
         return None
+    except MemoryError:
+        return Unread("cannot be read (not enough memory)")
     except OSError as error:
-        return NotWhole(f"cannot be read ({error.strerror})")
+        reason = f"cannot be read ({error.strerror})"
+        return Unread(reason) if error.errno in PASSING else NotWhole(reason)
     if len(data) != look.size:
         return None
     whole = is_whole(data, settings.max_pixels)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from collections.abc import Iterator
@@ -36,7 +37,9 @@ class Scan:
     strangers: set[str] = field(default_factory=set)  # suffixes of files that are not images
     links: set[str] = field(default_factory=set)  # names of symbolic links, which may lead anywhere
     unreadable: set[str] = field(default_factory=set)  # sentences: what could not be inspected, and why
-    missing: str = ""  # why the folder itself cannot be read
+    missing: str = ""  # why the folder itself cannot be read, as the end of a sentence
+    device: int | None = None  # of the folder; None if it is missing
+    is_mount: bool = False  # whether the folder is where a disk is mounted
 
     def pass_over(self, path: str, error: OSError) -> None:
         """Note what could not be inspected; files that have vanished are not reported."""
@@ -50,8 +53,10 @@ def scan(folder: Path) -> Scan:
     found = Scan()
     try:
         os.scandir(folder).close()
+        found.device, found.is_mount = folder.stat().st_dev, folder.is_mount()
     except OSError as error:
-        found.missing = error.strerror or str(error)
+        how = "is gone" if error.errno in (errno.ENOENT, errno.ENOTDIR) else "cannot be read"
+        found.missing = f"{how} ({error.strerror or error})"
         return found
     for entry in _entries(folder, found):
         name = shown_name(Path(entry.path).relative_to(folder))

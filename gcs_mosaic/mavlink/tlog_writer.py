@@ -5,6 +5,7 @@ The format has no header: each packet is preceded by its arrival time in microse
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -38,11 +39,12 @@ class Recording:
         self._last_us = 0
         self._next_write = 0.0
         self._lost: int | None = None  # packets dropped since writing began to fail
+        self._sure: int | None = None  # end of the last whole packet, if a partial one may follow
 
     def open(self, path: Path, *, ours: bool) -> Notice:
         """Write to `path` from now on; append to an existing file if it is `ours`, else raise UsageError."""
         try:
-            self._file = path.open("ab" if ours else "xb", buffering=0)
+            self._file = path.open("a+b" if ours else "x+b", buffering=0)
         except OSError as error:
             why = "is there already" if isinstance(error, FileExistsError) else f"cannot be written ({error.strerror})"
             raise UsageError(f"--record {str(path)!r} {why}: give a new file, such as flight-2.tlog.") from error
@@ -65,6 +67,22 @@ class Recording:
             if self._file is not None and (at_once or now >= self._next_write or self._is_long()):
                 yield from self._write(self._file, now)
 
+    def reopen(self) -> None:
+        """Go on in the file at the path, after its folder was lost. It begins with what was recorded so far, if that can still be
+        read; else it may be older. Raises OSError."""
+        with self._lock:
+            if self._file is None or _is_at(self._file, self._path):
+                return
+            recorded = _written(self._file)
+            new = self._path.open("w+b" if recorded else "a+b", buffering=0)
+            try:
+                _write_whole(new, recorded)
+            except OSError:
+                new.close()
+                raise
+            self._file.close()
+            self._file, self._sure = new, None
+
     def close(self) -> None:
         """Write the rest. An empty file is removed."""
         if self._file is None:
@@ -80,11 +98,11 @@ class Recording:
         return len(self._unwritten) > _MOST_UNWRITTEN
 
     def _write(self, file: FileIO, now: float) -> Iterator[Notice]:
-        end = file.seek(0, 2)
         try:
+            self._sure = file.seek(0, 2) if self._sure is None else file.truncate(self._sure)
             _write_whole(file, self._unwritten)
+            self._sure = None
         except OSError as error:
-            file.truncate(end)  # a partial packet would corrupt the next one
             self._next_write = now + _RETRY_S
             if self._lost is None:
                 self._lost = 0
@@ -104,6 +122,22 @@ class Recording:
     def _forget(self) -> None:
         self._unwritten.clear()
         self._packets = 0
+
+
+def _written(file: FileIO) -> bytes:
+    """Everything in an open file, which may have no name any more."""
+    try:
+        file.seek(0)
+        return file.read()
+    except OSError:  # its disk is gone
+        return b""
+
+
+def _is_at(file: FileIO, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:  # none is there
+        return False
 
 
 def _notice(level: Literal["info", "error"], text: str) -> Notice:

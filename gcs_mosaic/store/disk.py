@@ -41,9 +41,12 @@ def telling_disk_full(path: Path) -> Iterator[None]:
         raise DiskFull(f"the disk is full, {path} could not be written: free some space, then it goes on") from error
 
 
-def make_folder(path: Path, *, durable: bool = False) -> None:
-    """Make a folder and its parents; `durable` as in `write_beside`. Raises DiskFull."""
+def make_folder(path: Path, root: Path, *, durable: bool = False) -> None:
+    """Make a folder below `root` and its parents up to there; `durable` as in `write_beside`. Raises DiskFull, and
+    FileNotFoundError without a `root`: below a lost mount there would be another disk."""
     with telling_disk_full(path):
+        if not root.is_dir():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(root))
         missing = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
         for made in missing if durable else ():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 
 logger = logging.getLogger(__name__)
@@ -18,8 +19,16 @@ class Durability:
         self._make_durable = make_durable
         self._ended = threading.Event()
         self._fails = False
+        self._began: float | None = None
+        self._took_s = 0.0
         self._thread = threading.Thread(target=self._run, name="durability", daemon=True)
         self._thread.start()
+
+    @property
+    def takes_s(self) -> float:
+        """How long a sync takes: the last one, or the one under way if that is longer already."""
+        began = self._began
+        return max(self._took_s, 0.0 if began is None else time.monotonic() - began)
 
     def close(self) -> None:
         """Call it once more, then stop."""
@@ -32,6 +41,7 @@ class Durability:
         self._try()
 
     def _try(self) -> None:
+        began = self._began = time.monotonic()
         try:
             self._make_durable()
             self._fails = False
@@ -39,3 +49,5 @@ class Durability:
             if not self._fails:
                 logger.warning("the ledger cannot be brought to the disk", exc_info=True)
             self._fails = True
+        finally:
+            self._took_s, self._began = time.monotonic() - began, None

@@ -21,11 +21,13 @@ from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 from gcs_mosaic.store.changes import Changes
+from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.documents import finite
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.lost_originals import Elsewhere, LostOriginals
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.store.originals import NotKept, Originals, OriginalsSettings, read_intact
+from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, OriginalsSettings, is_intact, read_intact
 from gcs_mosaic.store.records import (
     Accounts,
     Estimate,
@@ -53,13 +55,27 @@ class FlightStore(Kept):
 
     `published(revision, tiles)` is called once tiles are on disk.
 
-    `canvas`: how the flight is painted. `retry` runs every write and may repeat it; its exceptions propagate.
+    `canvas`: how the flight is painted. `elsewhere`: see `LostOriginals`. `retry` runs every write and may repeat it; its
+    exceptions propagate.
     `utc` returns the time written into documents, in seconds since 1970. Writes to the folder cannot be rolled back, so
     nothing is written while a frame is processed.
     """
 
     FIXED = frozenset(
-        {"out", "ledger", "flight", "canvas", "_originals", "_tiles", "_manifest", "_published", "_utc", "_retry"}
+        {
+            "out",
+            "ledger",
+            "flight",
+            "canvas",
+            "_originals",
+            "_lost",
+            "_tiles",
+            "_manifest",
+            "_published",
+            "_utc",
+            "_retry",
+        }
+        | {"may_write"}
     )
 
     def __init__(
@@ -72,6 +88,7 @@ class FlightStore(Kept):
         published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
         utc: Callable[[], float] = time.time,
         retry: Retry = at_once,
+        elsewhere: Elsewhere = lambda name: None,
     ) -> None:
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
@@ -80,7 +97,9 @@ class FlightStore(Kept):
         self.changes = Changes()
         self.taken_in = 0  # files accepted, whatever their outcome
         self.in_a_pause = False  # or at the end: list every frame now, as no further save may follow
+        self.may_write: Callable[[], bool] = lambda: True  # whether the folder is ours now; called from any thread
         self._originals = Originals(out, originals)
+        self._lost = LostOriginals(self._originals, elsewhere)
         self._tiles = TileWriter(out, tiles)
         self._manifest = Manifest(out)
         self._published = published
@@ -127,6 +146,7 @@ class FlightStore(Kept):
     def remove_tiles_but(self, known: Collection[TileKey]) -> None:
         """Remove all other tiles: written just before a kill, or awaiting a repaint at that time."""
         self._retry(lambda: remove_strays(self.out, known))
+        self._tiles.there = set(known)
 
     @property
     def revision(self) -> int:
@@ -142,7 +162,9 @@ class FlightStore(Kept):
 
         The frame is stitched from the file as found, whatever happens to that file afterwards.
         """
-        return frame if frame.content_hash in self._names else self._originals.keep_ahead(frame)
+        if frame.content_hash in self._names or not self.may_write():
+            return frame
+        return self._originals.keep_ahead(frame)
 
     def accept(self, frame: Frame) -> tuple[Frame | None, list[Notice]]:
         """Keep a frame's original and record both; returns the frame as kept, and notices for the operator.
@@ -178,6 +200,58 @@ class FlightStore(Kept):
         """Do not treat the same image as a duplicate if it arrives again: this one could not be read."""
         self._names.pop(frame.content_hash, None)
 
+    # After the folder was made anew
+
+    def write_again(self) -> int:
+        """Mark all tiles and documents as unsaved, and seek the originals that are gone, first those of frames still to be
+        processed; returns the number of others. May be repeated."""
+        self._originals.forget_lost()
+        kept = [frame for frame in self.ledger.frames() if frame.original is not None]
+        gone = [frame for frame in kept if not (self.out / str(frame.original)).exists()]
+        with self.ledger.transaction():
+            for frame in gone:
+                self.ledger.forget_original(frame.name)
+        self._lost.add(frame_of(frame, self.out) for frame in gone if frame.state is not FrameState.PENDING)
+        for frame in gone:
+            if frame.state is FrameState.PENDING:
+                self._keep_again(frame_of(frame, self.out))
+        self.changes.tiles.append(frozenset(self._tiles.there))
+        self._manifest.begin_anew()
+        self._told = None
+        return len(gone)
+
+    def keep_lost(self, now: float) -> list[Notice]:
+        """Keep one original that is not kept, if it is due and found. For pauses."""
+        if not self._lost.is_due(now):
+            return []
+        frame, kept = self._retry(lambda: self._lost.next(now))
+        if isinstance(kept, KeptOriginal):
+            path = kept.path
+            self._retry(lambda: self._note_original(frame, path))
+        return [kept.notice] if kept is not None and kept.notice else []
+
+    def seeks_originals(self, now: float) -> bool:
+        """Whether `keep_lost` has something to do."""
+        return self._lost.is_due(now)
+
+    def found_again(self, frame: Frame) -> Frame | None:
+        """The frame where its file is now, if it can be read; None if not."""
+        if is_intact(frame.path, frame.content_hash):
+            return frame
+        path = self._lost.found(frame)
+        return None if path is None else replace(frame, path=path)
+
+    def _keep_again(self, frame: Frame) -> None:
+        kept = self._lost.keep(frame)
+        if isinstance(kept, KeptOriginal):
+            self._note_original(frame, kept.path)
+        else:
+            self._lost.add([frame])
+
+    def _note_original(self, frame: Frame, path: str) -> None:
+        self.ledger.record_original(frame.name, path)
+        self._places[frame.name] = (self.out / path, frame.content_hash)
+
     # Queries
 
     def order_of(self, name: str) -> int:
@@ -185,8 +259,12 @@ class FlightStore(Kept):
         return self._orders[name]
 
     def original(self, name: str) -> bytes | None:
-        """The frame's original file; None if it is missing or has changed."""
-        return read_intact(*self._places[name])
+        """The frame's original file; None if it is missing or has changed. Raises CannotWrite while the folder is not there."""
+        path, digest = self._places[name]
+        data = read_intact(path, digest)
+        if data is None and not self.may_write():
+            raise CannotWrite(f"{self.out} is not there now")
+        return data
 
     def content_hash(self, name: str) -> str:
         """Of a frame's original."""
@@ -225,6 +303,13 @@ class FlightStore(Kept):
         """
         self._retry(lambda: self._save(picture, islands, frames_on, held_out))
 
+    def tell_accounts(self) -> None:
+        """Bring the accounts in mosaic.json up to the ledger's, which `save` does only with the next frame."""
+        accounts = self.ledger.accounts()
+        if self._told is not None and accounts != self._told:
+            self._retry(lambda: self._manifest.write_accounts(accounts, self._utc()))
+            self._told = accounts
+
     def close(self) -> None:
         """Release all resources; unsaved changes are lost."""
         self._manifest.close()
@@ -245,10 +330,14 @@ class FlightStore(Kept):
             if not isinstance(kept, NotKept):
                 self.ledger.record_original(frame.name, kept.path)
         said = [kept.notice] if kept.notice else []
-        if isinstance(kept, NotKept):
-            text = f"{frame.name} is not kept: {kept.reason}"
-            return frame, [*said, Notice(source="originals", level="warning", text=text, topic=Topic.DISK)]
-        return replace(frame, path=self.out / kept.path), said
+        if not isinstance(kept, NotKept):
+            return replace(frame, path=self.out / kept.path), said
+        self._lost.add([frame])
+        text = f"{frame.name} is not kept: {kept.reason}"
+        logger.info("%s", text)
+        if not kept.for_lack_of_room:  # that is said once for all
+            said.append(Notice(source="originals", level="warning", text=text, topic=Topic.DISK))
+        return frame, said
 
     def _save(
         self,

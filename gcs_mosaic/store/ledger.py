@@ -133,6 +133,10 @@ class Ledger(LedgerFile):
         """Record where the frame's original is kept: a POSIX path relative to the output folder."""
         self.update("UPDATE frames SET original = ? WHERE name = ?", stored(original), stored(name))
 
+    def forget_original(self, name: str) -> None:
+        """Record that the frame's original is no longer kept."""
+        self.update("UPDATE frames SET original = NULL WHERE name = ?", stored(name))
+
     def record_size(self, name: str, width: int, height: int) -> None:
         """Record the frame's size in pixels, known once decoded."""
         self.update("UPDATE frames SET width = ?, height = ? WHERE name = ?", width, height, stored(name))

@@ -1,16 +1,32 @@
-"""The ledger's SQLite file: transactions and detection of a full disk."""
+"""The ledger's SQLite file, with a copy in memory from which the file is written anew if it is lost or damaged.
+
+A folder may be deleted, a mount may be lost, a disk may fail after SQLite has been told that a transaction is committed. The
+copy has every committed transaction and nothing else, so no recovery has to guess what the file still holds; and what is
+read never waits for the disk, nor for another program that has locked the file.
+"""
 
 from __future__ import annotations
 
+import logging
 import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from gcs_mosaic.store.disk import sync_file, telling_disk_full
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store.disk import CannotWrite, is_disk_full, sync_file, sync_folder, telling_disk_full
 from gcs_mosaic.store.schema import connect, connect_for_reading
+
+logger = logging.getLogger(__name__)
+
+# Primary result codes after which it is unknown what the file holds.
+DAMAGE = (
+    *(sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB),
+    *(sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PROTOCOL),
+)
+BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 
 
 class LedgerFile:
@@ -19,7 +35,9 @@ class LedgerFile:
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
         """Open the ledger at `path`; create it if missing (unless `read_only`). Raises UsageError and DiskFull."""
         self.path = path
-        self._connection = connect_for_reading(path) if read_only else connect(path)
+        self.damaged = False  # the file may not hold what was committed: see `write_anew`
+        self._file: sqlite3.Connection | None = connect_for_reading(path) if read_only else connect(path)
+        self._memory = self._file if read_only else held_in_memory(self._file)
 
     def __enter__(self) -> Self:
         return self
@@ -30,7 +48,9 @@ class LedgerFile:
         self.close()
 
     def close(self) -> None:
-        self._connection.close()
+        self._memory.close()
+        if self._file is not None:
+            self._file.close()
 
     def make_durable(self) -> None:
         """Sync all committed changes to disk; callable from any thread. Raises DiskFull and OSError.
@@ -38,34 +58,68 @@ class LedgerFile:
         With `synchronous = NORMAL` SQLite itself syncs only at a checkpoint of its write-ahead log.
         """
         log = self.path.with_name(f"{self.path.name}-wal")
-        with telling_disk_full(self.path), suppress(FileNotFoundError):  # without a log everything is in the main file
-            sync_file(log)
+        try:
+            with telling_disk_full(self.path), suppress(FileNotFoundError):  # without a log all is in the main file
+                sync_file(log)
+        except OSError:
+            self.damaged = True  # after a failed sync the system may have dropped what it could not write
+            raise
+
+    def write_anew(self) -> None:
+        """Replace the file by one that holds what is in memory. Raises DiskFull and OSError, and may be repeated."""
+        if self._file is not None:
+            self._file.close()  # a file that is no longer at its path is left as it is by SQLite
+            self._file = None
+        part = self.path.with_name(f".{self.path.name}.part")
+        with self._watched():
+            _remove(part, *_companions(part))
+            part.touch()  # tells why, if that is impossible, in better words than SQLite
+            with closing(sqlite3.connect(part, isolation_level=None)) as new:
+                self._memory.backup(new)
+            sync_file(part)
+            _remove(*_companions(self.path))  # a log that is left would be taken for the new file's
+            part.replace(self.path)
+            sync_folder(self.path.parent)
+            self._file = connect(self.path)
+        self.damaged = False
+
+    def verify(self) -> None:
+        """Read the whole file as others do; note if it does not hold what is in memory: something else may have written to it."""
+        try:
+            with closing(connect_for_reading(self.path)) as found:
+                whole = found.execute("PRAGMA quick_check").fetchone()[0] == "ok"
+                self.damaged |= not whole or _counts(found) != _counts(self._memory)
+        except (sqlite3.DatabaseError, UsageError):
+            logger.warning("%s cannot be read", self.path, exc_info=True)
+            self.damaged = True
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Commit all changes inside together, or none. Nested transactions are part of the outer one."""
-        if self._connection.in_transaction:
+        if self._memory.in_transaction:
             yield
             return
-        with telling_disk_full(self.path):
-            self._connection.execute("BEGIN IMMEDIATE")
+        with self._watched():
+            file = self._opened()
             try:
+                file.execute("BEGIN IMMEDIATE")
+                self._memory.execute("BEGIN IMMEDIATE")
                 yield
-                self._connection.execute("COMMIT")
+                file.execute("COMMIT")
+                self._memory.execute("COMMIT")
             finally:
                 # SQLite rolls back by itself on some errors (a full disk), not on others.
-                if self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
+                for one in (self._memory, file):
+                    if one.in_transaction:
+                        one.execute("ROLLBACK")
 
     def write(self, sql: str, *values: object) -> int:
         """Run one statement; returns the id of the inserted row."""
-        with telling_disk_full(self.path):
-            return self._connection.execute(sql, values).lastrowid or 0
+        return self._run(sql, values).lastrowid or 0
 
     def changed(self, sql: str, *values: object) -> int:
         """Run one statement; returns the number of changed rows."""
-        with telling_disk_full(self.path):
-            return self._connection.execute(sql, values).rowcount
+        return self._run(sql, values).rowcount
 
     def update(self, sql: str, *values: object) -> None:
         """Change exactly one row, identified by the last value. Raises LookupError if there is none."""
@@ -73,4 +127,59 @@ class LedgerFile:
             raise LookupError(f"nothing of that name in {self.path}: {values[-1]!r}")
 
     def rows(self, sql: str, *values: object) -> list[sqlite3.Row]:
-        return self._connection.execute(sql, values).fetchall()
+        return self._memory.execute(sql, values).fetchall()
+
+    def _run(self, sql: str, values: tuple[object, ...]) -> sqlite3.Cursor:
+        with self.transaction():
+            self._opened().execute(sql, values)
+            return self._memory.execute(sql, values)
+
+    def _opened(self) -> sqlite3.Connection:
+        if self._file is None:
+            raise CannotWrite(f"{self.path} is not there")
+        return self._file
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Note what leaves the file in doubt. Raises DiskFull; CannotWrite for a file in doubt or locked; other errors as
+        they are."""
+        try:
+            with telling_disk_full(self.path):
+                yield
+        except sqlite3.DatabaseError as error:
+            if code(error) in BUSY:
+                text = f"{self.path} is locked by another program: close it there, then it goes on"
+                raise CannotWrite(text) from error
+            if code(error) not in DAMAGE:
+                raise
+            self.damaged = True
+            raise CannotWrite(f"{self.path} cannot be written ({error})") from error
+
+
+def held_in_memory(file: sqlite3.Connection) -> sqlite3.Connection:
+    """A copy of a database."""
+    memory = sqlite3.connect(":memory:", isolation_level=None)
+    file.backup(memory)
+    memory.row_factory = sqlite3.Row
+    memory.execute("PRAGMA foreign_keys = ON")
+    return memory
+
+
+def _counts(database: sqlite3.Connection) -> list[int]:
+    tables = database.execute("SELECT name FROM sqlite_schema WHERE type = 'table' ORDER BY name").fetchall()
+    return [database.execute(f"SELECT count(*) FROM {name}").fetchone()[0] for (name,) in tables]
+
+
+def code(error: sqlite3.Error) -> int:
+    """SQLite's primary result code; 0 if unknown. A full disk is told apart by `is_disk_full`."""
+    assert not is_disk_full(error), "converted before"
+    return int(getattr(error, "sqlite_errorcode", 0)) & 0xFF
+
+
+def _companions(path: Path) -> Iterable[Path]:
+    return (path.with_name(f"{path.name}{end}") for end in ("-wal", "-shm", "-journal"))
+
+
+def _remove(*paths: Path) -> None:
+    for path in paths:
+        path.unlink(missing_ok=True)

@@ -27,6 +27,27 @@ class FolderLock:
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
 
+    def holds(self, folder: Path) -> bool:
+        """Whether this is the lock of the folder that is at this path now."""
+        return self._descriptor is not None and is_still_there(self._descriptor, folder / LOCK_NAME)
+
+    @property
+    def is_deleted(self) -> bool:
+        """Whether its file was deleted, not moved away or lost with its mount."""
+        try:
+            return self._descriptor is not None and os.fstat(self._descriptor).st_nlink == 0
+        except OSError:  # the disk is gone
+            return False
+
+    def move_to(self, folder: Path) -> bool:
+        """Hold this folder instead; False if another program holds it. Raises OSError if it cannot be written."""
+        new = try_lock(folder)
+        if new is None:
+            return False
+        self.release()
+        self._descriptor = new._descriptor
+        return True
+
     def release(self) -> None:
         if self._descriptor is not None:
             os.close(self._descriptor)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import logging
+import os
 import re
 import sys
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Literal
 
 from gcs_mosaic.messages import Notice
+from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.documents import iso_utc
 
 BAR = "  | "  # before each line of a traceback
@@ -76,12 +78,34 @@ class LogFile(RotatingFileHandler):
             why = getattr(error, "strerror", None) or repr(error)
             self._trouble(f"{self.baseFilename} cannot be written ({why}): the flight goes on without it")
 
+    def shouldRollover(self, record: logging.LogRecord) -> bool:  # noqa: N802 - overrides the base class
+        """Never by renaming a file at this path that is not ours."""
+        stream = self.stream
+        return bool(super().shouldRollover(record)) and (stream is None or is_at(stream.fileno(), self.baseFilename))
+
+    def reopen(self) -> None:
+        """Go on in the file at the path, after the folder was lost. It begins with what was written so far, if that can still be
+        read; else it may be older."""
+        self.acquire()
+        try:
+            old = self.stream
+            if old is None or is_at(old.fileno(), self.baseFilename):
+                return
+            written = _written(old)
+            if written:
+                write_beside(Path(self.baseFilename), written)
+            self.stream = self._open()
+            with suppress(OSError):
+                old.close()
+        finally:
+            self.release()
+
     def close(self) -> None:
         with suppress(OSError):
             super().close()
 
     def _open(self) -> io.TextIOWrapper:
-        file = _WholeLines(self.baseFilename, "ab")
+        file = _WholeLines(self.baseFilename, "a+b")
         return io.TextIOWrapper(file, encoding="utf-8", errors="backslashreplace", write_through=True)
 
 
@@ -98,6 +122,24 @@ class _WholeLines(io.FileIO):
                 self.truncate(end)
             raise
         return done
+
+
+def is_at(descriptor: int, path: str | Path) -> bool:
+    """Whether the open file is the one at this path."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), Path(path).stat())
+    except OSError:
+        return False
+
+
+def _written(stream: io.TextIOWrapper) -> bytes:
+    """Everything in an open file, which may have no name any more."""
+    try:
+        with os.fdopen(os.dup(stream.fileno()), "rb") as file:
+            file.seek(0)
+            return file.read()
+    except OSError:  # its disk is gone
+        return b""
 
 
 class TerminalHandler(logging.Handler):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE
@@ -48,6 +48,7 @@ class Manifest:
         self.revision = last_revision(out)
         self._given = self.revision  # includes failed writes: readers may have seen parts of them
         self._placements = Placements(out)
+        self._told: Contents | None = None
 
     def write(self, contents: Contents, *, everything: bool = False) -> int:
         """Write the frame news (all frames if `everything`), then mosaic.json; returns the new revision.
@@ -57,8 +58,18 @@ class Manifest:
         self._given += 1
         self._placements.write(self._given, contents.frames, everything=everything)
         write_json(self.out / "mosaic.json", mosaic_document(contents, self._given))
-        self.revision = self._given
+        self.revision, self._told = self._given, contents
         return self.revision
+
+    def write_accounts(self, accounts: Accounts, utc: float) -> None:
+        """Write mosaic.json with newer accounts: nothing else has changed, and the revision stays. Raises DiskFull."""
+        if self._told is not None:
+            self._told = replace(self._told, accounts=accounts, updated_utc=utc, frames=FrameNews())
+            write_json(self.out / "mosaic.json", mosaic_document(self._told, self.revision))
+
+    def begin_anew(self) -> None:
+        """The documents may be gone: write them whole next time."""
+        self._placements.begin_anew()
 
     def catch_up(self) -> None:
         """Bring placements.json up to this revision. Raises DiskFull."""

@@ -2,11 +2,12 @@
 
 A camera in flight may rewrite a file that it has finished, and a hard link would follow: so frames are copied and
 checked against their hash, unless the folder is finished (nobody writes there any more) or disk space is
-short.
+short. Then they are linked, and where that is impossible (another disk) not kept until there is room again.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import logging
 import os
@@ -22,6 +23,9 @@ from gcs_mosaic.store.disk import CannotWrite, make_folder, sync_file, sync_fold
 logger = logging.getLogger(__name__)
 
 GB = 10**9
+AGAIN_SHARE = 1 / 20  # of the reserve: this much more must be free before originals are copied again
+# Errors that come from a frame's name, not from the disk: waiting would not help.
+OF_THE_NAME = (errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
 LONGEST_PART = 200  # bytes of UTF-8; most file systems allow 255, and a temporary name is a little longer
 
 
@@ -33,7 +37,8 @@ class OriginalsSettings:
     keep: Literal["copy", "link"] = "copy"
     # Beyond this, frames are only linked, which takes no space; reported. A long day is about 5 000 frames of 5 MB.
     budget_gb: float = 50.0
-    # Disk space reserved for the map (about 1 GB for a flight); below it, frames are only linked.
+    # Disk space reserved for the map (about 1 GB for a flight), but at most half of what is free when the flight begins; below
+    # it, frames are only linked.
     reserve_gb: float = 2.0
 
 
@@ -43,15 +48,16 @@ class KeptOriginal:
 
     path: str
     linked: bool
-    notice: Notice | None  # issued once, when the budget or the disk's reserve is reached
+    notice: Notice | None  # issued once, when the budget or the disk's reserve is reached, or there is room again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotKept:
-    """Why a frame's original was not kept."""
+    """Why a frame's original was not kept; `for_lack_of_room`: it may be kept later."""
 
     reason: str
     notice: Notice | None
+    for_lack_of_room: bool = False
 
 
 class Originals:
@@ -63,10 +69,10 @@ class Originals:
     def __init__(self, out: Path, settings: OriginalsSettings | None = None) -> None:
         self.out = out
         self.settings = settings or OriginalsSettings()
-        self.used = sum(path.stat().st_size for path in (out / "frames").rglob("*") if path.is_file())
-        self._said = False
+        self._is_short = False
         self._ahead: dict[str, KeptOriginal] = {}  # kept before `keep` was called, by content hash
         self._lock = threading.Lock()
+        self._measure()
 
     def keep_ahead(self, frame: Frame) -> Frame:
         """Keep a frame for which `keep` will be called later; returns it as kept, or unchanged if there is no space now."""
@@ -86,23 +92,34 @@ class Originals:
         return replace(frame, path=self.out / kept.path)
 
     def keep(self, frame: Frame) -> KeptOriginal | NotKept:
-        """Keep one frame. Raises DiskFull."""
+        """Keep one frame. Raises DiskFull and OSError."""
         kept = self._ahead.pop(frame.content_hash, None)  # does not wait for other frames being kept ahead
         if kept is not None:
             return kept
         with self._lock:
             return self._ahead.pop(frame.content_hash, None) or self._keep(frame)
 
+    def forget_lost(self) -> None:
+        """Forget files that are no longer there: the folder has been made anew."""
+        with self._lock:
+            self._ahead = {one: kept for one, kept in self._ahead.items() if (self.out / kept.path).exists()}
+            self._measure()
+
+    def _measure(self) -> None:
+        self.used = bytes_below(self.out / "frames")
+        room = shutil.disk_usage(self.out).free + self.used
+        self.reserve = min(int(self.settings.reserve_gb * GB), room // 2)
+
     def _keep(self, frame: Frame) -> KeptOriginal | NotKept:
         shortage = self._shortage(frame.size)
-        notice = self._say_once(shortage) if shortage else None
         target = free_place(self.out / relative_place(frame.name), frame.content_hash)
         reason = None
-        linked = (self.settings.keep == "link" or shortage is not None) and link(frame.path, target)
+        linked = (self.settings.keep == "link" or shortage is not None) and link(frame.path, target, self.out)
+        notice = self._say_change(shortage, kept=linked)
         if not linked:
             reason = shortage or self._copy(frame, target)
         if reason is not None:
-            return NotKept(reason=reason, notice=notice)
+            return NotKept(reason=reason, notice=notice, for_lack_of_room=shortage is not None)
         return KeptOriginal(path=target.relative_to(self.out).as_posix(), linked=linked, notice=notice)
 
     def _copy(self, frame: Frame, target: Path) -> str | None:
@@ -118,9 +135,11 @@ class Originals:
             if content_hash(data) != frame.content_hash:
                 return "the file was written again before it could be kept"
         try:
-            make_folder(target.parent, durable=True)
+            make_folder(target.parent, self.out, durable=True)
             write_beside(target, data, durable=True)
-        except OSError as error:  # such as a folder in place of a file of that name
+        except OSError as error:
+            if error.errno not in OF_THE_NAME:
+                raise
             return f"{target} could not be written ({error.strerror})"
         self.used += len(data)
         return None
@@ -128,19 +147,24 @@ class Originals:
     def _shortage(self, size: int) -> str | None:
         """Why this many bytes should no longer be copied."""
         free = shutil.disk_usage(self.out).free
-        if free - size < self.settings.reserve_gb * GB:
-            return (
-                f"only {free / GB:.1f} GB are free on the disk ({self.settings.reserve_gb:g} GB are kept for the map)"
-            )
-        if self.used + size > self.settings.budget_gb * GB:
+        slack = AGAIN_SHARE if self._is_short else 0.0  # lest every other frame of a nearly full disk is said to fit
+        if free - size < self.reserve * (1 + slack):
+            return f"only {free / GB:.3g} GB are free on the disk ({self.reserve / GB:.3g} GB are kept for the map)"
+        if self.used + size > self.settings.budget_gb * GB * (1 - slack):
             return f"the originals take {self.used / GB:.1f} GB, the budget is {self.settings.budget_gb:g} GB"
         return None
 
-    def _say_once(self, shortage: str) -> Notice | None:
-        if self._said:
+    def _say_change(self, shortage: str | None, *, kept: bool) -> Notice | None:
+        """What has changed for the next frames, once."""
+        if self._is_short == (shortage is not None):
             return None
-        self._said = True
+        self._is_short = shortage is not None
+        if shortage is None:
+            text = "there is room again: originals are copied as before"
+            return Notice(source="originals", level="info", text=text, topic=Topic.DISK)
         advice = "from now on frames are linked instead of copied: do not write again into their files"
+        if not kept:
+            advice = "from now on originals are not kept until there is room: leave the frames where they are"
         return Notice(source="originals", level="warning", text=f"{shortage}; {advice}", topic=Topic.DISK)
 
 
@@ -181,12 +205,17 @@ def free_place(target: Path, expected_hash: str) -> Path:
     return target.with_name(f"{target.stem}~{expected_hash[:12]}{target.suffix}")
 
 
-def link(source: Path, target: Path) -> bool:
+def bytes_below(folder: Path) -> int:
+    """Size of all files in a folder."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def link(source: Path, target: Path, root: Path) -> bool:
     """Hard link `target` to `source`; False if impossible (another disk, a file system without links)."""
     if target.exists():
         return True
     try:
-        make_folder(target.parent, durable=True)
+        make_folder(target.parent, root, durable=True)
         target.hardlink_to(source.resolve())
         sync_file(target)
         sync_folder(target.parent)

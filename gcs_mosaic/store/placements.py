@@ -27,6 +27,7 @@ class Placements:
         self._whole, self._journal = out / WHOLE_NAME, out / JOURNAL_NAME
         self._listing = Listing()
         self._listed = self._told = 0  # revisions: of placements.json, of the journal's last line
+        self._lost = False
         self._due = 0.0  # monotonic seconds: earliest next write of placements.json
 
     def write(self, revision: int, news: FrameNews, *, everything: bool) -> None:
@@ -35,16 +36,21 @@ class Placements:
         placements.json is written first: a reader of the journal and then placements.json misses nothing.
         """
         line = self._listing.text(revision, self._listing.tell(news))
-        begin_anew = not self._journal.exists()
+        begin_anew = self._lost or not self._journal.exists()
         if everything or begin_anew or time.monotonic() >= self._due:
             self._list(revision)
             begin_anew |= self._journal.exists() and self._journal.stat().st_size > JOURNAL_BYTES
+        self._lost = True  # until it is done: a line may be torn
         if begin_anew:
             since = compact({"format": FORMAT, "since": revision - 1})
             write_beside(self._journal, f"{since}\n{line}\n".encode("ascii"))
         else:
             append(self._journal, f"{line}\n".encode("ascii"))
-        self._told = revision
+        self._told, self._lost = revision, False
+
+    def begin_anew(self) -> None:
+        """Both files may be gone, or older than what was written: write them whole next time."""
+        self._lost = True
 
     def catch_up(self) -> None:
         """List every frame, if the journal is ahead of placements.json. Raises DiskFull."""

@@ -11,7 +11,8 @@ from gcs_mosaic.store.disk import telling_disk_full
 
 VERSION = 9  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
-BUSY_S = 5.0  # how long to wait for a reader that holds the file (an export during the flight)
+BUSY_S = 5.0  # how long a reader waits for another program that holds the file
+WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
 
 # Bit-exact numbers have no declared type, so that SQLite stores them unchanged (a REAL column
 # turns whole numbers into integers on disk, and -0.0 into 0).
@@ -151,7 +152,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
 def connect(path: Path) -> sqlite3.Connection:
     """The ledger at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
     with telling_disk_full(path):
-        connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
+        connection = sqlite3.connect(path, timeout=WRITER_BUSY_S, isolation_level=None)
         try:
             prepare(connection, path)
         except BaseException:
@@ -160,11 +161,15 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def connect_for_reading(path: Path) -> sqlite3.Connection:
-    """The ledger at `path`, alongside the program that writes it. Raises UsageError if there is none of ours."""
+def connect_for_reading(path: Path, *, without_log: bool = False) -> sqlite3.Connection:
+    """The ledger at `path`, alongside the program that writes it. Raises UsageError if there is none of ours.
+
+    `without_log`: the main file alone, as of its last checkpoint: the log beside it may be another ledger's.
+    """
     if not path.is_file():
         raise UsageError(f"{path} does not exist: name a folder that gcs-mosaic has written a flight into")
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_S, isolation_level=None)
+    how = "immutable=1" if without_log else "mode=ro"
+    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, timeout=BUSY_S, isolation_level=None)
     try:
         connection.row_factory = sqlite3.Row
         if version_of(connection, path) == 0:

@@ -53,6 +53,7 @@ class TileWriter:
         self._root = root
         self._settings = settings or TileSettings()
         self._pool = ThreadPoolExecutor(self._settings.writers, thread_name_prefix="tiles")
+        self.there: set[TileKey] = set()  # tiles that were written, by this run or an earlier one
 
     def write(self, keys: Iterable[TileKey], shown: Callable[[int, Tile], Shown]) -> int:
         """Write the tiles of these keys, remove those that show nothing, and return once all is on disk; returns the number of
@@ -81,9 +82,11 @@ class TileWriter:
         picture = shown()
         if picture is None:
             remove_tile(self._root, island, tile)
+            self.there.discard((island, tile))
         else:
             with stage("encode", f"{island}/{tile.z}/{tile.x}/{tile.y}"):
                 write_tile(self._root, island, tile, picture, self._settings.jpeg_quality)
+            self.there.add((island, tile))
         return picture is not None
 
 
@@ -93,8 +96,8 @@ def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_q
     full = int(picture.coverage.min()) == 255
     if not full:
         # Before the colours, because a tile without a mask counts as full.
-        _put(mask, encode(".png", picture.coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3]))
-    _put(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality))
+        _put(mask, encode(".png", picture.coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3]), root)
+    _put(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality), root)
     if full:
         mask.unlink(missing_ok=True)
 
@@ -148,11 +151,11 @@ def encode_jpeg(colour: ImageBGR, coverage: Coverage, quality: int) -> bytes:
     return encode(".jpg", filled, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
 
 
-def _put(path: Path, data: bytes) -> None:
+def _put(path: Path, data: bytes, root: Path) -> None:
     try:
         write_beside(path, data)
     except FileNotFoundError:
-        make_folder(path.parent)
+        make_folder(path.parent, root)
         write_beside(path, data)
 
 

@@ -54,3 +54,21 @@ def test_of_a_folder_only_some_files_stay_in_memory(tmp_path: Path) -> None:
     inbox.fill([ItemSource(iter(frames), FAILED)])
     inbox.join()
     assert [inbox.next(0.0) for _ in frames] == [*frames[:FILES], *(replace(one, data=None) for one in frames[FILES:])]
+
+
+def test_until_when_everything_is_taken() -> None:
+    """An event is not missing while its frame waits behind it, however long the disk took."""
+    inbox = Inbox(threading.Event())
+    before = time.monotonic()
+    assert inbox.taken_until(before) == before
+    inbox.fill([ItemSource(iter([picture(number, None) for number in range(3)]), FAILED)])
+    inbox.join()
+    after = time.monotonic() + 100
+    assert [frame.name for frame in inbox.frames()] == ["0.jpg", "1.jpg", "2.jpg"]
+    assert inbox.taken_until(after) < before
+    inbox.next(0.0)
+    assert before <= inbox.taken_until(after) <= time.monotonic()
+    inbox.next(0.0)
+    inbox.next(0.0)
+    assert inbox.taken_until(after) == after
+    assert inbox.frames() == []

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import subprocess
 import time
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from gcs_mosaic.frames.directory import FolderWatch, Item
 from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, SourceReport
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport
 from tests.frames.image_files import encoded, picture, with_thumbnail
 
 JPEG, OTHER = with_thumbnail(encoded(".jpg")), encoded(".jpg", picture(seed=1))
@@ -112,6 +114,69 @@ def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(
     assert card.names(150) == ["a.jpg"]
 
 
+def test_a_file_that_cannot_be_read_for_a_passing_reason_is_not_damaged_and_taken_later(
+    card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That is told once, whatever the number of files; a sector that stays bad is told as damage after a minute."""
+    for name in "abc":
+        card.put(f"{name}.jpg", encoded(".jpg", picture(seed=ord(name))))
+    reasons = [errno.EIO, errno.EMFILE]
+    read = Path.read_bytes
+
+    def fail(path: Path) -> bytes:
+        if reasons and path.name == "a.jpg":
+            raise OSError(reasons[0], os.strerror(reasons[0]))
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", fail)
+    items = card.look(60)
+    assert [item.name for item in items if isinstance(item, Frame)] == ["b.jpg", "c.jpg"]
+    assert not [item for item in items if isinstance(item, DamagedFile)]
+    said = [item.text for item in items if isinstance(item, Notice) and item.level == "warning"]
+    assert said == [f"files in {card.folder} cannot be read (Input/output error): they are tried again"]
+    reported = [item for item in card.look(400) if isinstance(item, DamagedFile)]
+    assert reported == [DamagedFile(name="a.jpg", reason="cannot be read (Input/output error)")]
+    reasons.clear()
+    assert card.names(150) == ["a.jpg"]
+
+
+def test_a_folder_that_cannot_be_read_is_told_as_such(card: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    card.look(2)
+
+    def fail(path: object) -> None:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "scandir", fail)
+        texts = [item.text for item in card.look(4) if isinstance(item, Notice)]
+    assert texts == [
+        f"the folder {card.folder} cannot be read (Too many open files): bring it back; the flight goes on, and takes what it "
+        "missed"
+    ]
+    assert [item.text for item in card.look(2) if isinstance(item, Notice)] == [f"the folder {card.folder} is back"]
+
+
+def test_the_empty_folder_below_a_lost_mount_is_told_as_gone(tiny_disk: Path) -> None:
+    card = Card(tiny_disk)
+    card.put("a.jpg")
+    assert card.names() == ["a.jpg"]
+    subprocess.run(["umount", "--lazy", tiny_disk], check=True)
+    try:
+        items = card.look(3)
+        texts = [item.text for item in items if isinstance(item, Notice)]
+        assert texts == [
+            f"the folder {tiny_disk} is empty, its disk is gone: bring it back; the flight goes on, and takes what it missed"
+        ]
+        assert [item.state for item in items if isinstance(item, SourceReport)] == ["missing"]
+    finally:
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", tiny_disk], check=True)
+    card.put("a.jpg")
+    card.put("b.jpg", OTHER)
+    items = card.look(3)
+    assert f"the folder {tiny_disk} is back" in [item.text for item in items if isinstance(item, Notice)]
+    assert "b.jpg" in [item.name for item in items if isinstance(item, Frame)]
+
+
 def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
     card: Card, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,7 +184,7 @@ def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
     card.put("b.jpg", OTHER)
     read = candidate.read_whole
 
-    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | None:
+    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | candidate.Unread | None:
         if look.name == "a.jpg":
             look.path.unlink(missing_ok=True)
         return read(look, settings)

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_mosaic.messages import content_hash
+from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.store.disk import DiskFull
+from gcs_mosaic.store.lost_originals import LostOriginals
 from gcs_mosaic.store.originals import (
     KeptOriginal,
     NotKept,
@@ -155,12 +156,77 @@ def test_budget_is_said_once_and_frames_are_linked_from_then_on(tmp_path: Path, 
     assert "budget" in kept[1].notice.text
 
 
-def test_disk_without_reserve_and_without_links_is_a_reason(tmp_path: Path, tiny_disk: Path) -> None:
-    frame = written_frame(tmp_path / "watched")
-    kept = Originals(tiny_disk, OriginalsSettings(reserve_gb=1.0)).keep(frame)
-    assert isinstance(kept, NotKept)
-    assert "free on the disk" in kept.reason
-    assert kept.notice is not None
+def test_on_a_disk_smaller_than_the_reserve_originals_are_kept_while_half_of_it_is_free(
+    tmp_path: Path, tiny_disk: Path
+) -> None:
+    """What has no room is told once, and once more when there is room again."""
+    originals = Originals(tiny_disk, OriginalsSettings(reserve_gb=2.0))
+
+    def keep(number: int) -> KeptOriginal | NotKept:
+        data = bytes([number]) * 100_000
+        return originals.keep(written_frame(tmp_path / "watched", f"{number}.jpg", data))
+
+    kept = [keep(number) for number in range(10)]
+    places = [one for one in kept if isinstance(one, KeptOriginal)]
+    assert 4 <= len(places) <= 5
+    assert all((tiny_disk / one.path).stat().st_size == 100_000 for one in places)
+    assert all(isinstance(one, NotKept) and one.for_lack_of_room for one in kept[len(places) :])
+    told = [one.notice.text for one in kept if one.notice]
+    assert len(told) == 1
+    assert "not kept until there is room: leave the frames where they are" in told[0]
+    for one in places[:3]:
+        (tiny_disk / one.path).unlink()
+    again = [keep(number) for number in (10, 11)]
+    assert [one.notice.text for one in again if one.notice] == ["there is room again: originals are copied as before"]
+    assert all(isinstance(one, KeptOriginal) for one in again)
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EROFS, errno.ENOENT])
+def test_a_disk_that_fails_is_waited_for_not_done_without(
+    tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    frame, originals = written_frame(tmp_path / "watched"), Originals(out, COPY)
+
+    def fail(descriptor: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        with pytest.raises(OSError, match=os.strerror(number)):
+            originals.keep(frame)
+    assert originals.keep(frame) == KeptOriginal(path="frames/a.jpg", linked=False, notice=None)
+
+
+def test_a_folder_that_is_gone_is_not_made_anew_by_an_original(tmp_path: Path, out: Path) -> None:
+    frame, originals = written_frame(tmp_path / "watched"), Originals(out, COPY)
+    out.rmdir()
+    with pytest.raises(FileNotFoundError):
+        originals.keep(frame)
+    assert not out.exists()
+
+
+def test_lost_originals_are_found_by_their_content(tmp_path: Path, out: Path) -> None:
+    """One is where it was, one was written over, one comes back later."""
+    watched, originals = tmp_path / "watched", Originals(out, COPY)
+    frames = [written_frame(watched, f"{name}.jpg", name.encode()) for name in "abc"]
+    (watched / "b.jpg").write_bytes(b"another")
+    (watched / "c.jpg").unlink()
+    lost = LostOriginals(originals, lambda name: watched / name)
+    lost.add(frames)
+    found = {frame.name: kept for frame, kept in [lost.next(0.0) for _ in range(3)]}
+    assert {name for name, kept in found.items() if isinstance(kept, KeptOriginal)} == {"a.jpg"}
+    assert (out / "frames/a.jpg").read_bytes() == b"a"
+    assert not lost.is_due(1.0)
+    assert lost.is_due(31.0)
+    (watched / "c.jpg").write_bytes(b"c")
+    assert {name for name, kept in _of([lost.next(31.0) for _ in range(2)]) if isinstance(kept, KeptOriginal)} == {
+        "c.jpg"
+    }
+    assert len(lost) == 1
+
+
+def _of(tried: list[tuple[Frame, KeptOriginal | NotKept | None]]) -> list[tuple[str, KeptOriginal | NotKept | None]]:
+    return [(frame.name, kept) for frame, kept in tried]
 
 
 @pytest.mark.parametrize(
