@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.store.disk import telling_disk_full
+from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
 VERSION = 8  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
@@ -155,6 +155,7 @@ def connect(path: Path) -> sqlite3.Connection:
         except BaseException:
             connection.close()
             raise
+        sync_folder(path.parent)  # the ledger and its log are found again after a power cut, on FAT too
     return connection
 
 

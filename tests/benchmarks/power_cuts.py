@@ -48,21 +48,23 @@ class Cut:
         return not self.broken and not self.missing and not self.ahead and self.resumable
 
 
-def cuts(count: int, kind: str = "ext4", seed: int = 0) -> Iterator[Cut]:
+def cuts(count: int, kind: str = "ext4", seed: int = 0, each_s: float = EACH_S) -> Iterator[Cut]:
     """Fly as often as it takes, and cut the power so many times, at random moments."""
     chance = random.Random(seed)
     pictures = list(plan("survey", (640, 480), seed=3, world_size=2048, route=Plan(frames=FRAMES)).pictures())
     done = 0
     while done < count:
         with tempfile.TemporaryDirectory(prefix="power-cuts-") as scratch:
-            for cut in flown(Path(scratch), kind, pictures, chance):
+            for cut in flown(Path(scratch), kind, pictures, chance, each_s):
                 yield cut
                 done += 1
                 if done == count:
                     return
 
 
-def flown(scratch: Path, kind: str, pictures: list[bytes], chance: random.Random) -> Iterator[Cut]:
+def flown(
+    scratch: Path, kind: str, pictures: list[bytes], chance: random.Random, each_s: float = EACH_S
+) -> Iterator[Cut]:
     """One flight, cut about five times."""
     image, place = scratch / "disk.img", scratch / "disk"
     make_disk(image, kind)
@@ -70,7 +72,7 @@ def flown(scratch: Path, kind: str, pictures: list[bytes], chance: random.Random
         seen: dict[str, float] = {}
         for number, picture in enumerate(pictures):
             flight.take(f"IMG_{number:03}.JPG", picture)
-            until = time.monotonic() + EACH_S
+            until = time.monotonic() + each_s
             while time.monotonic() < until:
                 note_frames(flight, seen)
                 time.sleep(0.02)
@@ -147,9 +149,10 @@ def main() -> int:
     parser.add_argument("--cuts", type=int, default=20)
     parser.add_argument("--disk", choices=["ext4", "vfat", "exfat"], default="ext4")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--each", type=float, default=EACH_S, metavar="S", help="seconds between pictures")
     asked = parser.parse_args()
     harm = 0
-    for number, cut in enumerate(cuts(asked.cuts, asked.disk, asked.seed), 1):
+    for number, cut in enumerate(cuts(asked.cuts, asked.disk, asked.seed, asked.each), 1):
         harm += not cut.harmless
         print(f"{number:4} {cut}", flush=True)
     print(f"{harm} of {asked.cuts} cuts did harm")
