@@ -146,6 +146,10 @@ ALTER TABLE new_frames RENAME TO frames;
 }
 
 
+class DamagedLedger(UsageError):  # noqa: N818 - names a state, not an error
+    """A file that should be a ledger and cannot be read as one; the message says why."""
+
+
 def connect(path: Path) -> sqlite3.Connection:
     """The ledger at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
     with telling_disk_full(path):
@@ -200,7 +204,10 @@ def version_of(connection: sqlite3.Connection, path: Path) -> int:
     except sqlite3.DatabaseError as error:
         if isinstance(error, sqlite3.OperationalError):
             raise
-        raise UsageError(f"{path} is not a flight's ledger ({error}): move it away or choose another --out") from error
+        text = (
+            f"{path} is not a flight's ledger ({error}): move it away or choose another --out, or see gcs-mosaic check"
+        )
+        raise DamagedLedger(text) from error
     if empty:
         return 0
     if application != APPLICATION:
