@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from gcs_mosaic.check.documents import STATUS_NAME, check_documents, write_documents
+from gcs_mosaic.check.documents import STATUS_NAME, check_documents, has_lost_the_map, write_documents
 from gcs_mosaic.check.findings import Findings, Part, Progress
 from gcs_mosaic.check.invariants import check_rows, settle_rows
 from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals
@@ -18,7 +18,7 @@ from gcs_mosaic.check.snapshot import ledger_copy
 from gcs_mosaic.check.tiles import check_tiles, compare_tiles, painted_map, repair_tiles
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.checkpoint import NAME as CHECKPOINT_NAME
-from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
+from gcs_mosaic.store.checkpoint import VALUES_NAME, Checkpoints, Unusable
 from gcs_mosaic.store.folder import LEDGER_NAME, find_flight
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import FolderLock, is_locked, try_lock
@@ -54,6 +54,8 @@ def check(flight: Path, progress: Progress, *, every_tile: bool = False) -> Find
             check_tiles(shown, tiles, progress)
             if every_tile:
                 compare_tiles(shown, tiles, progress)
+            else:
+                tiles.notes.append("not painted again: --tiles compares each with ledger and originals")
             check_documents(flight, ledger, shown.layout.extents, documents)
         if not written:
             check_checkpoint(flight, ledger, checkpoint)
@@ -85,7 +87,8 @@ def check_checkpoint(flight: Path, ledger: Ledger, part: Part) -> None:
         saved = checkpoints.load()
     part.checked = 1
     if isinstance(saved, Unusable):
-        part.fault(CHECKPOINT_NAME, saved.reason)
+        there = (flight / VALUES_NAME).exists()
+        part.fault(CHECKPOINT_NAME, saved.reason if there else f"{VALUES_NAME}, to which it refers, is missing")
         return
     known = {frame.name for frame in ledger.frames()}
     ahead = sum(name not in known for name in _processed(saved))
@@ -105,12 +108,16 @@ def _repaired(flight: Path, progress: Progress, sources: Sequence[Path]) -> Iter
     for path in list(_unfinished(flight)):
         path.unlink(missing_ok=True)
         yield f"{path.relative_to(flight)} was removed: it was never finished"
-    lost = _unreadable(flight)
+    with ledger_copy(flight, written=False) as opened:
+        lost = isinstance(opened, DamagedLedger)
+        version = VERSION if isinstance(opened, DamagedLedger) else opened[1]
     if lost:
         yield salvage(flight)
+    if version != VERSION:
+        yield f"the ledger was brought from version {version} of the schema to {VERSION}"
     with Ledger(flight / LEDGER_NAME) as ledger:
         if lost and (adopted := adopt_originals(flight, ledger)):
-            yield f"{adopted} originals that the ledger has lost were recorded as frames still to be placed"
+            yield f"originals that the ledger has lost were recorded as frames still to be placed ({adopted})"
         yield from _settled(flight, ledger, progress, sources)
         yield from _checkpoint_set_aside(flight, ledger)
         damaged = Part("originals", "files")
@@ -128,7 +135,7 @@ def _settled(flight: Path, ledger: Ledger, progress: Progress, sources: Sequence
     if rows.faults:
         started_utc = min((frame.modified for frame in ledger.frames() if frame.modified), default=0.0)
         settle_rows(ledger, flight.resolve().name, started_utc)
-        yield f"{len(rows.faults)} contradictions of the ledger were settled: frames in doubt are pending again"
+        yield f"contradictions of the ledger were settled ({len(rows.faults)}): frames in doubt are pending again"
     check_originals(flight, ledger, originals, progress)
     yield from restore_originals(flight, ledger, originals.subjects, list(sources))
 
@@ -145,14 +152,11 @@ def _checkpoint_set_aside(flight: Path, ledger: Ledger) -> Iterator[str]:
 def _documents(flight: Path, ledger: Ledger, extents: Any) -> Iterator[str]:
     part = Part("documents", "documents")
     check_documents(flight, ledger, extents, part)
-    if part.faults:
+    if part.faults and has_lost_the_map(flight, ledger):
+        yield "the documents stay as they are: they tell more of the map than is left of the ledger"
+    elif part.faults:
         write_documents(flight, ledger, extents)
         yield "the documents were written anew"
-
-
-def _unreadable(flight: Path) -> bool:
-    with ledger_copy(flight, written=False) as opened:
-        return isinstance(opened, DamagedLedger)
 
 
 def _locked(flight: Path) -> FolderLock:

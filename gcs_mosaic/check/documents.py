@@ -59,6 +59,12 @@ def write_documents(flight: Path, ledger: Ledger, extents: Extents) -> None:
         _write_status(flight, ledger, manifest.revision)
 
 
+def has_lost_the_map(flight: Path, ledger: Ledger) -> bool:
+    """Whether the documents list frames on the map, and the ledger none."""
+    told = _quietly(flight / MOSAIC_NAME).get("frames")
+    return not ledger.accounts().frames.placed and isinstance(told, dict) and bool(told.get("placed"))
+
+
 def _write_status(flight: Path, ledger: Ledger, revision: int) -> None:
     status = _quietly(flight / STATUS_NAME)
     if not status:

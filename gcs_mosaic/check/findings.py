@@ -47,6 +47,11 @@ class Findings:
     def is_whole(self) -> bool:
         return not any(part.faults for part in self.parts)
 
+    @property
+    def resumable(self) -> bool:
+        """Whether there is a checkpoint that can be read."""
+        return any(part.name == "checkpoint" and part.checked and not part.faults for part in self.parts)
+
     def document(self) -> dict[str, Any]:
         """As for --json."""
         parts = [asdict(part) for part in self.parts]

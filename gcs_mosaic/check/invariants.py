@@ -98,6 +98,9 @@ READ: dict[str, tuple[str, Callable[[Row], object]]] = {
 def check_rows(ledger: Ledger, part: Part) -> None:
     """Add what contradicts the rules to `part`."""
     part.checked = ledger.rows("SELECT count(*) FROM frames")[0][0]
+    pending = ledger.rows("SELECT count(*) FROM frames WHERE state = 'pending'")[0][0]
+    if pending:
+        part.notes.append(f"{pending} frames are still to be placed: gcs-mosaic --resume, or stitch")
     if not _has_flight(ledger):
         part.fault("flight", "the row that names the flight, and how it is painted, is missing or cannot be read")
     for table, row in _dangling(ledger):

@@ -9,6 +9,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.schema import VERSION, DamagedLedger, connect_for_reading, version_of
@@ -44,6 +45,8 @@ def _opened(flight: Path, copy: Path, *, written: bool) -> tuple[Ledger, int] | 
         return DamagedLedger(f"{flight / LEDGER_NAME} does not exist")
     except sqlite3.DatabaseError as error:
         return DamagedLedger(f"{flight / LEDGER_NAME} cannot be read ({error})")
+    except OSError as error:
+        raise UsageError(f"{flight / LEDGER_NAME} cannot be copied to look into it ({error})") from error
     problem = integrity_problem(ledger)
     if problem is None:
         return ledger, version or VERSION

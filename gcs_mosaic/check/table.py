@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,8 @@ SHOWN = 5  # names of each kind of fault
 
 def run(flight: Path, console: Console, *, mend: bool, every_tile: bool, sources: list[Path], as_json: bool) -> int:
     """Check (or repair) a flight and print the result; returns the exit code: 0 if it is whole, else 1."""
+    # What cannot be read is in the findings; Python would print tracebacks of it, as there is no log.
+    logging.getLogger("gcs_mosaic").addHandler(logging.NullHandler())
     with _progress_on(Console(stderr=True)) as progress:
         found = repair(flight, progress, sources) if mend else check(flight, progress, every_tile=every_tile)
     if as_json:
@@ -52,7 +55,9 @@ def verdict(found: Findings, *, mended: bool) -> str:
     faults = sum(len(part.faults) for part in found.parts)
     count = "1 fault" if faults == 1 else f"{faults} faults"
     if mended:
-        return f"{found.flight}: {count} cannot be repaired: gcs-mosaic stitch {Path(found.flight) / 'frames'} makes the map anew"
+        frames = Path(found.flight) / "frames"
+        resume = "gcs-mosaic --resume may bring it back, " if found.resumable else ""
+        return f"{found.flight}: {count} cannot be repaired: {resume}gcs-mosaic stitch {frames} makes the map anew"
     return f"{found.flight}: {count}: gcs-mosaic check {found.flight} --repair makes anew what can be made"
 
 

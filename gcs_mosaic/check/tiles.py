@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -36,6 +37,8 @@ from gcs_mosaic.store.tiles import (
     tiles_in,
     write_tile,
 )
+
+logger = logging.getLogger(__name__)
 
 ROUNDING = 1.0  # grey levels, a tile's mean difference: what another build of the decoder and encoder may do
 SAMPLED = 20  # tiles by which the quality is recognised
@@ -132,17 +135,17 @@ def repair_tiles(shown: PaintedMap, progress: Progress) -> list[str]:
                     write_tile(shown.flight, *key, picture, quality)
     masks = _remove_lone_masks(shown.flight)
     done = (
-        (made, "tiles were made anew, or removed where nothing is shown"),
-        (len(unknown), "unknown tiles were removed"),
+        (made, "tiles made anew, or removed where nothing is shown"),
+        (len(unknown), "tiles removed that no frame touches"),
     )
-    return [f"{count} {text}" for count, text in (*done, (masks, "masks without tiles were removed")) if count]
+    return [f"{text}: {count}" for count, text in (*done, (masks, "masks without tiles removed")) if count]
 
 
 def jpeg_quality(flight: Path) -> int | None:
     """With which quality the tiles were written, by their quantisation tables; None without a tile that tells."""
     known = _tables()
     paths = (tile_path(flight, *key) for key in islice(tiles_in(flight), SAMPLED))
-    found = Counter(known.get(_table(path.read_bytes())) for path in paths)
+    found = Counter(known.get(_table(_bytes(path) or b"")) for path in paths)
     found.pop(None, None)
     return found.most_common(1)[0][0] if found else None
 
@@ -206,7 +209,13 @@ def _remove_lone_masks(flight: Path) -> int:
 
 
 def _bytes(path: Path) -> bytes | None:
-    return path.read_bytes() if path.exists() else None
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError:
+        logger.warning("%s cannot be read", path, exc_info=True)
+        return None
 
 
 @lru_cache(1)
