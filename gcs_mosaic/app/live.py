@@ -20,6 +20,7 @@ from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation
 from gcs_mosaic.app.resuming import checkpoints_of, files_taken, later_by, saved_flight, told_again
+from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
@@ -40,6 +41,7 @@ from gcs_mosaic.store.folder import (
     resume_flight_folder,
 )
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.log import said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
@@ -84,6 +86,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
+        console = Console(quiet=True) if streams_json(config.log) else console  # all that is said is in the log
         daemon = _Daemon(config, folder, checkpoints, console, shutdown, feed)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
@@ -156,6 +159,7 @@ class _Daemon:
         )
         store = self._pipeline.store
         self._durability = Durability(store.ledger.make_durable)
+        self._manager = ServiceManager()
         self._reporter = Reporter(folder.path, store.flight, store.ledger, console)
         self._reporter.watch = initial_report(config)
         self._event_log = EventLog(store.ledger, config.pairing, until_writable)
@@ -188,12 +192,14 @@ class _Daemon:
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
+        self._manager.ready()
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
             self._announcements.missing(self._event_log.tick(time.monotonic()))
             self._event_log.save()
             self._report()
+        self._manager.ending()
         self._inbox.join()
         self._finish()
 
@@ -202,6 +208,7 @@ class _Daemon:
         self._announcements.notice(notice)
 
     def close(self) -> None:
+        self._manager.close()
         self._durability.close()
         self._preparation.close()
         self._pipeline.close()
@@ -300,7 +307,8 @@ class _Daemon:
         where = f" on island {done.island}" if done.island else f" by {done.covered_by}" if done.covered_by else ""
         why = f" ({done.reason})" if done.reason else ""
         seconds = ", ".join(f"{stage} {taken:.2f} s" for stage, taken in done.seconds.items())
-        logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
+        fields = {"frame": done.name, "state": done.state, "latency_s": round(latency, 3), "seconds": done.seconds}
+        logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra=said(**fields))
         self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
 
     # Shutdown
@@ -386,3 +394,11 @@ class _Daemon:
         behind = Behind(frames=len(waiting), seconds=waiting.behind_s(time.monotonic()))
         counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)
+        self._manager.alive()
+        self._manager.status(
+            f"{self._state}: {self._reporter.accounts.frames.placed} frames placed, {_in_words(behind)}"
+        )
+
+
+def _in_words(behind: Behind) -> str:
+    return f"{behind.frames} waiting, {behind.seconds:.0f} s behind" if behind.frames else "none waits"

@@ -43,6 +43,7 @@ class Reporter:
         self._written = 0.0
         self._links: dict[str, LinkReport] = {}
         self.watch: SourceReport | None = None
+        self.accounts = Accounts()  # as last written
         self.last_frame: LastFrame | None = None
 
     def say(self, notice: Notice) -> None:
@@ -93,6 +94,7 @@ class Reporter:
         except sqlite3.OperationalError:  # the disk is missing, as reported by the ledger's writer
             logger.debug("the accounts cannot be read", exc_info=True)
             return
+        self.accounts = counted
         status = Status(
             flight=self._flight.name,
             state=state,

@@ -178,7 +178,7 @@ class _Values:
 
     def __init__(self, path: Path, large: tuple[type, ...], *, read_only: bool = False) -> None:
         self.large = large
-        self._mode = "rb" if read_only else "r+b"
+        self._read_only = read_only
         self.name = b""  # of this file: a checkpoint refers to a file by its name
         self._path = path
         self._file: BinaryIO | None = None
@@ -230,7 +230,7 @@ class _Values:
 
     def open(self, name: bytes, end: int) -> None:
         """Continue a file of this name from this offset. Raises ValueError and OSError."""
-        file: BinaryIO = self._path.open(self._mode, buffering=0)
+        file: BinaryIO = self._path.open("rb" if self._read_only else "r+b", buffering=0)
         if file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
             file.close()
             raise ValueError(f"{self._path} is not what the checkpoint refers to")
