@@ -64,9 +64,8 @@ def verdict(found: Findings, *, mended: bool) -> str:
 @contextmanager
 def _progress_on(console: Console) -> Iterator[Progress]:
     """A bar that disappears when done; nothing where nobody looks."""
-    with Bars(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), console=console, transient=True
-    ) as bars:
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
         tasks: dict[str, TaskID] = {}
 
         def told(what: str, done: int, of: int) -> None:

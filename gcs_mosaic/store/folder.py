@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
+from gcs_mosaic.store.schema import connect_for_reading
 
 LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
@@ -60,12 +61,15 @@ def open_flight_folder(out: Path) -> FlightFolder:
 def resume_flight_folder(out: Path) -> FlightFolder:
     """Lock the most recently written flight of `out`, `out-2`, `out-3`, …; there may be gaps in the numbering.
 
-    Raises UsageError if there is none, or if it is being written.
+    Raises UsageError if there is none, if it is being written, or if its ledger is of a newer version or damaged.
     """
     held = [path for path in candidates(out) if (path / LEDGER_NAME).is_file()]
     if not held:
         raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
     newest = sorted(held, key=written_ns)[-1]
+    connect_for_reading(
+        newest / LEDGER_NAME
+    ).close()  # a newer version's, or a damaged one, is refused before anything else
     try:
         lock = try_lock(newest)
     except OSError as error:

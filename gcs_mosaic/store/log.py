@@ -144,7 +144,15 @@ class JsonFormatter(logging.Formatter):
         traceback = self.formatException(record.exc_info) if record.exc_info and record.exc_info[0] else ""
         if below := "\n".join(text for text in (traceback, record.stack_info) if text):
             told["traceback"] = without_passwords(below)
-        return json.dumps(getattr(record, "fields", {}) | told, default=_described, separators=(",", ":"))
+        return _json_of(getattr(record, "fields", {}) | told)
+
+
+def _json_of(told: dict[str, object]) -> str:
+    """JSON on one line, in ASCII; what JSON cannot say is described."""
+    try:
+        return json.dumps(told, default=_described, allow_nan=False, separators=(",", ":"))
+    except ValueError:  # NaN or infinity
+        return json.dumps({key: value if isinstance(value, str) else _described(value) for key, value in told.items()})
 
 
 def formatter_of(settings: LogSettings) -> logging.Formatter:

@@ -19,10 +19,11 @@ from gcs_mosaic.check.check import check
 from gcs_mosaic.store.records import FrameState
 from sitl.flight import plan
 from sitl.path import Plan
-from tests.running import Running, events_of, flying, frames_of
+from tests.running import Running, events_of, flying, frames_of, until
 
 SETTINGS = "originals: {reserve_gb: 0}\nfinish_s: 60\n"
 EACH_S = 0.4  # between pictures
+PATIENCE_S = 300.0  # until all that has come is placed
 LIVES_S = 4.0  # at most, between a start and a kill; a start takes two
 
 
@@ -57,7 +58,7 @@ def survived(kills: int, frames: int, folder: Path, seed: int = 0) -> Survived:
     with flying(home, *options, config=SETTINGS) as flight:
         while coming:
             fly_for(1.0, flight, coming, count)
-        flight.wait_for(lambda status: status["frames"]["placed"] == count, "all frames are placed")
+        until(lambda: flight.status()["frames"]["placed"] == count, "all frames are placed", PATIENCE_S)
         assert flight.end() == 0, flight.said
     found = check(flight.out, lambda what, done, of: None, every_tile=True)
     assert found.is_whole, found.document()
