@@ -31,6 +31,10 @@ ALLOWED = {
     "frames": {"stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
+    "check": {
+        *("store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph"),
+        *("messages", "errors"),
+    },
     "web": {"store", "export", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", *STITCH, "errors"},
@@ -39,7 +43,7 @@ ALLOWED = {
         *STITCH,
         *("messages", "errors"),
     },
-    "cli": {"app", "config", "web", "export", "store", "frames", "mavlink", "stitch.features", "errors"},
+    "cli": {"app", "config", "web", "export", "check", "store", "frames", "mavlink", "stitch.features", "errors"},
     "__main__": {"cli", "app"},
 }
 # What a room may import of another of which it needs one thing only.
@@ -50,6 +54,8 @@ ONLY = {
     ("web", "export"): {"tile_reader"},
     ("export", "frames"): {"decode"},
     ("config", "web"): {"settings"},
+    ("check", "frames"): {"decode"},
+    ("check", "stitch.graph"): {"tearing"},
 }
 FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra

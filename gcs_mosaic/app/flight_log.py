@@ -8,8 +8,9 @@ import logging
 import platform
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import LEDGER_NAME, LOG_NAME, FlightFolder
-from gcs_mosaic.store.log import LEVELS, LogFile, TerminalHandler, masked, tell
+from gcs_mosaic.store.log import LEVELS, JsonStream, LogFile, TerminalHandler, masked, streams_json, tell
 
 logger = logging.getLogger(__name__)
 
@@ -31,10 +32,16 @@ PACKAGE = "gcs_mosaic"
 def flight_log(folder: FlightFolder, config: Config) -> Iterator[LogFile]:
     """Keep flight.log in the folder while the body runs. Unexpected exceptions are logged there and become FlightFailed."""
     path = folder.path / LOG_NAME
-    file = LogFile(path, config.log, _tell)
-    handlers: list[logging.Handler] = [file, TerminalHandler(config.log)] if config.log.verbose else [file]
+    handlers: list[logging.Handler] = [LogFile(path, config.log, _log if streams_json(config.log) else _tell)]
+    if streams_json(config.log):
+        handlers.append(JsonStream(config.log))
+    elif config.log.verbose:
+        handlers.append(TerminalHandler(config.log))
     try:
-        with _listening(handlers, LEVELS[config.log.level]), _catching():
+        with (
+            _listening(handlers, LEVELS[config.log.level]),
+            _catching(_say_nothing if streams_json(config.log) else _tell),
+        ):
             _introduce(config)
             with _written_down(path):
                 yield file
@@ -79,10 +86,11 @@ def _listening(handlers: list[logging.Handler], level: int) -> Iterator[None]:
 
 
 @contextmanager
-def _catching() -> Iterator[None]:
+def _catching(say: Callable[[str], None]) -> Iterator[None]:
     """Log what Python would print on the terminal: exceptions in threads and finalisers, warnings."""
     before = threading.excepthook, sys.unraisablehook, logging.raiseExceptions
-    threading.excepthook, sys.unraisablehook, logging.raiseExceptions = _thread_died, _thrown_away, False
+    died = partial(_thread_died, say)
+    threading.excepthook, sys.unraisablehook, logging.raiseExceptions = died, _thrown_away, False
     logging.captureWarnings(True)
     try:
         yield
@@ -91,14 +99,12 @@ def _catching() -> Iterator[None]:
         threading.excepthook, sys.unraisablehook, logging.raiseExceptions = before
 
 
-def _thread_died(died: threading.ExceptHookArgs) -> None:
+def _thread_died(say: Callable[[str], None], died: threading.ExceptHookArgs) -> None:
     if died.exc_type is SystemExit:
         return
     name = died.thread.name if died.thread else "?"
     logger.critical("the thread %s has died", name, exc_info=died.exc_value, extra={"said": True})
-    _tell(
-        f"a part of the program has died ({name}: {died.exc_value!r}), {LOG_NAME} tells where; start gcs-mosaic again"
-    )
+    say(f"a part of the program has died ({name}: {died.exc_value!r}), {LOG_NAME} tells where; start gcs-mosaic again")
 
 
 def _thrown_away(thrown: Any) -> None:
@@ -112,6 +118,14 @@ def _thrown_away(thrown: Any) -> None:
 
 def _tell(text: str) -> None:
     tell(masked(f"gcs-mosaic: {text}"))
+
+
+def _log(text: str) -> None:
+    logger.error("%s", text)
+
+
+def _say_nothing(text: str) -> None:
+    """It is in the log, which is what is shown."""
 
 
 def _introduce(config: Config) -> None:

@@ -24,6 +24,7 @@ from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, files_taken, open_flight, runs_of, told_again
+from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
@@ -43,7 +44,7 @@ from gcs_mosaic.store.folder import (
     refuse_watching_ourselves,
 )
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.log import LogFile
+from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
@@ -88,6 +89,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
         reopen = _reopening(log, links.recording, config)
+        console = Console(quiet=True) if streams_json(config.log) else console  # all that is said is in the log
         daemon = _Daemon(config, opened, console, shutdown, page, reopen)
         stack.callback(daemon.close)
         daemon.say(Notice(source="out", level="info", text=folder.said))
@@ -154,6 +156,7 @@ class _Daemon:
         self._driver = Driver(self._pipeline)
         self._preparation = _preparation_of(config, self._pipeline, self._inbox.wake)
         store = self._pipeline.store
+        self._manager = ServiceManager()
         self._output = OutputFolder(opened.folder, config, self._pipeline, reopen, self.say)
         self._until_writable.ensure = self._output.ensure
         self._unread = UnreadFrames(store.found_again)
@@ -194,6 +197,7 @@ class _Daemon:
         self._inbox.fill([keeping(source, keep) for source in links.sources])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
         self._pipeline.checkpoint(at_once=True)  # and that this is known to be a flight that can be resumed
+        self._manager.ready()
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
             self._work()
@@ -202,6 +206,7 @@ class _Daemon:
             requests.look(time.monotonic())
             self._look_after_disk()
             self._report()
+        self._manager.ending()
         self._inbox.join()
         self._finish()
 
@@ -210,6 +215,7 @@ class _Daemon:
         self._announcements.notice(notice)
 
     def close(self) -> None:
+        self._manager.close()
         self._output.close()
         self._preparation.close()
         self._pipeline.close()
@@ -312,7 +318,8 @@ class _Daemon:
         where = f" on island {done.island}" if done.island else f" by {done.covered_by}" if done.covered_by else ""
         why = f" ({done.reason})" if done.reason else ""
         seconds = ", ".join(f"{stage} {taken:.2f} s" for stage, taken in done.seconds.items())
-        logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra={"said": True})
+        fields = {"frame": done.name, "state": done.state, "latency_s": round(latency, 3), "seconds": done.seconds}
+        logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra=said(**fields))
         self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
 
     # The disk
@@ -432,8 +439,16 @@ class _Daemon:
             self.say(told)
         counted, revision = pipeline.accounts, pipeline.store.revision
         self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)
+        self._manager.alive()
+        self._manager.status(
+            f"{self._state}: {self._reporter.accounts.frames.placed} frames placed, {_in_words(behind)}"
+        )
 
     def _behind(self, now_s: float) -> Behind:
         waiting, coming = self._preparation, self._inbox.frames()  # more than a few only while the disk is waited for
         seconds = max(waiting.behind_s(now_s), *(now_s - frame.received for frame in coming[:1]), 0.0)
         return Behind(frames=len(waiting) + len(self._unread) + len(coming), seconds=seconds)
+
+
+def _in_words(behind: Behind) -> str:
+    return f"{behind.frames} waiting, {behind.seconds:.0f} s behind" if behind.frames else "none waits"

@@ -56,6 +56,7 @@ class Reporter:
         self._written = 0.0
         self._links: dict[str, LinkReport] = {}
         self.watch: SourceReport | None = None
+        self.accounts = Accounts()  # as last written
         self.last_frame: LastFrame | None = None
 
     def say(self, notice: Notice) -> None:
@@ -103,6 +104,7 @@ class Reporter:
             return
         if not now:  # while the flight waits for the disk, this would only wait as well
             self._record()
+        self.accounts = accounts()
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -113,7 +115,7 @@ class Reporter:
             watch=self.watch,
             behind=behind,
             last_frame=self.last_frame,
-            accounts=accounts(),
+            accounts=self.accounts,
             held_out=largest(held_out(), ISLANDS_SHOWN),
             notices=tuple(self._notices),
         )

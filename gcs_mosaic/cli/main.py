@@ -1,6 +1,7 @@
 """The command line: parses arguments, runs the command, returns the exit code.
 
-0: success. 1: unexpected failure. 2: usage error, reported in one sentence. 3: no frame could be placed.
+0: success. 1: unexpected failure, or `check` has found faults. 2: usage error, reported in one sentence. 3: no frame could be
+placed.
 """
 
 from __future__ import annotations
@@ -120,6 +121,16 @@ def vehicle(given: argparse.Namespace) -> None:
         print(heard_aircraft(given.system or DEFAULT_OUT))
 
 
+def check(given: argparse.Namespace) -> int:
+    """Check a flight, and repair it if asked to; the exit code is 1 if something is wrong with it."""
+    from gcs_mosaic.check import table
+
+    if given.frames and not given.repair:
+        raise UsageError("--frames names where --repair finds originals: give both, or neither")
+    how = {"mend": given.repair, "every_tile": given.tiles, "sources": given.frames, "as_json": given.json}
+    return table.run(given.flight, Console(), **how)
+
+
 def export(given: argparse.Namespace) -> None:
     """Export a flight for other programs."""
     from gcs_mosaic.export import export
@@ -159,6 +170,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "serve": serve,
     "status": status,
     "vehicle": vehicle,
+    "check": check,
     "export": export,
     "benchmark": benchmark,
     "config": config,

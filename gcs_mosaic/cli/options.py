@@ -236,6 +236,16 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-gains", action="store_true", help="tiff: counts as the camera wrote them, seams and all")
 
 
+def _add_check(parser: argparse.ArgumentParser) -> None:
+    _add_flight(parser)
+    parser.add_argument("--tiles", action="store_true", help="also paint every tile again and compare; takes its time")
+    parser.add_argument("--repair", action="store_true", help="make anew what ledger and originals can give")
+    parser.add_argument(
+        "--frames", type=Path, action="append", default=[], metavar="DIR", help="repair: where the camera's files are"
+    )
+    parser.add_argument("--json", action="store_true", help="as JSON")
+
+
 def _add_benchmark(parser: argparse.ArgumentParser) -> None:
     _add_frames(parser)
     parser.add_argument("--most", type=int, metavar="N", help="use the first N frames only")
@@ -286,6 +296,7 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "serve": ("the page of a flight that was written before", _add_serve, {}),
     "status": ("what a running or ended flight says of itself", _add_status, {}),
     "vehicle": ("which aircraft a running flight follows: list them, or choose one", _add_vehicle_command, {}),
+    "check": ("whether a flight is whole, and its repair", _add_check, {}),
     "export": ("a flight for other programs: a picture, all bands, where each pixel lies", _add_export, {}),
     "benchmark": ("what a frame costs on this machine", _add_benchmark, {}),
     "config": ("all settings with their defaults and reasons, as YAML", _add_nothing, {}),

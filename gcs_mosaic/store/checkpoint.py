@@ -68,11 +68,12 @@ class Unusable:
 class Checkpoints:
     """Reads and writes the checkpoint of one output folder; `close` waits for the last write. For use by one thread.
 
-    `large`: types whose values are written once and referenced.
+    `large`: types whose values are written once and referenced. `read_only`: for `load` alone, also where nothing can be
+    written.
     """
 
-    def __init__(self, out: Path, large: tuple[type, ...]) -> None:
-        self._path, self._values = out / NAME, _Values(out / VALUES_NAME, large)
+    def __init__(self, out: Path, large: tuple[type, ...] = (), *, read_only: bool = False) -> None:
+        self._path, self._values = out / NAME, _Values(out / VALUES_NAME, large, read_only=read_only)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="checkpoint")
         self._writing: Future[None] | None = None
         self._due = -math.inf  # monotonic seconds
@@ -171,8 +172,9 @@ class _Values:
 
     LENGTH = struct.Struct("<q")
 
-    def __init__(self, path: Path, large: tuple[type, ...]) -> None:
+    def __init__(self, path: Path, large: tuple[type, ...], *, read_only: bool = False) -> None:
         self.large = large
+        self._read_only = read_only
         self.name = b""  # of this file: a checkpoint refers to a file by its name
         self._path = path
         self._file: BinaryIO | None = None
@@ -224,7 +226,7 @@ class _Values:
 
     def open(self, name: bytes, end: int) -> None:
         """Continue a file of this name from this offset. Raises ValueError and OSError."""
-        file = self._path.open("r+b", buffering=0)
+        file: BinaryIO = self._path.open("rb" if self._read_only else "r+b", buffering=0)
         if file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
             file.close()
             raise ValueError(f"{self._path} is not what the checkpoint refers to")

@@ -69,6 +69,7 @@ def write_beside(path: Path, data: bytes, *, durable: bool = False) -> None:
                     os.fsync(file.fileno())
             beside.replace(path)
             if durable:
+                sync_file(path)  # on FAT a renamed file's new entry is empty until the file itself is synced again
                 sync_folder(path.parent)
     except BaseException:
         beside.unlink(missing_ok=True)

@@ -275,7 +275,8 @@ class FlightStore(Kept):
     def settle(self, name: str, state: FrameState, reason: str | None) -> None:
         """Note a frame's outcome."""
         if self.changes.states.get(name) != (state, reason):
-            logger.info("%s: %s%s", name, state, f", {reason}" if reason else "")
+            fields = {"frame": name, "state": state, "reason": reason}
+            logger.info("%s: %s%s", name, state, f", {reason}" if reason else "", extra={"fields": fields})
         self.changes.states[name] = (state, reason)
 
     def settle_unstitched(self) -> int:

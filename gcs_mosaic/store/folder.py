@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
+from gcs_mosaic.store.schema import connect_for_reading
 
 LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
@@ -63,11 +64,12 @@ def open_flight_folder(out: Path) -> FlightFolder:
 def resume_flight_folder(out: Path) -> FlightFolder:
     """Lock the most recently written flight of `out`, `out-2`, `out-3`, …; there may be gaps in the numbering.
 
-    Raises UsageError if there is none, or if it is being written.
+    Raises UsageError if there is none, if it is being written, or if its ledger is of a newer version or damaged.
     """
     flights = flights_of(out)
     if not flights:
         raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
+    connect_for_reading(flights[0] / LEDGER_NAME).close()  # a newer version's, or a damaged one, is refused first
     return lock_flight(flights[0])
 
 

@@ -71,6 +71,23 @@ def try_lock(folder: Path) -> FolderLock | None:
     return FolderLock(descriptor)
 
 
+def is_locked(folder: Path) -> bool:
+    """Whether another program writes into the folder now. Nothing is changed, and the lock is held for no longer than asking."""
+    try:
+        descriptor = os.open(folder / LOCK_NAME, os.O_RDONLY if sys.platform != "win32" else os.O_RDWR)
+    except OSError:  # there is none, or nobody may write here
+        return False
+    try:
+        lock_file(descriptor)
+    except (BlockingIOError, PermissionError):
+        return True
+    except OSError:  # a network file system without locks
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
 def is_still_there(descriptor: int, path: Path) -> bool:
     """Whether the open file is still the one at `path`: another program may have removed it while we took its lock."""
     try:

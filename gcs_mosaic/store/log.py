@@ -1,12 +1,14 @@
 """flight.log: notices, refusals and exceptions of a flight, for diagnosis afterwards.
 
-A record is a line: UTC, level, thread, logger, message; traceback lines follow, prefixed with a bar. File names, texts
-from the link and exception messages are untrusted: nothing in them can imitate another record.
+A record is a line: UTC, level, thread, logger, message; traceback lines follow, prefixed with a bar. With `format: json` a
+record with its traceback is one JSON object on one line, for programs that collect logs. File names, texts from the link and
+exception messages are untrusted: nothing in them can imitate another record.
 """
 
 from __future__ import annotations
 
 import io
+import json
 import logging
 import os
 import re
@@ -36,6 +38,8 @@ class LogSettings:
 
     # records below this level are omitted; debug also logs each accepted pair of frames
     level: Literal["debug", "info", "warning", "error"] = "info"
+    # json: each record is one JSON object, also on the terminal's stream where nobody sits at it (journald, Loki)
+    format: Literal["text", "json"] = "text"
     file_mb: int = 10  # size at which flight.log is rotated to flight.log.1
     files: int = 5  # how many are kept; the oldest is removed
     verbose: bool = False  # also log to the terminal (standard error), without tracebacks
@@ -53,7 +57,7 @@ class LogFile(RotatingFileHandler):
     def __init__(self, path: Path, settings: LogSettings, trouble: Callable[[str], None]) -> None:
         size, older = settings.file_mb * 1_000_000, settings.files - 1
         super().__init__(path, maxBytes=size, backupCount=older, encoding="utf-8", delay=True)
-        self.setFormatter(RecordFormatter())
+        self.setFormatter(formatter_of(settings))
         self.setLevel(LEVELS[settings.level])
         self._trouble = trouble
         self._said = self._failed = False
@@ -153,6 +157,56 @@ class TerminalHandler(logging.Handler):
             tell(line_of(record))
 
 
+class JsonStream(logging.Handler):
+    """Writes every record to standard error as JSON, what is said to the operator included."""
+
+    def __init__(self, settings: LogSettings) -> None:
+        super().__init__(LEVELS[settings.level])
+        self.setFormatter(JsonFormatter())
+
+    def emit(self, record: logging.LogRecord) -> None:
+        tell(self.format(record))
+
+
+class JsonFormatter(logging.Formatter):
+    """A record as one JSON object in ASCII, without the final line break.
+
+    utc, level, thread, logger, message; traceback if there is one; and the fields that were logged with it as
+    `extra={"fields": {...}}`, such as frame, state, seconds.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        told: dict[str, object] = {
+            "utc": iso_utc(record.created),
+            "level": record.levelname.lower(),
+            "thread": record.threadName,
+            "logger": record.name,
+            "message": without_passwords(_message(record)),
+        }
+        traceback = self.formatException(record.exc_info) if record.exc_info and record.exc_info[0] else ""
+        if below := "\n".join(text for text in (traceback, record.stack_info) if text):
+            told["traceback"] = without_passwords(below)
+        return _json_of(getattr(record, "fields", {}) | told)
+
+
+def _json_of(told: dict[str, object]) -> str:
+    """JSON on one line, in ASCII; what JSON cannot say is described."""
+    try:
+        return json.dumps(told, default=_described, allow_nan=False, separators=(",", ":"))
+    except ValueError:  # NaN or infinity
+        return json.dumps({key: value if isinstance(value, str) else _described(value) for key, value in told.items()})
+
+
+def formatter_of(settings: LogSettings) -> logging.Formatter:
+    """How the records of flight.log are written."""
+    return JsonFormatter() if settings.format == "json" else RecordFormatter()
+
+
+def streams_json(settings: LogSettings) -> bool:
+    """Whether standard error is for a program, which is to get JSON and nothing else."""
+    return settings.format == "json" and not (sys.stderr is not None and sys.stderr.isatty())
+
+
 class RecordFormatter(logging.Formatter):
     """A record as in flight.log, without the final line break."""
 
@@ -171,16 +225,25 @@ def line_of(record: logging.LogRecord) -> str:
 
 def masked(text: str) -> str:
     r"""`text` with line breaks and invisible characters escaped (\n, \x1b, \u202e) and stream passwords masked."""
-    if "://" in text:
-        text = _STREAM.sub(_without_password, text)
+    text = without_passwords(text)
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
+def without_passwords(text: str) -> str:
+    """`text` with the passwords of stream addresses left out."""
+    return _STREAM.sub(_without_password, text) if "://" in text else text
+
+
 def log_notice(logger: logging.Logger, notice: Notice) -> None:
     """Log a notice shown to the operator."""
-    logger.log(LEVELS[notice.level], "%s: %s", notice.source, notice.text, extra={"said": True})
+    logger.log(LEVELS[notice.level], "%s: %s", notice.source, notice.text, extra=said(source=notice.source))
+
+
+def said(**fields: object) -> dict[str, object]:
+    """`extra` of a record that the operator is shown otherwise; `fields` are for a log in JSON."""
+    return {"said": True, "fields": fields}
 
 
 def tell(text: str) -> None:

@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.store.disk import telling_disk_full
+from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
 VERSION = 9  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
@@ -149,6 +149,10 @@ ALTER TABLE painted DROP COLUMN gain_r;
 }
 
 
+class DamagedLedger(UsageError):  # noqa: N818 - names a state, not an error
+    """A file that should be a ledger and cannot be read as one; the message says why."""
+
+
 def connect(path: Path) -> sqlite3.Connection:
     """The ledger at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
     with telling_disk_full(path):
@@ -158,6 +162,7 @@ def connect(path: Path) -> sqlite3.Connection:
         except BaseException:
             connection.close()
             raise
+        sync_folder(path.parent)  # the ledger and its log are found again after a power cut, on FAT too
     return connection
 
 
@@ -206,7 +211,10 @@ def version_of(connection: sqlite3.Connection, path: Path) -> int:
     except sqlite3.DatabaseError as error:
         if isinstance(error, sqlite3.OperationalError):
             raise
-        raise UsageError(f"{path} is not a flight's ledger ({error}): move it away or choose another --out") from error
+        text = (
+            f"{path} is not a flight's ledger ({error}): move it away or choose another --out, or see gcs-mosaic check"
+        )
+        raise DamagedLedger(text) from error
     if empty:
         return 0
     if application != APPLICATION:

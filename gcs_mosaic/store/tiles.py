@@ -96,7 +96,7 @@ def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_q
     full = int(picture.coverage.min()) == 255
     if not full:
         # Before the colours, because a tile without a mask counts as full.
-        _put(mask, encode(".png", picture.coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3]), root)
+        _put(mask, encode_mask(picture.coverage), root)
     _put(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality), root)
     if full:
         mask.unlink(missing_ok=True)
@@ -149,6 +149,11 @@ def encode_jpeg(colour: ImageBGR, coverage: Coverage, quality: int) -> bytes:
     filled = colour if int(coverage.min()) == 255 else _border_blocks_filled(colour, coverage)
     sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     return encode(".jpg", filled, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
+
+
+def encode_mask(coverage: Coverage) -> bytes:
+    """PNG bytes of a tile's coverage."""
+    return encode(".png", coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3])
 
 
 def _put(path: Path, data: bytes, root: Path) -> None:

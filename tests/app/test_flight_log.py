@@ -2,6 +2,7 @@
 
 import gc
 import io
+import json
 import logging
 import os
 import re
@@ -25,7 +26,7 @@ from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
-from gcs_mosaic.messages import LinkReport
+from gcs_mosaic.messages import LinkReport, Notice
 from gcs_mosaic.render.repaint_queue import Painter
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Outcome
@@ -33,7 +34,7 @@ from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder, open_flight_folder
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.log import LogSettings
+from gcs_mosaic.store.log import LogSettings, log_notice
 from gcs_mosaic.store.records import FlightRecord
 from tests.running import six_pictures
 
@@ -332,3 +333,31 @@ def test_the_log_of_another_flight_is_left_alone(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
     assert folder.path == tmp_path / "out-2"
     folder.close()
+
+
+def test_a_stream_that_a_program_reads_gets_json_and_nothing_else(
+    folder: FlightFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = replace(Config(), log=LogSettings(format="json"))
+    with flight_log(folder, config):
+        log_notice(logging.getLogger("gcs_mosaic.test"), Notice(source="disk", level="warning", text="full"))
+        died = threading.Thread(target=lambda: 1 / 0, name="dying")
+        died.start()
+        died.join()
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert lines == [json.loads(line) for line in log_of(folder.path).splitlines()]
+    (notice,) = (line for line in lines if line.get("source") == "disk")
+    assert (notice["level"], notice["message"]) == ("warning", "disk: full")
+    (dead,) = (line for line in lines if line["level"] == "critical")
+    assert dead["traceback"].endswith("ZeroDivisionError: division by zero")
+
+
+def test_a_log_that_cannot_be_written_is_said_in_json_too(
+    folder: FlightFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder.path / "flight.log").mkdir()
+    with flight_log(folder, replace(Config(), log=LogSettings(format="json"))):
+        logging.getLogger("gcs_mosaic.test").info("something")
+    messages = [json.loads(line)["message"] for line in capsys.readouterr().err.splitlines()]
+    assert sum("flight.log cannot be written (Is a directory)" in message for message in messages) == 1
+    assert "something" in messages

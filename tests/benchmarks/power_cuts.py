@@ -11,6 +11,8 @@ import argparse
 import json
 import random
 import shutil
+import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -20,6 +22,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from gcs_mosaic.check.snapshot import integrity_problem
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.originals import is_intact
@@ -42,27 +46,30 @@ class Cut:
     missing: int  # frames that the ledger has lost though they were in it more than `BEHIND_S` before
     ahead: int  # more frames in mosaic.json than in the ledger
     resumable: bool  # there is a whole checkpoint, or nothing was placed yet
+    malformed: str = ""  # what is wrong with the ledger's file
 
     @property
     def harmless(self) -> bool:
-        return not self.broken and not self.missing and not self.ahead and self.resumable
+        return not (self.broken or self.missing or self.ahead or self.malformed) and self.resumable
 
 
-def cuts(count: int, kind: str = "ext4", seed: int = 0) -> Iterator[Cut]:
+def cuts(count: int, kind: str = "ext4", seed: int = 0, each_s: float = EACH_S) -> Iterator[Cut]:
     """Fly as often as it takes, and cut the power so many times, at random moments."""
     chance = random.Random(seed)
     pictures = list(plan("survey", (640, 480), seed=3, world_size=2048, route=Plan(frames=FRAMES)).pictures())
     done = 0
     while done < count:
         with tempfile.TemporaryDirectory(prefix="power-cuts-") as scratch:
-            for cut in flown(Path(scratch), kind, pictures, chance):
+            for cut in flown(Path(scratch), kind, pictures, chance, each_s):
                 yield cut
                 done += 1
                 if done == count:
                     return
 
 
-def flown(scratch: Path, kind: str, pictures: list[bytes], chance: random.Random) -> Iterator[Cut]:
+def flown(
+    scratch: Path, kind: str, pictures: list[bytes], chance: random.Random, each_s: float = EACH_S
+) -> Iterator[Cut]:
     """One flight, cut about five times."""
     image, place = scratch / "disk.img", scratch / "disk"
     make_disk(image, kind)
@@ -70,12 +77,12 @@ def flown(scratch: Path, kind: str, pictures: list[bytes], chance: random.Random
         seen: dict[str, float] = {}
         for number, picture in enumerate(pictures):
             flight.take(f"IMG_{number:03}.JPG", picture)
-            until = time.monotonic() + EACH_S
+            until = time.monotonic() + each_s
             while time.monotonic() < until:
                 note_frames(flight, seen)
                 time.sleep(0.02)
             if number and chance.random() < 0.15:
-                yield look(image, scratch, seen)
+                yield look(image, scratch, seen, flight)
         flight.process.kill()
         flight.process.wait()
 
@@ -87,18 +94,30 @@ def note_frames(flight: Running, seen: dict[str, float]) -> None:
             seen.setdefault(frame.name, time.monotonic())
 
 
-def look(image: Path, scratch: Path, seen: dict[str, float]) -> Cut:
-    """Cut the power now, and start again."""
+def look(image: Path, scratch: Path, seen: dict[str, float], flight: Running) -> Cut:
+    """Cut the power now, and start again. Meanwhile the program stands still: a copy of a disk that is being written to has its
+    beginning of one moment and its end of another, as no disk has after a power cut."""
     copy, place = scratch / "cut.img", scratch / "cut"
-    old = {name for name, at in seen.items() if at < time.monotonic() - BEHIND_S}
-    subprocess.run(["cp", "--sparse=always", image, copy], check=True)
-    with mounted(copy, place):
-        return found(place / "mosaic", old)
+    stopped = time.monotonic()
+    flight.process.send_signal(signal.SIGSTOP)
+    try:
+        old = {name for name, at in seen.items() if at < stopped - BEHIND_S}
+        subprocess.run(["cp", "--sparse=always", image, copy], check=True)
+        with mounted(copy, place):
+            return found(place / "mosaic", old)
+    finally:
+        flight.process.send_signal(signal.SIGCONT)
+        for name in seen:
+            seen[name] += time.monotonic() - stopped
 
 
 def found(out: Path, old: set[str]) -> Cut:
-    with Ledger(out / LEDGER_NAME) as ledger:
-        frames, accounts = ledger.frames(), ledger.accounts().frames
+    try:
+        with Ledger(out / LEDGER_NAME) as ledger:
+            frames, accounts = ledger.frames(), ledger.accounts().frames
+            malformed = integrity_problem(ledger) or ""
+    except (UsageError, sqlite3.Error) as error:
+        return Cut(0, 0, len(old), 0, resumable=False, malformed=str(error))
     kept = [frame for frame in frames if frame.original and frame.content_hash]
     told = json.loads((out / "mosaic.json").read_bytes() or b"{}") if (out / "mosaic.json").exists() else {}
     return Cut(
@@ -107,6 +126,7 @@ def found(out: Path, old: set[str]) -> Cut:
         missing=len(old - {frame.name for frame in frames}),
         ahead=max(0, told.get("frames", {}).get("placed", 0) - accounts.placed),
         resumable=(out / "checkpoint").exists() or accounts.placed < 3,
+        malformed=malformed,
     )
 
 
@@ -147,9 +167,10 @@ def main() -> int:
     parser.add_argument("--cuts", type=int, default=20)
     parser.add_argument("--disk", choices=["ext4", "vfat", "exfat"], default="ext4")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--each", type=float, default=EACH_S, metavar="S", help="seconds between pictures")
     asked = parser.parse_args()
     harm = 0
-    for number, cut in enumerate(cuts(asked.cuts, asked.disk, asked.seed), 1):
+    for number, cut in enumerate(cuts(asked.cuts, asked.disk, asked.seed, asked.each), 1):
         harm += not cut.harmless
         print(f"{number:4} {cut}", flush=True)
     print(f"{harm} of {asked.cuts} cuts did harm")

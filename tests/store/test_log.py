@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import re
 import sys
@@ -15,7 +16,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.store.log import BAR, LogFile, LogSettings, RecordFormatter, TerminalHandler, log_notice, masked
+from gcs_mosaic.store.log import (
+    BAR,
+    JsonFormatter,
+    LogFile,
+    LogSettings,
+    RecordFormatter,
+    TerminalHandler,
+    log_notice,
+    masked,
+)
 from tests.sure import sure
 
 RECORD = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z [A-Z]+ \S+ [\w.]+: ")
@@ -220,3 +230,38 @@ def test_what_cannot_be_told_is_told_by_its_type(log: Log) -> None:
     assert log.troubles == []
     assert log.lines[0].endswith("'%s and %r' with (3, <Shy>)")
     assert log.lines[1].endswith("<Shy> with ()")
+
+
+def test_a_record_in_json_is_one_object_with_its_fields_and_its_traceback(tmp_path: Path) -> None:
+    log = Log(tmp_path / "flight.log", LogSettings(format="json"))
+    log.logger.info(
+        "%s is placed", "a.jpg", extra={"fields": {"frame": "a.jpg", "seconds": {"place": 0.5}, "level": "x"}}
+    )
+    try:
+        raise ValueError("rtsp://me:secret@camera/main\n\u202e is odd")
+    except ValueError:
+        log.logger.exception("it failed")
+    log.handler.close()
+    first, second = map(json.loads, log.lines)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", first.pop("utc"))
+    assert first == {
+        **{"frame": "a.jpg", "seconds": {"place": 0.5}, "level": "info", "thread": "MainThread"},
+        **{"logger": "test", "message": "a.jpg is placed"},
+    }
+    assert (second["level"], second["message"]) == ("error", "it failed")
+    assert second["traceback"].startswith("Traceback (most recent call last):\n")
+    assert second["traceback"].endswith("ValueError: rtsp://camera/main\n\u202e is odd")
+
+
+@given(st.text(), st.dictionaries(st.text(), st.floats() | st.text() | st.binary()))
+def test_whatever_is_logged_is_one_line_of_json(name: str, fields: dict[str, object]) -> None:
+    record = logging.LogRecord("test", logging.INFO, __file__, 1, "%s has come", (name,), None)
+    record.fields = fields
+    line = JsonFormatter().format(record)
+    assert line.isascii()
+    assert line.isprintable()
+    assert json.loads(line, parse_constant=never)["message"].endswith(" has come")
+
+
+def never(constant: str) -> None:
+    raise AssertionError(f"{constant} is not JSON")

@@ -6,14 +6,19 @@ from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.cli import main as cli
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
+from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
-from gcs_mosaic.store.schema import VERSION, connect, connect_for_reading
-from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_event
+from gcs_mosaic.store.schema import MIGRATIONS, VERSION, connect, connect_for_reading
+from tests.ports import free_port
+from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_estimate, an_event
+from tests.sure import sure
 
 
 def test_new_file_carries_our_version_and_a_write_ahead_log(tmp_path: Path) -> None:
@@ -103,6 +108,92 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
         assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
         assert "new_frames" not in "".join(row[0] or "" for row in connection.execute("SELECT sql FROM sqlite_schema"))
         connection.close()
+
+
+# What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
+BEFORE = {
+    8: "",  # only what is in the columns has changed
+    7: "",
+    6: """DROP TABLE covered; PRAGMA writable_schema = ON;
+        UPDATE sqlite_schema SET sql = replace(sql, char(39) || 'covered' || char(39) || ', ', '') WHERE name = 'frames';
+        PRAGMA writable_schema = RESET;""",
+    5: "ALTER TABLE painted DROP COLUMN dead_border;",
+    4: "ALTER TABLE painted DROP COLUMN vignetting;",
+    3: """ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;
+        ALTER TABLE painted DROP COLUMN gain;
+        ALTER TABLE painted ADD COLUMN gain_b NOT NULL DEFAULT 1.0; ALTER TABLE painted ADD COLUMN gain_g NOT NULL DEFAULT 0.97;
+        ALTER TABLE painted ADD COLUMN gain_r NOT NULL DEFAULT 1.03;""",
+    2: "ALTER TABLE estimates DROP COLUMN homography;",
+}
+
+
+def a_ledger_of(version: int, path: Path) -> None:
+    """A ledger with a row in every table that this version has, as that version wrote it."""
+    with Ledger(path) as ledger:
+        ledger.begin_flight(FlightRecord(name="old", started_utc=1.0))
+        ledger.record_island(0)
+        ledger.record_frame(a_frame("a.jpg"))
+        ledger.settle_frame("a.jpg", FrameState.PLACED)
+        ledger.settle_event(ledger.record_event(an_event()), EventState.MATCHED, frame="a.jpg")
+        ledger.record_estimates([an_estimate(Pose(1.0, 2.0, 0.5))])
+        ledger.record_painted(replace(a_painted(), vignetting=FLAT, dead=NO_BORDER))
+        ledger.record_notice(Notice(source="test", level="info", text="told"), 1.0)
+    old = sqlite3.connect(path)
+    for later in range(VERSION, version, -1):
+        old.executescript(f"{BEFORE[later]} PRAGMA user_version = {later - 1};")
+    old.close()
+
+
+def columns_of(path: Path) -> dict[str, set[str]]:
+    """The columns of each table."""
+    connection = sqlite3.connect(path)
+    tables = [row[0] for row in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")]
+    columns = {table: {row[1] for row in connection.execute(f"PRAGMA table_info({table})")} for table in tables}
+    connection.close()
+    return columns
+
+
+@pytest.mark.parametrize("read_only", [True, False])
+@pytest.mark.parametrize("version", range(1, VERSION))
+def test_a_ledger_of_each_earlier_version_is_read_and_migrated(tmp_path: Path, version: int, read_only: bool) -> None:
+    path = tmp_path / "flight.sqlite"
+    a_ledger_of(version, path)
+    with Ledger(path, read_only=read_only) as ledger:
+        assert sure(ledger.flight()).name == "old"
+        assert [(frame.name, frame.state, frame.had_event) for frame in ledger.frames()] == [("a.jpg", "placed", True)]
+        assert ledger.estimates() == [an_estimate(Pose(1.0, 2.0, 0.5))]
+        assert ledger.painted(0) == [replace(a_painted(), vignetting=FLAT, dead=NO_BORDER)]
+        assert [notice.text for notice in ledger.notices()] == ["told"]
+        assert ledger.rows("PRAGMA foreign_key_check") == []
+        assert ledger.rows("PRAGMA user_version")[0][0] == (version if read_only else VERSION)
+    if not read_only:
+        connect(tmp_path / "new.sqlite").close()
+        assert columns_of(path) == columns_of(tmp_path / "new.sqlite")
+
+
+def test_there_is_a_migration_from_each_earlier_version() -> None:
+    assert list(MIGRATIONS) == [version - 1 for version in sorted(BEFORE)] == list(range(1, VERSION))
+
+
+def test_every_command_that_opens_a_ledger_refuses_a_newer_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_end_on_signals", lambda stop, hurry: None)  # they are pytest's here
+    flight = tmp_path / "mosaic"
+    flight.mkdir()
+    a_ledger_of(VERSION, flight / "flight.sqlite")
+    newer = sqlite3.connect(flight / "flight.sqlite")
+    newer.execute(f"PRAGMA user_version = {VERSION + 1}")
+    newer.close()
+    (flight / "mosaic.json").write_text('{"islands": [{"id": 0, "frames": 1}]}')
+    live = ("--mavlink", f"udp:127.0.0.1:{free_port()}", "--no-http")
+    exports = (("export", "mosaic", "--format", kind) for kind in ("tiff", "placements"))
+    for words in ((*live, "--resume"), *exports, ("check", "mosaic"), ("check", "mosaic", "--repair")):
+        assert cli.main(words) == 2
+        said = capsys.readouterr().err
+        assert f"was written by a newer gcs-mosaic (ledger version {VERSION + 1}" in said, (words, said)
+        assert said.count("\n") == 1
 
 
 def test_database_of_another_program_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,68 @@
+"""What a check has found: parts of a flight, how much of each was looked at, and what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+Progress = Callable[[str, int, int], None]  # what is looked at, how many are done, of how many
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that is not as it should be; `subject` is a frame's name or a path within the flight's folder."""
+
+    subject: str
+    text: str
+
+
+@dataclass(slots=True)
+class Part:
+    """A part of a flight; `checked` counts what `unit` names."""
+
+    name: str
+    unit: str
+    checked: int = 0
+    faults: list[Fault] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # not wrong, but good to know
+
+    def fault(self, subject: object, text: str) -> None:
+        self.faults.append(Fault(str(subject), text))
+
+    @property
+    def subjects(self) -> set[str]:
+        return {fault.subject for fault in self.faults}
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """The result of a check; `repaired` says what was done about it."""
+
+    flight: str
+    parts: Sequence[Part]
+    repaired: Sequence[str] = ()
+
+    @property
+    def is_whole(self) -> bool:
+        return not any(part.faults for part in self.parts)
+
+    @property
+    def resumable(self) -> bool:
+        """Whether there is a checkpoint that can be read."""
+        return any(part.name == "checkpoint" and part.checked and not part.faults for part in self.parts)
+
+    def document(self) -> dict[str, Any]:
+        """As for --json."""
+        parts = [asdict(part) for part in self.parts]
+        return {"flight": self.flight, "whole": self.is_whole, "parts": parts, "repaired": list(self.repaired)}
+
+
+def in_groups(faults: Sequence[Fault], shown: int) -> Iterator[str]:
+    """One line for all faults of one kind: how many, and the first `shown` of whom."""
+    groups: dict[str, list[str]] = {}
+    for fault in faults:
+        groups.setdefault(fault.text, []).append(fault.subject)
+    for text, subjects in groups.items():
+        more = f" and {len(subjects) - shown} more" if len(subjects) > shown else ""
+        yield f"{len(subjects)} x {text}: {', '.join(subjects[:shown])}{more}"

@@ -1,0 +1,133 @@
+"""The originals of a flight against the ledger, by their hashes; a damaged one is sought among the camera's files."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from gcs_mosaic.check.findings import Part, Progress
+from gcs_mosaic.messages import content_hash
+from gcs_mosaic.store.disk import make_folder, write_beside
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.originals import relative_place
+from gcs_mosaic.store.records import FrameRecord, FrameState
+
+logger = logging.getLogger(__name__)
+
+UNDECIDED = (FrameState.PENDING, FrameState.WAITING)  # without its original such a frame can never be placed
+
+
+def check_originals(flight: Path, ledger: Ledger, part: Part, progress: Progress) -> None:
+    """Add each frame whose original is not what came to `part`."""
+    frames = ledger.frames()
+    for number, frame in enumerate(frames):
+        progress("originals", number, len(frames))
+        if frame.original is not None:
+            part.checked += 1
+            if problem := _problem(flight, frame):
+                part.fault(frame.name, problem)
+        elif frame.state in UNDECIDED:
+            part.notes.append(f"{frame.name} is {frame.state}, and its original is not kept")
+    known = {frame.original for frame in frames}
+    strangers = [path for path in _files_in(flight / "frames") if path.relative_to(flight).as_posix() not in known]
+    if strangers:
+        part.notes.append(f"{len(strangers)} files in frames/ are of no frame of the ledger: they are left as they are")
+
+
+def restore_originals(flight: Path, ledger: Ledger, damaged: set[str], sources: list[Path]) -> list[str]:
+    """Take damaged originals from the camera's files, and record those that are lost as not kept; returns what was done."""
+    frames = [frame for frame in ledger.frames() if frame.name in damaged and frame.content_hash is not None]
+    files = _by_size(sources) if frames else {}
+    return [_restored(flight, ledger, frame, files.get(frame.size or 0, [])) for frame in frames]
+
+
+def adopt_originals(flight: Path, ledger: Ledger) -> int:
+    """Record the originals that the ledger does not know as frames still to be placed; returns how many."""
+    frames = ledger.frames()
+    known, names = {frame.original for frame in frames}, {frame.name for frame in frames}
+    adopted = 0
+    for path in _files_in(flight / "frames"):
+        place = path.relative_to(flight).as_posix()
+        name = place.removeprefix("frames/")
+        if place in known or name in names or path.name.startswith("."):
+            continue
+        data, stat = path.read_bytes(), path.stat()
+        row = name, content_hash(data), len(data), stat.st_mtime, place
+        ledger.write(
+            "INSERT INTO frames (name, content_hash, size, modified, received, original) VALUES (?, ?, ?, ?, 0.0, ?)",
+            *row,
+        )
+        adopted += 1
+    return adopted
+
+
+def place_of(flight: Path, original: str) -> Path | None:
+    """Where an original is kept; None for a place outside the folder of originals, which no ledger of ours names."""
+    parts = PurePosixPath(original).parts
+    return flight / original if parts[:1] == ("frames",) and ".." not in parts else None
+
+
+def _problem(flight: Path, frame: FrameRecord) -> str | None:
+    path = place_of(flight, frame.original or "")
+    if path is None:
+        return "its original is said to lie outside the folder"
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return "its original is missing"
+    except OSError as error:
+        return f"its original cannot be read ({error.strerror})"
+    return None if content_hash(data) == frame.content_hash else "its original is not what came"
+
+
+def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path]) -> str:
+    path = place_of(flight, frame.original or "") or flight / relative_place(frame.name)
+    found = next((data for file in files if (data := _whole(file, frame.content_hash)) is not None), None)
+    if found is not None:
+        make_folder(path.parent, durable=True)
+        write_beside(path, found, durable=True)
+        ledger.record_original(frame.name, path.relative_to(flight).as_posix())
+        return f"{frame.name}: its original was taken from the camera's files again"
+    aside = _set_aside(path)
+    ledger.write(
+        "UPDATE frames SET original = NULL WHERE id = (SELECT id FROM frames WHERE original = ?)", frame.original
+    )
+    if frame.state in UNDECIDED:
+        ledger.settle_frame(frame.name, FrameState.DAMAGED, "its original was damaged on the disk")
+    return f"{frame.name}: its original is lost, and recorded as not kept{aside}; what it shows on the map stays"
+
+
+def _set_aside(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    aside = path.with_name(f"{path.name}.damaged")
+    path.replace(aside)
+    return f" (the damaged file is {aside.name})"
+
+
+def _whole(path: Path, expected_hash: str | None) -> bytes | None:
+    try:
+        data = path.read_bytes()
+    except OSError:
+        logger.warning("%s cannot be read", path, exc_info=True)
+        return None
+    return data if content_hash(data) == expected_hash else None
+
+
+def _by_size(folders: list[Path]) -> dict[int, list[Path]]:
+    found = defaultdict[int, list[Path]](list)
+    for folder in folders:
+        for path in _files_in(folder):
+            found[path.stat().st_size].append(path)
+    return found
+
+
+def _files_in(folder: Path) -> Iterator[Path]:
+    for where, folders, names in os.walk(folder):
+        folders.sort()
+        for path in (Path(where) / name for name in sorted(names)):
+            if path.is_file():
+                yield path

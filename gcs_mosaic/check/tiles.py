@@ -1,0 +1,230 @@
+"""Tiles and masks against the ledger: what is missing, unknown or unreadable, and whether each shows what the ledger says."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.check.findings import Part, Progress
+from gcs_mosaic.check.layout import Layout, layout_of
+from gcs_mosaic.check.originals import place_of
+from gcs_mosaic.frames.decode import Unreadable, decode_image
+from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.originals import read_intact
+from gcs_mosaic.store.records import FrameRecord
+from gcs_mosaic.store.tiles import (
+    TileSettings,
+    encode_jpeg,
+    encode_mask,
+    mask_path,
+    read_tile,
+    remove_tile,
+    tile_path,
+    tiles_in,
+    write_tile,
+)
+
+logger = logging.getLogger(__name__)
+
+ROUNDING = 1.0  # grey levels, a tile's mean difference: what another build of the decoder and encoder may do
+SAMPLED = 20  # tiles by which the quality is recognised
+
+
+@dataclass(frozen=True, slots=True)
+class PaintedMap:
+    """What the ledger says of a flight's tiles; `gone` are the painted frames whose originals cannot be read."""
+
+    flight: Path
+    painted: Sequence[Painted]
+    frames: dict[str, FrameRecord]
+    reductions: dict[str, int]  # at which frames were painted, by name
+    settings: CanvasSettings
+    layout: Layout
+    gone: frozenset[str]
+
+    def load(self, name: str) -> Bands | None:
+        """A frame as it was painted; None if its original is not what came."""
+        frame = self.frames[name]
+        path = place_of(self.flight, frame.original or "")
+        data = None if path is None or frame.content_hash is None else read_intact(path, frame.content_hash)
+        if data is None:
+            return None
+        image = decode_image(data, reduction=self.reductions[name])
+        return None if isinstance(image, Unreadable) else image
+
+
+def painted_map(flight: Path, ledger: Ledger, damaged: Collection[str]) -> PaintedMap:
+    """What the ledger says of the tiles; `damaged` are frames whose originals are not what came."""
+    record = ledger.flight()
+    painted = [one for island in ledger.islands() for one in ledger.painted(island.id)]
+    frames = {frame.name: frame for frame in ledger.frames()}
+    gone = {one.name for one in painted if frames[one.name].original is None or one.name in damaged}
+    reductions = {one.name: round((frames[one.name].width or one.camera.width) / one.camera.width) for one in painted}
+    settings = record.canvas if record else CanvasSettings()
+    return PaintedMap(flight, painted, frames, reductions, settings, layout_of(painted), frozenset(gone))
+
+
+def check_tiles(shown: PaintedMap, part: Part, progress: Progress) -> None:
+    """Add tiles that are missing, unknown or unreadable to `part`."""
+    there, possible = set(tiles_in(shown.flight)), shown.layout.possible()
+    unsure = shown.layout.unsure(shown.gone)
+    for number, key in enumerate(sorted(there)):
+        progress("tiles", number, len(there))
+        part.checked += 1
+        if shown.painted and key not in possible:
+            part.fault(name_of(key), "a tile that no frame of the ledger touches")
+        elif read_tile(shown.flight, *key) is None:
+            part.fault(name_of(key), "a tile that cannot be decoded, or its mask")
+    for key in sorted(shown.layout.required() - there - unsure):
+        part.fault(name_of(key), "a tile that is missing")
+    for path in sorted((shown.flight / "masks").glob("*/*/*/*.png")):
+        colours = shown.flight / "tiles" / path.relative_to(shown.flight / "masks").with_suffix(".jpg")
+        if not colours.exists():
+            part.fault(path.relative_to(shown.flight).as_posix(), "a mask without its tile")
+    if shown.gone:
+        part.notes.append(f"tiles of {len(shown.gone)} frames whose originals are not there cannot be made again")
+
+
+def compare_tiles(shown: PaintedMap, part: Part, progress: Progress) -> None:
+    """Paint all tiles from ledger and originals and add those that differ to `part`."""
+    quality, different, rounded = jpeg_quality(shown.flight), list[TileKey](), 0
+    with _repainted(shown, progress) as pictures:
+        for key, picture in pictures:
+            if not _is_as_painted(shown.flight, key, picture, quality):
+                different.append(key)
+                rounded += _is_nearly(shown.flight, key, picture, quality)
+    part.notes.append(f"compared with {len(shown.painted)} frames painted again")
+    if rounded == len(different) > part.checked / 2:
+        part.notes.append(f"{rounded} tiles differ by rounding alone: painted by another build of the image libraries")
+        return
+    known = part.subjects
+    for key in different:
+        if name_of(key) not in known:
+            part.fault(name_of(key), "a tile that does not show what ledger and originals say")
+
+
+def repair_tiles(shown: PaintedMap, progress: Progress) -> list[str]:
+    """Make all tiles what ledger and originals say, and remove those that nothing says; returns what was done."""
+    quality = jpeg_quality(shown.flight) or TileSettings().jpeg_quality
+    possible = shown.layout.possible()
+    unknown = [key for key in tiles_in(shown.flight) if shown.painted and key not in possible]
+    for key in unknown:
+        remove_tile(shown.flight, *key)
+    made = _remove_undecodable(shown)
+    with _repainted(shown, progress) as pictures:
+        for key, picture in pictures:
+            if not _is_as_painted(shown.flight, key, picture, quality):
+                made += 1
+                if picture is None:
+                    remove_tile(shown.flight, *key)
+                else:
+                    write_tile(shown.flight, *key, picture, quality)
+    masks = _remove_lone_masks(shown.flight)
+    done = (
+        (made, "tiles made anew, or removed where nothing is shown"),
+        (len(unknown), "tiles removed that no frame touches"),
+    )
+    return [f"{text}: {count}" for count, text in (*done, (masks, "masks without tiles removed")) if count]
+
+
+def jpeg_quality(flight: Path) -> int | None:
+    """With which quality the tiles were written, by their quantisation tables; None without a tile that tells."""
+    known = _tables()
+    paths = (tile_path(flight, *key) for key in islice(tiles_in(flight), SAMPLED))
+    found = Counter(known.get(_table(_bytes(path) or b"")) for path in paths)
+    found.pop(None, None)
+    return found.most_common(1)[0][0] if found else None
+
+
+def name_of(key: TileKey) -> str:
+    island, tile = key
+    return f"tiles/{island}/{tile.z}/{tile.x}/{tile.y}.jpg"
+
+
+@contextmanager
+def _repainted(shown: PaintedMap, progress: Progress) -> Iterator[Iterator[tuple[TileKey, TilePicture | None]]]:
+    """All tiles as ledger and originals say, but those that need an original that is gone."""
+    with (
+        TemporaryDirectory(prefix="gcs-mosaic-check-", ignore_cleanup_errors=True) as scratch,
+        Canvas(shown.load, shown.settings, scratch=Path(scratch)) as canvas,
+    ):
+        canvas.move(shown.painted)
+        all_tiles = canvas.behind
+        for _ in canvas.repaint():
+            progress("painting", all_tiles - canvas.behind, all_tiles)
+        keys = shown.layout.possible() - shown.layout.unsure(shown.gone | canvas.gone)
+        yield ((key, canvas.tile(*key)) for key in sorted(keys))
+
+
+def _is_as_painted(flight: Path, key: TileKey, picture: TilePicture | None, quality: int | None) -> bool:
+    """Whether the tile's files are those that would be written now."""
+    colours, mask = _bytes(tile_path(flight, *key)), _bytes(mask_path(flight, *key))
+    if picture is None:
+        return colours is None and mask is None
+    full = int(picture.coverage.min()) == 255
+    wanted = None if full else encode_mask(picture.coverage)
+    said = encode_jpeg(picture.colour, picture.coverage, quality or TileSettings().jpeg_quality)
+    return (colours, mask) == (said, wanted)
+
+
+def _is_nearly(flight: Path, key: TileKey, picture: TilePicture | None, quality: int | None) -> bool:
+    """Whether the tile is what would be written now but for rounding."""
+    there = read_tile(flight, *key)
+    if picture is None or there is None or not np.array_equal(there.coverage, picture.coverage):
+        return False
+    data = encode_jpeg(picture.colour, picture.coverage, quality or TileSettings().jpeg_quality)
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    seen = picture.coverage > 0
+    return decoded is not None and float(np.abs(there.colour[seen] - decoded[seen].astype(np.int16)).mean()) < ROUNDING
+
+
+def _remove_undecodable(shown: PaintedMap) -> int:
+    """Without such a tile readers fill its place from the coarser ones."""
+    bad = [key for key in tiles_in(shown.flight) if read_tile(shown.flight, *key) is None]
+    for key in bad:
+        remove_tile(shown.flight, *key)
+    return len(bad) if not shown.painted else 0
+
+
+def _remove_lone_masks(flight: Path) -> int:
+    masks = (flight / "masks").glob("*/*/*/*.png")
+    lone = [p for p in masks if not (flight / "tiles" / p.relative_to(flight / "masks").with_suffix(".jpg")).exists()]
+    for path in lone:
+        path.unlink(missing_ok=True)
+    return len(lone)
+
+
+def _bytes(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError:
+        logger.warning("%s cannot be read", path, exc_info=True)
+        return None
+
+
+@lru_cache(1)
+def _tables() -> dict[bytes, int]:
+    grey, full = np.zeros((16, 16, 3), np.uint8), np.full((16, 16), 255, np.uint8)
+    return {_table(encode_jpeg(grey, full, quality)): quality for quality in range(1, 101)}
+
+
+def _table(data: bytes) -> bytes:
+    """The first quantisation table of a JPEG."""
+    at = data.find(b"\xff\xdb")
+    return data[at + 4 : at + 69]
