@@ -32,7 +32,8 @@ PACKAGE = "gcs_mosaic"
 def flight_log(folder: FlightFolder, config: Config) -> Iterator[LogFile]:
     """Keep flight.log in the folder while the body runs. Unexpected exceptions are logged there and become FlightFailed."""
     path = folder.path / LOG_NAME
-    handlers: list[logging.Handler] = [LogFile(path, config.log, _log if streams_json(config.log) else _tell)]
+    file = LogFile(path, config.log, _log if streams_json(config.log) else _tell)
+    handlers: list[logging.Handler] = [file]
     if streams_json(config.log):
         handlers.append(JsonStream(config.log))
     elif config.log.verbose:

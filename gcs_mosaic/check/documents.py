@@ -13,10 +13,11 @@ from gcs_mosaic.check.findings import Part
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.documents import Document, iso_utc, write_json
+from gcs_mosaic.store.journal import JOURNAL_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.listing import FrameNews, Listing
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.store.placements import JOURNAL_NAME, WHOLE_NAME
+from gcs_mosaic.store.placements import WHOLE_NAME
 from gcs_mosaic.store.records import FrameState
 
 MOSAIC_NAME, STATUS_NAME = "mosaic.json", "status.json"

@@ -87,7 +87,7 @@ def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path
     path = place_of(flight, frame.original or "") or flight / relative_place(frame.name)
     found = next((data for file in files if (data := _whole(file, frame.content_hash)) is not None), None)
     if found is not None:
-        make_folder(path.parent, durable=True)
+        make_folder(path.parent, flight, durable=True)
         write_beside(path, found, durable=True)
         ledger.record_original(frame.name, path.relative_to(flight).as_posix())
         return f"{frame.name}: its original was taken from the camera's files again"
