@@ -1,4 +1,4 @@
-"""The page's HTTP application: a flight's output folder, read-only.
+"""The page's HTTP application: a flight's output folder, read-only but for the choice of an aircraft (`choosing`).
 
 Runs beside a live flight, which passes it a Feed, or on its own, polling mosaic.json.
 """
@@ -23,6 +23,7 @@ from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.web.access import access_check, is_local
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
 from gcs_mosaic.web.change import Change
+from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.guard import add_headers, host_check, origin_check
 from gcs_mosaic.web.hidden_paths import without_paths
@@ -43,7 +44,6 @@ POLL_S = 1.0  # polling interval of mosaic.json without a feed
 CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 
-ROOT = web.AppKey("root", Path)
 FEED = web.AppKey("feed", Feed)
 TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
 PAGES = web.AppKey("pages", Places)
@@ -58,10 +58,11 @@ def make_app(
     settings: WebSettings | None = None,
 ) -> web.Application:
     """The application serving the output folder `root`; polls mosaic.json without a feed. Without `access`, for nobody else."""
-    settings, names = settings or WebSettings(), set(own_names())
-    checks = [host_check(address, names), origin_check, access_check(access or Access())]
+    settings, access, names = settings or WebSettings(), access or Access(), set(own_names())
+    checks = [host_check(address, names), origin_check, access_check(access)]
     app = web.Application(middlewares=[*checks, note_request])
     app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
+    app[ACCESS], app[CHOOSING] = access, asyncio.Lock()
     app[PAGES] = Places(settings.pages, settings.pages_per_address)
     app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")
     app.on_response_prepare.append(add_headers)
@@ -79,6 +80,7 @@ def make_app(
     app.router.add_get(f"/{JOURNAL_NAME}", journal)
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
+    app.router.add_post(PATH, choose_vehicle)
     return app
 
 

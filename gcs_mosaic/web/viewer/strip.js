@@ -56,7 +56,7 @@ function runningState({ state, frames_in_queue: queue, seconds_behind: behind, m
   const warning = trouble && { kind: "warn", detail: trouble };
   const texts = {
     listening: { kind: "wait", title: "Listening", detail: "no frame yet" },
-    flying: { kind: "good", title: "Flying", detail: queued || "frames arrive" },
+    flying: { kind: behind > LATE_AFTER_S ? "warn" : "good", title: "Flying", detail: queued || "frames arrive" },
     idle: { kind: "wait", title: "Idle", detail: last ? `no frame for ${duration(ageOf(last.time))}` : "" },
     settling: { kind: "wait", title: "Finishing", detail: queued || "painting the final map" },
   };

@@ -1,5 +1,6 @@
 // The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
 
+import { AircraftChoice } from "/viewer/aircraft.js";
 import { Lag, Live } from "/viewer/live.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Placements } from "/viewer/placements.js";
@@ -15,6 +16,7 @@ const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();
 const lag = new Lag();
+const aircraft = new AircraftChoice(document.getElementById("aircraft"), document.getElementById("answer"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
@@ -73,6 +75,7 @@ function lagSeconds() {
 }
 
 function show() {
+  aircraft.show(known.status);
   showStrip(known, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
 }
 

@@ -1,0 +1,43 @@
+// The choice of the aircraft whose triggers are followed; shown once a second one is heard.
+
+const SAID_MS = 10000;
+
+export class AircraftChoice {
+  constructor(select, output) {
+    this.select = select;
+    this.output = output;
+    select.addEventListener("change", () => this.choose(select.value));
+  }
+
+  show(status) {
+    const heard = new Map();
+    for (const { aircraft, followed } of status?.mavlink ?? []) {
+      for (const { system } of aircraft ?? []) heard.set(system, heard.get(system) || system === followed);
+    }
+    const systems = [...heard.keys()].sort((one, other) => one - other);
+    this.select.hidden = systems.length < 2 || status.state === "stopped";
+    if (document.activeElement === this.select) return; // an open list must not change under the finger
+    const options = systems.map((system) => new Option(`Aircraft ${system}${heard.get(system) ? " (followed)" : ""}`, system));
+    const same = options.map(({ text }) => text).join() === [...this.select.options].map(({ text }) => text).join();
+    if (!same) this.select.replaceChildren(...options);
+    const followed = systems.find((system) => heard.get(system));
+    if (followed !== undefined) this.select.value = followed;
+  }
+
+  async choose(system) {
+    this.select.blur();
+    try {
+      const response = await fetch(`/vehicle/${system}`, { method: "POST" });
+      this.say((await response.text()).trim());
+    } catch {
+      this.say("No answer: nothing is known to have changed.");
+    }
+  }
+
+  say(text) {
+    this.output.textContent = text;
+    this.output.hidden = false;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => (this.output.hidden = true), SAID_MS);
+  }
+}
