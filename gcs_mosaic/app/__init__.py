@@ -13,7 +13,9 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | `tiles` (pool of 2) | `store.tiles` | the tile files being encoded and written |
 | `durability` | `store.durability` | nothing: syncs the ledger to disk |
 | `checkpoint` | `store.checkpoint` | the checkpoint files while one is written |
-| `web`, `web tiles` (pool of 2) | `web.server` | the open pages; reads tiles and documents, writes nothing |
+| `page`, `page news` | `web.page_keeper` | the pipes to the page's process, and the changes that it has not been told of yet |
+| process of the page | `web.page_keeper` | the open pages; reads tiles and documents, writes nothing |
+| in it `web`, `web tiles` (pool of 2) | `web.server` | connections and requests; tiles being filled |
 | process `adjust`, thread `adjust` | `stitch.bundle.worker` | a copy of one island's problem, until the result is sent |
 
 Objects passed between them are never changed afterwards.

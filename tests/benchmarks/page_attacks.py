@@ -3,7 +3,7 @@
 The real program flies simulated pictures, with a limit of 1,024 open files for it and for its page's process. Meanwhile its page
 is attacked from one loopback address (127.0.0.3), and then from a hundred, while somebody at another (127.0.0.2) asks for
 status.json twice a second on new connections. A line for each attack, and for the quiet between: how many frames came, how late
-they were done after they came, and how many of the other's requests were answered, and how fast. In the end: triggers without a
+they were done after they came, how many of the other's requests were answered, and how fast, and what it cost. In the end: triggers without a
 frame, frames that were not placed, and what was said on the terminal.
 """
 
@@ -27,6 +27,7 @@ from pathlib import Path
 
 from sitl.flight import plan
 from sitl.path import Plan
+from tests.benchmarks.processes import cpu_of
 from tests.ports import free_port
 from tests.running import Running, events_of, flying, frames_of, until
 
@@ -49,6 +50,8 @@ class Phase:
     frames: list[str] = field(default_factory=list)  # that came
     answered: list[float] = field(default_factory=list)  # seconds
     refused: int = 0  # of the other's requests
+    page_cpu: float = 0.0  # share of a core that the page's process took
+    files: int = 0  # that the flight had open in the end
 
     def line(self, late: dict[str, float]) -> str:
         found = [late[name] for name in self.frames if name in late]
@@ -59,7 +62,8 @@ class Phase:
             else "-"
         )
         asked = len(self.answered) + self.refused
-        return f"{self.name:<42}{frames}; {len(self.answered)} of {asked} answered in {fast}"
+        costs = f"page {100 * self.page_cpu:.0f} % of a core, {self.files} files open in the flight"
+        return f"{self.name:<42}{frames}; {len(self.answered)} of {asked} answered in {fast}; {costs}"
 
 
 @dataclass
@@ -79,7 +83,11 @@ class Attacked:
             if attack is not None:
                 stack.enter_context(in_background(lambda stop: keep_up(attack, self.port, stop)))
             stack.enter_context(in_background(lambda stop: ask(self.port, phase, stop)))
+            page, began = page_of(self.flight), time.monotonic()
+            used = cpu_of(page)
             self.fly_for(seconds, phase)
+            phase.files = len(list(Path(f"/proc/{self.flight.process.pid}/fd").iterdir()))
+            phase.page_cpu = max(0.0, cpu_of(page_of(self.flight)) - used) / (time.monotonic() - began)
 
     def fly_for(self, seconds: float, phase: Phase) -> None:
         end = time.monotonic() + seconds
