@@ -10,6 +10,7 @@ KEPT_S = 60.0  # as long as a frame may take: those of older triggers have been 
 _MOST_EVENTS = 200  # of each system: a minute at three a second
 _MOST_SYSTEMS = 8  # ids can be forged
 
+
 class LeftOut:
     """The newest triggers of each system, and how many there were; the system silent longest is forgotten."""
 

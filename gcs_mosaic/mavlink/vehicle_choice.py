@@ -89,7 +89,9 @@ class VehicleChoice:
             self._decide(now)
         elif not self._asked and (follower := self._successor(self._followed)) is not None:
             silence = self._latest - self._heard.get(self._followed, 0.0)
-            text = f"system {self._followed} has been silent for {silence:.0f} s and system {follower} triggers a camera"
+            text = (
+                f"system {self._followed} has been silent for {silence:.0f} s and system {follower} triggers a camera"
+            )
             self._follow(follower, f"{text}: system {follower} is followed now")
 
     def _decide(self, now: float) -> None:

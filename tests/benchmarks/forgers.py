@@ -130,7 +130,9 @@ def fly(flight: Running, manner: Manner, attack: Attack, pictures: list[bytes], 
     return forger.sent
 
 
-def outcome(home: Path, manner: Manner, attack: Attack, pictures: list[bytes], shots: int = 40) -> tuple[int, int, int, str]:
+def outcome(
+    home: Path, manner: Manner, attack: Attack, pictures: list[bytes], shots: int = 40
+) -> tuple[int, int, int, str]:
     """Matched shots, forged rows in the ledger, forged triggers sent, what was said."""
     with flying(home) as flight:
         sent = fly(flight, manner, attack, pictures, shots)
@@ -153,8 +155,12 @@ def main(which: str = "all", shots: str = "40") -> None:
             manners: tuple[Manner, ...] = ("named", "numbered")
             for manner in manners if which in ("all", attack) else ():
                 own, rows, sent, said = outcome(Path(home) / attack / manner, manner, attack, pictures, int(shots))
-                print(f"{attack}, {manner}: {own} of {shots} shots have their picture; {rows} of {sent} forged in the ledger")
-                print(*(f"    {line}" for line in said.splitlines() if "left out" in line or "trigger" in line), sep="\n")
+                print(
+                    f"{attack}, {manner}: {own} of {shots} shots have their picture; {rows} of {sent} forged in the ledger"
+                )
+                print(
+                    *(f"    {line}" for line in said.splitlines() if "left out" in line or "trigger" in line), sep="\n"
+                )
 
 
 if __name__ == "__main__":

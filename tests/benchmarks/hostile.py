@@ -19,9 +19,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.monitor import Listener
-from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import TriggerEvent
 from gcs_mosaic.triggers import Pairing
 from gcs_mosaic.triggers.shots import New, ShotMerger

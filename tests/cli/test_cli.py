@@ -99,7 +99,10 @@ def empty(tmp_path: Path) -> Path:
         (["status", "nowhere"], "nowhere does not exist: name a folder that gcs-mosaic has written a flight into"),
         (["serve", "."], ". holds no flight"),
         (["stich", "."], "'stich' is no command (did you mean 'stitch'?)"),
-        (["fly"], "'fly' is no command (those are stitch, replay, serve, status, vehicle, export, benchmark, config, demo)"),
+        (
+            ["fly"],
+            "'fly' is no command (those are stitch, replay, serve, status, vehicle, export, benchmark, config, demo)",
+        ),
         (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
         (["stitch", ".", "--out", "./"], "is the folder of the frames: choose another one"),
         (["stitch", ".", "--out", "mosaic"], "holds no images"),

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.monitor import Listener
-from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.mavlink.parser import dialect
 from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import LinkReport, Notice, Refusals, TriggerEvent
 from tests.mavlink.mavlink_peer import heartbeat, received, trigger
 
@@ -12,7 +12,9 @@ SETTINGS = LinkSettings(decide_after_s=0, silent_after_s=10, ground_station_afte
 
 
 def listener(choice: VehicleChoice | None = None, address: str = "udp:14550") -> Listener:
-    return Listener(parse_address(address), SETTINGS, choice or VehicleChoice(SETTINGS), started=0.0, utc_of_zero=1.75e9)
+    return Listener(
+        parse_address(address), SETTINGS, choice or VehicleChoice(SETTINGS), started=0.0, utc_of_zero=1.75e9
+    )
 
 
 def texts(items: object) -> list[str]:
