@@ -1,4 +1,4 @@
-"""`gcs-mosaic vehicle` beside a real flight: another aircraft is chosen, and its triggers of the last minute have their frames."""
+"""`gcs-mosaic vehicle` beside a real flight: another aircraft is chosen, and its triggers so far have their frames."""
 
 from __future__ import annotations
 

@@ -270,7 +270,7 @@ class Listener:
 
 def _is_of_autopilot(message: MavMessage) -> bool:
     is_heartbeat = message.get_type() == "HEARTBEAT" and message.type != MAV_TYPE_GCS
-    return is_heartbeat and message.autopilot != MAV_AUTOPILOT_INVALID
+    return bool(is_heartbeat and message.autopilot != MAV_AUTOPILOT_INVALID)
 
 
 def _described(heartbeat: MavMessage) -> str:

@@ -15,6 +15,7 @@ from gcs_mosaic.triggers.settings import PairingSettings
 _MOST_SOURCES = 32  # whose shots are kept; those that agree least are forgotten
 _JUDGED = 6  # sources compared with each file: the best so far, and the newest
 _KNOWN = 3.0  # files that a source must explain before another one is doubted
+_SILENT_S, _SILENT_SHOTS = 2.0, 4  # a source silent for longer than both, in its own usual gaps, has ended or paused
 _SHARE = 0.25  # of the best source's agreement, below which a source is doubted
 
 
@@ -25,6 +26,7 @@ class Credibility:
         self._settings = settings
         self._sources: OrderedDict[Teller, UsualDelay] = OrderedDict()  # last heard last
         self._agreement: dict[Teller, float] = {}
+        self._last: dict[Teller, float] = {}  # newest shot
         self._best: Teller | None = None
         self._none_yet = self._new()
 
@@ -39,18 +41,21 @@ class Credibility:
             self._forget(min((one for one in self._sources if one != self._best), key=self._agreement_of))
         self._sources.setdefault(teller, self._new()).shot(moment)
         self._sources.move_to_end(teller)
+        self._last[teller] = max(moment, self._last.get(teller, moment))
         if self._best is None:
             self._best = teller
 
     def file(self, received: float) -> None:
         """A file has arrived: judge the sources by it."""
-        by_merit = sorted(self._sources, key=self._agreement_of, reverse=True)
-        newest = list(reversed(self._sources))
+        by_merit = sorted(filter(self._goes_on, self._sources), key=self._agreement_of, reverse=True)
+        newest = [teller for teller in reversed(self._sources) if teller in by_merit]
         for teller in dict.fromkeys([*by_merit[: _JUDGED // 2], *newest[: _JUDGED // 2]]):
             self._sources[teller].file(received)
             self._agreement[teller] = self._sources[teller].agreement()
+        if not by_merit:
+            return
         # Of equals the one that announces fewest shots.
-        self._best = max(by_merit, key=lambda one: (self._agreement_of(one), -self._sources[one].shots), default=None)
+        self._best = max(by_merit, key=lambda one: (self._agreement_of(one), -self._sources[one].shots))
 
     def is_doubtful(self, teller: Teller) -> bool:
         """Whether its shots agree with the files far less than those of another source."""
@@ -62,6 +67,11 @@ class Credibility:
         known = (one for one, agreement in self._agreement.items() if agreement >= _KNOWN)
         return frozenset(one for one in known if not self.is_doubtful(one))
 
+    def _goes_on(self, teller: Teller) -> bool:
+        """Whether it still announces shots, while others do; files that came after its last say nothing about it."""
+        silent_s = max(self._last.values()) - self._last[teller]
+        return silent_s <= max(_SILENT_S, _SILENT_SHOTS * self._sources[teller].usual_gap_s)
+
     def _agreement_of(self, teller: Teller) -> float:
         return self._agreement.get(teller, 0.0)
 
@@ -70,4 +80,5 @@ class Credibility:
 
     def _forget(self, teller: Teller) -> None:
         del self._sources[teller]
+        del self._last[teller]
         self._agreement.pop(teller, None)

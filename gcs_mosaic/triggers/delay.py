@@ -48,13 +48,18 @@ class UsualDelay:
             self.value = best
         elif self._shots:
             self.value += _FOLLOW * self._median_distance(self.value)
-        gaps = [later - earlier for earlier, later in pairwise(self._shots)]
-        self.tolerance_s = min(self._widest_s, median(gaps) / 2) if gaps else self._widest_s
+        self.tolerance_s = min(self._widest_s, self.usual_gap_s / 2) if len(self._shots) > 1 else self._widest_s
 
     @property
     def shots(self) -> int:
         """How many are kept."""
         return len(self._shots)
+
+    @property
+    def usual_gap_s(self) -> float:
+        """Between two shots."""
+        gaps = [later - earlier for earlier, later in pairwise(self._shots)]
+        return median(gaps) if gaps else 0.0
 
     def agreement(self) -> float:
         """How many of the last files the shots explain, less the shots beyond one for each file, or without one."""

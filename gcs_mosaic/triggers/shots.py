@@ -18,6 +18,7 @@ from gcs_mosaic.triggers.clocks import SourceClocks
 from gcs_mosaic.triggers.counters import Counters, StreamKey
 
 _RECENT = 16  # shots that may still lie within the window; no camera takes more a second
+_MOST_TELLING = 4  # streams about the shots within the window; of more, as in a flood, time cannot tell which is meant
 MOST_SHOTS = 1 << 16  # shots that a message may still refer to: above `remembered` times `_MOST_STREAMS`
 _MOST_STREAMS = 32  # sources with a counter; no aircraft has as many, but a forger might
 
@@ -156,6 +157,8 @@ class ShotMerger:
             if abs(shot.moment - moment) <= self._settings.window_s and not shot.told_by(key.source)
             if all(other.vehicle == key.vehicle for other in shot.told)
         ]
+        if len({other for shot in candidates for other in shot.told}) > _MOST_TELLING:
+            return None
         return min(candidates, key=lambda shot: abs(shot.moment - moment), default=None)
 
     def _remember(self, key: StreamKey, event: TriggerEvent, shot: _Shot) -> None:

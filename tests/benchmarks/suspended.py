@@ -38,7 +38,7 @@ def fly(flight: Running, link: Sends, pictures: list[bytes], stopped_s: float, s
     autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     start, stopped = time.monotonic(), False
     for number in range(shots):
-        wait_until(start + number * SHOT_EVERY_S)
+        fly_on(link, autopilot, start + number * SHOT_EVERY_S)
         if number == STOPPED_AT:
             flight.process.send_signal(signal.SIGSTOP)
             stopped = True
@@ -47,7 +47,7 @@ def fly(flight: Running, link: Sends, pictures: list[bytes], stopped_s: float, s
             stopped = False
         link.send(bytes(heartbeat().pack(autopilot)))
         link.send(bytes(mavlink.MAVLink_camera_trigger_message(0, number).pack(autopilot)))
-        wait_until(start + number * SHOT_EVERY_S + DELAY_S)
+        fly_on(link, autopilot, start + number * SHOT_EVERY_S + DELAY_S)
         flight.taken += 1
         flight.bring(NAMES[number], numbered(pictures[number % len(pictures)], number))
     flight.process.send_signal(signal.SIGCONT)
@@ -57,8 +57,11 @@ def heartbeat() -> mavlink.MAVLink_heartbeat_message:
     return mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3)
 
 
-def wait_until(moment: float) -> None:
-    time.sleep(max(0.0, moment - time.monotonic()))
+def fly_on(link: Sends, autopilot: mavlink.MAVLink, until: float) -> None:
+    """Telemetry at ten a second."""
+    while (left := until - time.monotonic()) > 0:
+        link.send(bytes(mavlink.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0).pack(autopilot)))
+        time.sleep(min(0.1, left))
 
 
 def matched(out: Path) -> int:
@@ -77,12 +80,13 @@ def over_udp(home: Path, pictures: list[bytes], stopped_s: float, shots: int = S
 
 def over_tcp(home: Path, pictures: list[bytes], stopped_s: float, shots: int = SHOTS) -> int:
     """Fly over TCP; returns how many shots have their own picture."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        with flying(home, "--mavlink", f"tcp:127.0.0.1:{server.getsockname()[1]}") as flight:
-            link, _ = server.accept()
-            with link:
-                fly(flight, link, pictures, stopped_s, shots)
-                return settled(flight, shots)
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        flying(home, "--mavlink", f"tcp:127.0.0.1:{server.getsockname()[1]}") as flight,
+        server.accept()[0] as link,
+    ):
+        fly(flight, link, pictures, stopped_s, shots)
+        return settled(flight, shots)
 
 
 def settled(flight: Running, shots: int) -> int:
@@ -99,4 +103,4 @@ def main(way: str = "udp", stopped_s: float = 20.0) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2], *map(float, sys.argv[2:]))
+    main(sys.argv[1] if sys.argv[1:] else "udp", float(sys.argv[2]) if sys.argv[2:] else 20.0)

@@ -1,6 +1,6 @@
 """Where a camera redirects us to, asked before FFmpeg connects: FFmpeg follows every redirect, and cannot be told not to.
 
-One DESCRIBE over a connection of our own. Whoever answers FFmpeg otherwise than us is found by what FFmpeg logs, and left at once.
+One DESCRIBE over a connection of our own. Whoever answers FFmpeg otherwise than us is found by FFmpeg's log, and left at once.
 """
 
 from __future__ import annotations
