@@ -146,13 +146,13 @@ def mounted(image: Path, place: Path) -> Iterator[None]:
         subprocess.run(["umount", "--lazy", place], check=True)
 
 
-def cannot() -> str:
-    """Why this machine has no disks to cut; empty if it has."""
-    if shutil.which("mkfs.ext4") is None:
-        return "mkfs.ext4 is not installed"
+def cannot(kind: str = "ext4") -> str:
+    """Why this machine has no disks of this kind to cut; empty if it has."""
+    if shutil.which(f"mkfs.{kind}") is None:
+        return f"mkfs.{kind} is not installed"
     with tempfile.TemporaryDirectory(prefix="power-cuts-") as scratch:
         image = Path(scratch) / "disk.img"
-        make_disk(image, "ext4")
+        make_disk(image, kind)
         place = Path(scratch) / "disk"
         place.mkdir()
         tried = subprocess.run(["mount", "-o", "loop", image, place], capture_output=True, text=True, check=False)
