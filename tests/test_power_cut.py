@@ -14,4 +14,4 @@ def test_a_power_cut_loses_nothing_that_is_older_than_a_second(kind: str, count:
         pytest.skip(why)
     found = list(cuts(count, kind))
     assert [cut for cut in found if not cut.harmless] == []
-    assert kind == "vfat" or any(cut.placed > 5 for cut in found)
+    assert count == 1 or any(cut.frames > 5 for cut in found)  # how many are placed by then depends on the machine
