@@ -20,6 +20,12 @@ SILENT = {
     ("store/folder.py", "FlightFolder.close"): (1, "tidying up; the log is closed already"),
     ("store/checkpoint.py", "Checkpoints._made"): (1, "`_failed` logs it, once for each trouble"),
     ("store/lock.py", "try_lock"): (1, "a network folder without locks, before there is a log"),
+    ("store/lock.py", "is_locked"): (
+        2,
+        "no lock file, or a network folder without locks: nobody holds it, which is the answer",
+    ),
+    ("check/documents.py", "_read"): (1, "a fault of the document, which is what is reported"),
+    ("check/documents.py", "_read_placements"): (1, "a fault of the document, which is what is reported"),
     ("store/lock.py", "is_still_there"): (1, "it is not there, which is the answer"),
     ("store/lock.py", "FolderLock.is_deleted"): (1, "its disk is gone, so it was not deleted, which is the answer"),
     ("store/guard.py", "identity_of"): (1, "it is not there, which is the answer"),

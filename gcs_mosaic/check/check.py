@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.check.documents import STATUS_NAME, check_documents, has_lost_the_map, write_documents
-from gcs_mosaic.check.findings import Findings, Part, Progress
+from gcs_mosaic.check.findings import CheckedPart, Findings, Progress
 from gcs_mosaic.check.invariants import check_rows, settle_rows
 from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals
 from gcs_mosaic.check.salvage import salvage
@@ -33,9 +33,9 @@ def check(flight: Path, progress: Progress, *, every_tile: bool = False) -> Find
     Raises UsageError if there is no flight, or one of a newer version.
     """
     written = is_locked(find_flight(flight))
-    ledger_part, originals = Part("ledger", "frames"), Part("originals", "files")
-    tiles, documents = Part("tiles", "tiles"), Part("documents", "documents")
-    checkpoint, strays = Part("checkpoint", "values"), Part("strays", "files")
+    ledger_part, originals = CheckedPart("ledger", "frames"), CheckedPart("originals", "files")
+    tiles, documents = CheckedPart("tiles", "tiles"), CheckedPart("documents", "documents")
+    checkpoint, strays = CheckedPart("checkpoint", "values"), CheckedPart("strays", "files")
     parts = (ledger_part, originals, tiles, documents, checkpoint, strays)
     with ledger_copy(flight, written=written) as opened:
         if isinstance(opened, DamagedLedger):
@@ -78,7 +78,7 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
     return Findings(found.flight, found.parts, done)
 
 
-def check_checkpoint(flight: Path, ledger: Ledger, part: Part) -> None:
+def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
     """Add a checkpoint that cannot be gone on from to `part`."""
     if not (flight / CHECKPOINT_NAME).exists():
         part.notes.append("there is none: the flight cannot be gone on with")
@@ -96,7 +96,7 @@ def check_checkpoint(flight: Path, ledger: Ledger, part: Part) -> None:
         part.fault(CHECKPOINT_NAME, f"{ahead} of its frames are not in the ledger")
 
 
-def check_strays(flight: Path, part: Part) -> None:
+def check_strays(flight: Path, part: CheckedPart) -> None:
     """Add files that were being written when the program was killed to `part`."""
     for path in _unfinished(flight):
         part.checked += 1
@@ -120,7 +120,7 @@ def _repaired(flight: Path, progress: Progress, sources: Sequence[Path]) -> Iter
             yield f"originals that the ledger has lost were recorded as frames still to be placed ({adopted})"
         yield from _settled(flight, ledger, progress, sources)
         yield from _checkpoint_set_aside(flight, ledger)
-        damaged = Part("originals", "files")
+        damaged = CheckedPart("originals", "files")
         check_originals(flight, ledger, damaged, progress)
         shown = painted_map(flight, ledger, damaged.subjects)
         yield from repair_tiles(shown, progress)
@@ -130,7 +130,7 @@ def _repaired(flight: Path, progress: Progress, sources: Sequence[Path]) -> Iter
 
 def _settled(flight: Path, ledger: Ledger, progress: Progress, sources: Sequence[Path]) -> Iterator[str]:
     """Rows and originals."""
-    rows, originals = Part("ledger", "frames"), Part("originals", "files")
+    rows, originals = CheckedPart("ledger", "frames"), CheckedPart("originals", "files")
     check_rows(ledger, rows)
     if rows.faults:
         started_utc = min((frame.modified for frame in ledger.frames() if frame.modified), default=0.0)
@@ -141,7 +141,7 @@ def _settled(flight: Path, ledger: Ledger, progress: Progress, sources: Sequence
 
 
 def _checkpoint_set_aside(flight: Path, ledger: Ledger) -> Iterator[str]:
-    part = Part("checkpoint", "values")
+    part = CheckedPart("checkpoint", "values")
     check_checkpoint(flight, ledger, part)
     if part.faults:
         path = flight / CHECKPOINT_NAME
@@ -150,7 +150,7 @@ def _checkpoint_set_aside(flight: Path, ledger: Ledger) -> Iterator[str]:
 
 
 def _documents(flight: Path, ledger: Ledger, extents: Any) -> Iterator[str]:
-    part = Part("documents", "documents")
+    part = CheckedPart("documents", "documents")
     check_documents(flight, ledger, extents, part)
     if part.faults and has_lost_the_map(flight, ledger):
         yield "the documents stay as they are: they tell more of the map than is left of the ledger"

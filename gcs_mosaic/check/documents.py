@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gcs_mosaic.check.findings import Part
+from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.documents import Document, iso_utc, write_json
@@ -27,7 +27,7 @@ EDGE = 1e-6  # canvas units
 Extents = Mapping[int, Extent]
 
 
-def check_documents(flight: Path, ledger: Ledger, extents: Extents, part: Part) -> None:
+def check_documents(flight: Path, ledger: Ledger, extents: Extents, part: CheckedPart) -> None:
     """Add what the documents say otherwise than the ledger to `part`."""
     mosaic, status = _read(flight / MOSAIC_NAME, part), _read(flight / STATUS_NAME, part, may_miss=True)
     listed = _read_placements(flight, part)
@@ -75,7 +75,7 @@ def _write_status(flight: Path, ledger: Ledger, revision: int) -> None:
     write_json(flight / STATUS_NAME, status | now | {"seconds_behind": 0.0} | _accounts(ledger))
 
 
-def _read(path: Path, part: Part, *, may_miss: bool = False) -> dict[str, Any] | None:
+def _read(path: Path, part: CheckedPart, *, may_miss: bool = False) -> dict[str, Any] | None:
     try:
         document = json.loads(path.read_bytes())
     except FileNotFoundError:
@@ -92,10 +92,10 @@ def _read(path: Path, part: Part, *, may_miss: bool = False) -> dict[str, Any] |
 
 
 def _quietly(path: Path) -> dict[str, Any]:
-    return _read(path, Part("", "")) or {}
+    return _read(path, CheckedPart("", "")) or {}
 
 
-def _read_placements(flight: Path, part: Part) -> dict[str, Any] | None:
+def _read_placements(flight: Path, part: CheckedPart) -> dict[str, Any] | None:
     """What placements.json says, with the lines of the journal that are newer."""
     document = _read(flight / WHOLE_NAME, part)
     if document is None or not (flight / JOURNAL_NAME).exists():
@@ -139,7 +139,7 @@ def _by_name(document: dict[str, Any]) -> dict[str, Document]:
 COVERED_KEYS = ("name", "covered_by", "keyframe_from_frame", "width", "height")
 
 
-def _compare_lists(told: dict[str, Document], known: dict[str, Document], part: Part) -> None:
+def _compare_lists(told: dict[str, Document], known: dict[str, Document], part: CheckedPart) -> None:
     for name in sorted(told.keys() | known.keys()):
         if name not in known:
             part.fault(name, f"in {WHOLE_NAME}, but not in the ledger")
@@ -154,13 +154,13 @@ def _accounts(ledger: Ledger) -> Document:
     return {"events": asdict(accounts.events), "frames": asdict(accounts.frames), "orphans": accounts.orphans}
 
 
-def _compare_accounts(name: str, document: dict[str, Any], ledger: Ledger, part: Part) -> None:
+def _compare_accounts(name: str, document: dict[str, Any], ledger: Ledger, part: CheckedPart) -> None:
     known = _accounts(ledger)
     if {key: document.get(key) for key in known} != known:
         part.fault(name, "its counts of events and frames are not those of the ledger")
 
 
-def _compare_status(status: dict[str, Any], mosaic: dict[str, Any] | None, ledger: Ledger, part: Part) -> None:
+def _compare_status(status: dict[str, Any], mosaic: dict[str, Any] | None, ledger: Ledger, part: CheckedPart) -> None:
     if status.get("state") != "stopped":
         part.fault(
             STATUS_NAME,
@@ -172,7 +172,7 @@ def _compare_status(status: dict[str, Any], mosaic: dict[str, Any] | None, ledge
         part.fault(STATUS_NAME, f"of another revision than {MOSAIC_NAME}")
 
 
-def _compare_islands(mosaic: dict[str, Any], ledger: Ledger, extents: Extents, part: Part) -> None:
+def _compare_islands(mosaic: dict[str, Any], ledger: Ledger, extents: Extents, part: CheckedPart) -> None:
     told = {entry["id"]: entry for entry in mosaic.get("islands", ()) if isinstance(entry, dict) and "id" in entry}
     merged = {island.id: island.merged_into for island in ledger.islands()}
     counts = _frames_on(ledger)

@@ -18,7 +18,7 @@ class Fault:
 
 
 @dataclass(slots=True)
-class Part:
+class CheckedPart:
     """A part of a flight; `checked` counts what `unit` names."""
 
     name: str
@@ -40,7 +40,7 @@ class Findings:
     """The result of a check; `repaired` says what was done about it."""
 
     flight: str
-    parts: Sequence[Part]
+    parts: Sequence[CheckedPart]
     repaired: Sequence[str] = ()
 
     @property

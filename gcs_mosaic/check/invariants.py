@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from sqlite3 import Row
 
-from gcs_mosaic.check.findings import Part
+from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.store.ledger import Ledger, placed_in
 from gcs_mosaic.store.records import FlightRecord
 from gcs_mosaic.store.rows import canvas_of, covered_of, estimate_of, painted_of, restored
@@ -95,7 +95,7 @@ READ: dict[str, tuple[str, Callable[[Row], object]]] = {
 }
 
 
-def check_rows(ledger: Ledger, part: Part) -> None:
+def check_rows(ledger: Ledger, part: CheckedPart) -> None:
     """Add what contradicts the rules to `part`."""
     part.checked = ledger.rows("SELECT count(*) FROM frames")[0][0]
     pending = ledger.rows("SELECT count(*) FROM frames WHERE state = 'pending'")[0][0]

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from gcs_mosaic.check.findings import Part, Progress
+from gcs_mosaic.check.findings import CheckedPart, Progress
 from gcs_mosaic.messages import content_hash
 from gcs_mosaic.store.disk import make_folder, write_beside
 from gcs_mosaic.store.ledger import Ledger
@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 UNDECIDED = (FrameState.PENDING, FrameState.WAITING)  # without its original such a frame can never be placed
 
 
-def check_originals(flight: Path, ledger: Ledger, part: Part, progress: Progress) -> None:
+def check_originals(flight: Path, ledger: Ledger, part: CheckedPart, progress: Progress) -> None:
     """Add each frame whose original is not what came to `part`."""
     frames = ledger.frames()
     for number, frame in enumerate(frames):

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from gcs_mosaic.check.findings import Part, Progress
+from gcs_mosaic.check.findings import CheckedPart, Progress
 from gcs_mosaic.check.layout import Layout, layout_of
 from gcs_mosaic.check.originals import place_of
 from gcs_mosaic.frames.decode import Unreadable, decode_image
@@ -78,7 +78,7 @@ def painted_map(flight: Path, ledger: Ledger, damaged: Collection[str]) -> Paint
     return PaintedMap(flight, painted, frames, reductions, settings, layout_of(painted), frozenset(gone))
 
 
-def check_tiles(shown: PaintedMap, part: Part, progress: Progress) -> None:
+def check_tiles(shown: PaintedMap, part: CheckedPart, progress: Progress) -> None:
     """Add tiles that are missing, unknown or unreadable to `part`."""
     there, possible = set(tiles_in(shown.flight)), shown.layout.possible()
     unsure = shown.layout.unsure(shown.gone)
@@ -99,7 +99,7 @@ def check_tiles(shown: PaintedMap, part: Part, progress: Progress) -> None:
         part.notes.append(f"tiles of {len(shown.gone)} frames whose originals are not there cannot be made again")
 
 
-def compare_tiles(shown: PaintedMap, part: Part, progress: Progress) -> None:
+def compare_tiles(shown: PaintedMap, part: CheckedPart, progress: Progress) -> None:
     """Paint all tiles from ledger and originals and add those that differ to `part`."""
     quality, different, rounded = jpeg_quality(shown.flight), list[TileKey](), 0
     with _repainted(shown, progress) as pictures:

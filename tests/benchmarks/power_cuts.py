@@ -41,6 +41,7 @@ SETTINGS = "originals: {reserve_gb: 0}\nfinish_s: 30\n"
 class Cut:
     """What is found on the disk after the power was cut. Numbers of frames, or of files."""
 
+    frames: int  # in the ledger
     placed: int  # by the ledger
     broken: int  # frames in the ledger whose original is not what came
     missing: int  # frames that the ledger has lost though they were in it more than `BEHIND_S` before
@@ -117,10 +118,11 @@ def found(out: Path, old: set[str]) -> Cut:
             frames, accounts = ledger.frames(), ledger.accounts().frames
             malformed = integrity_problem(ledger) or ""
     except (UsageError, sqlite3.Error) as error:
-        return Cut(0, 0, len(old), 0, resumable=False, malformed=str(error))
+        return Cut(0, 0, 0, len(old), 0, resumable=False, malformed=str(error))
     kept = [frame for frame in frames if frame.original and frame.content_hash]
     told = json.loads((out / "mosaic.json").read_bytes() or b"{}") if (out / "mosaic.json").exists() else {}
     return Cut(
+        frames=len(frames),
         placed=accounts.placed,
         broken=sum(not is_intact(out / str(frame.original), str(frame.content_hash)) for frame in kept),
         missing=len(old - {frame.name for frame in frames}),
@@ -146,13 +148,13 @@ def mounted(image: Path, place: Path) -> Iterator[None]:
         subprocess.run(["umount", "--lazy", place], check=True)
 
 
-def cannot() -> str:
-    """Why this machine has no disks to cut; empty if it has."""
-    if shutil.which("mkfs.ext4") is None:
-        return "mkfs.ext4 is not installed"
+def cannot(kind: str = "ext4") -> str:
+    """Why this machine has no disks of this kind to cut; empty if it has."""
+    if shutil.which(f"mkfs.{kind}") is None:
+        return f"mkfs.{kind} is not installed"
     with tempfile.TemporaryDirectory(prefix="power-cuts-") as scratch:
         image = Path(scratch) / "disk.img"
-        make_disk(image, "ext4")
+        make_disk(image, kind)
         place = Path(scratch) / "disk"
         place.mkdir()
         tried = subprocess.run(["mount", "-o", "loop", image, place], capture_output=True, text=True, check=False)

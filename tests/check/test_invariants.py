@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.check.findings import Part
+from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.check.invariants import check_rows, settle_rows
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -57,8 +57,8 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-def found_in(ledger: Ledger) -> Part:
-    part = Part("ledger", "frames")
+def found_in(ledger: Ledger) -> CheckedPart:
+    part = CheckedPart("ledger", "frames")
     check_rows(ledger, part)
     return part
 
