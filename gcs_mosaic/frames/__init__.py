@@ -1,4 +1,6 @@
 """Frame sources: a watched folder, files, a live stream (`rtsp`). Each frame is delivered once, and complete.
 
+Their pictures are decoded in processes of their own (`decoding`).
+
 May import `messages`, `errors` and `stitch.arrays`; used by `app`, and by `export` to decode originals.
 """

@@ -15,7 +15,7 @@ Message = dict[str, Any]
 KEPT_BYTES = 256 << 20  # of the shared file, between two pictures
 
 
-class Channel:
+class DecoderChannel:
     """One end. The masses go through a nameless file that both ends have open, so that a copy takes a few milliseconds and
     nothing is left behind whichever side is killed; through the pipe where there is no such file (Windows).
 
@@ -26,7 +26,7 @@ class Channel:
     def __init__(self, pipe: Connection, file: int | None) -> None:
         self._pipe, self._file = pipe, file
 
-    def __reduce__(self) -> tuple[Callable[..., Channel], tuple[Connection, Any]]:
+    def __reduce__(self) -> tuple[Callable[..., DecoderChannel], tuple[Connection, Any]]:
         """For handing it to a new process."""
         return _received, (self._pipe, None if self._file is None else reduction.DupFd(self._file))
 
@@ -79,8 +79,8 @@ def nameless_file() -> int | None:
         return os.dup(file.fileno())
 
 
-def _received(pipe: Connection, file: Any) -> Channel:
-    return Channel(pipe, None if file is None else file.detach())
+def _received(pipe: Connection, file: Any) -> DecoderChannel:
+    return DecoderChannel(pipe, None if file is None else file.detach())
 
 
 def _write(file: int, mass: memoryview) -> None:

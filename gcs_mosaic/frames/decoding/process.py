@@ -13,7 +13,7 @@ from json import JSONDecodeError
 import numpy as np
 
 from gcs_mosaic.frames.decode import Unreadable, reduced_shape
-from gcs_mosaic.frames.decoding.channel import Channel, Message, nameless_file
+from gcs_mosaic.frames.decoding.channel import DecoderChannel, Message, nameless_file
 from gcs_mosaic.frames.decoding.limits import Allowance
 from gcs_mosaic.frames.decoding.worker import READY, request_of, work
 from gcs_mosaic.frames.structure import Whole
@@ -70,8 +70,8 @@ class DecoderProcess:
         context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
         ours, theirs = context.Pipe()
         file = nameless_file()
-        self._channel = Channel(ours, file)
-        self._process = context.Process(target=work, args=(Channel(theirs, file),), name="decode", daemon=True)
+        self._channel = DecoderChannel(ours, file)
+        self._process = context.Process(target=work, args=(DecoderChannel(theirs, file),), name="decode", daemon=True)
         self._is_ready = False
         try:
             self._process.start()

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.frames.decode import Unreadable, decode_whole
-from gcs_mosaic.frames.decoding.channel import Channel, Message
+from gcs_mosaic.frames.decoding.channel import DecoderChannel, Message
 from gcs_mosaic.frames.decoding.complaints import Complaints, cut_short
 from gcs_mosaic.frames.decoding.limits import Allowance
 from gcs_mosaic.frames.structure import Whole
@@ -39,7 +39,7 @@ def request_of(size: int, whole: Whole, reduction: int, allowed: Allowance) -> M
     return {"size": size, "whole": asdict(whole), "reduction": reduction, "allowed": asdict(allowed)}
 
 
-def work(channel: Channel) -> None:
+def work(channel: DecoderChannel) -> None:
     """Main function of the process."""
     for name in _ENDED_BY_THE_PROGRAM:
         if hasattr(signal, name):
@@ -56,7 +56,7 @@ def work(channel: Channel) -> None:
         return
 
 
-def _serve(channel: Channel, complaints: Complaints) -> None:
+def _serve(channel: DecoderChannel, complaints: Complaints) -> None:
     request = channel.receive()
     data = bytearray(request["size"])
     channel.fill(memoryview(data))
