@@ -24,6 +24,9 @@ from collections import Counter
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+Found = dict[str, Any]  # what a flight came to
 
 LIBRARY = "FAILING_WRITES"
 FRAMES = 4
@@ -101,7 +104,7 @@ class Trials:
         print(f"{failed} of {len(kinds) * len(numbers)} flights were not whole; told: {dict(sorted(told.items()))}")
         return 1 if failed else 0
 
-    def fly(self, number: int | None, error: int) -> dict:
+    def fly(self, number: int | None, error: int) -> Found:
         """Fly in a process of its own; what it found."""
         reading, writing = os.pipe()
         child = os.fork()
@@ -129,7 +132,7 @@ class OneFlight:
         self.library.what_failed.restype = ctypes.c_char_p
         self.library.counted.restype = ctypes.c_long
 
-    def flown(self) -> dict:
+    def flown(self) -> Found:
         with tempfile.TemporaryDirectory(prefix="flight-", dir=self.trials.scratch) as folder:
             out = Path(folder) / "mosaic"
             threading.Timer(LONGEST_S, lambda: os._exit(3)).start()
@@ -175,19 +178,19 @@ class OneFlight:
             live.fly(config, links, Console(file=told, width=2000), shutdown)
         return told.getvalue().splitlines(), time.monotonic() - start
 
-    def arrange(self, live: object, out: Path, shutdown: object) -> None:
+    def arrange(self, live: Any, out: Path, shutdown: Any) -> None:
         """Count from when the flight has begun until it has ended, and end it when all frames are done."""
         daemon, done = live._Daemon, set[str]()
         run, note = daemon.run, daemon._note_done
 
-        def counting(flight: object, links: object) -> None:
+        def counting(flight: Any, links: Any) -> None:
             at = -1 if self.number is None else self.number
             lasting = SECONDS if self.trials.asked.lasting else 0.0
             self.library.arm(str(out).encode(), at, 1, ctypes.c_double(lasting), self.error, self.trials.asked.slow)
             run(flight, links)
             self.calls = self.library.counted()
 
-        def noting(flight: object, one: object) -> None:
+        def noting(flight: Any, one: Any) -> None:
             note(flight, one)
             done.add(one.name)
             if len(done) == self.trials.count:

@@ -275,7 +275,7 @@ def main() -> int:
                 said = f"FAILED: {error!r}\n{told.read_text()}"
                 print(loss.__name__)
         for line in said.splitlines():
-            if " placed on" not in line:
+            if " s after it came" not in line:
                 print(f"    {line}", flush=True)
     print(f"{failed} of {len(asked.losses or LOSSES)} failed")
     return 1 if failed else 0
