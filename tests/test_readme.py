@@ -227,3 +227,13 @@ def need_port(port: int) -> None:
 def is_taken(port: int) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_each_sentence_on_security_has_its_test() -> None:
+    section = PAGES[ARCHITECTURE].partition("\n## Security\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (.+) \| (.+) \|$", section, flags=re.MULTILINE)[1:]
+    named = [re.fullmatch(r"`([\w/]+\.py)::(test_\w+)`", held_by) for _, held_by in rows]
+    assert len(named) > 15
+    for row, found in zip(rows, named, strict=True):
+        assert found, row
+        assert f"\ndef {found[2]}(" in (fresh.ROOT / "tests" / found[1]).read_text(encoding="utf-8"), row
