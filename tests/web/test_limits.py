@@ -46,7 +46,6 @@ def answer(port: int, sent: bytes = REQUEST, sender: str = "127.0.0.1") -> bytes
     with connect(port, sender) as one:
         try:
             one.sendall(sent)
-            one.shutdown(socket.SHUT_WR)
             return b"".join(iter(lambda: one.recv(65536), b""))
         except ConnectionError:
             return b""
@@ -171,12 +170,11 @@ MALFORMED = {
 def test_what_cannot_be_read_costs_a_line_at_most(
     port: int, sent: bytes, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    for _ in range(3):
+    for _ in range(2):
         said = answer(port, sent)
-        assert said == b"" or said.startswith(b"HTTP/1.")
+        assert said.startswith((b"HTTP/1.0 400 ", b"HTTP/1.1 400 ")) or (said == b"" and sent.strip() == b"")
+        assert b"nosniff" in said or not said
         assert b"aiohttp" not in said
-        if said:
-            assert b"nosniff" in said
     assert not [record for record in caplog.records if record.exc_info and record.levelno >= logging.WARNING]
     assert capfd.readouterr() == ("", "")
     assert is_served(port)
