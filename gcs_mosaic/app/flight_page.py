@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from rich.console import Console
@@ -20,6 +20,11 @@ from gcs_mosaic.web.token import access_to
 DARK = "white on black"  # a code's blocks are its light parts, whatever the terminal's colours
 
 
+def flights_of(out: Path) -> Iterator[Path]:
+    """The folders of this `--out`, the newest first."""
+    yield from reversed([path for path in candidates(out) if path.is_dir()])
+
+
 class FlightPage:
     """Begun at once, in a process of its own. Without an address there is no page, and nothing to say."""
 
@@ -28,8 +33,7 @@ class FlightPage:
         self._invitation: Invitation | None = None
         self._keeper: PageKeeper | None = None
         if address is not None:
-            earlier = reversed([path for path in candidates(Path(config.out)) if path.is_dir()])
-            self._access = access_to(address, config.web, folder, earlier)
+            self._access = access_to(address, config.web, folder, flights_of(Path(config.out)))
             self._keeper = PageKeeper(PageTask(root=folder, address=address, access=self._access, settings=config.web))
 
     def wait(self) -> list[Notice]:

@@ -1,7 +1,7 @@
-"""The page's listening sockets. Connections beyond the limits are closed at once; when all places are
-taken, whoever has most makes room for who has fewer.
+"""The page's listening sockets, with limits.
 
-asyncio's own servers accept without a limit, and write a traceback for each try once no file is left.
+Connections beyond them are closed at once; when all places are taken, whoever has most makes room for who has fewer. asyncio's
+own servers accept without a limit, and write a traceback for each try once no file is left.
 """
 
 from __future__ import annotations
@@ -46,6 +46,11 @@ class Door:
         self._accepting = [asyncio.create_task(self._accept(one)) for one in self._sockets]
         return int(self._sockets[0].getsockname()[1])
 
+    @property
+    def is_open(self) -> bool:
+        """Whether whoever knocks is heard."""
+        return not any(task.done() for task in self._accepting)
+
     async def close(self) -> None:
         """Let nobody in any more."""
         for task in self._accepting:
@@ -63,8 +68,9 @@ class Door:
                 logger.warning("no connection can be accepted", exc_info=True)
                 await asyncio.sleep(AGAIN_S)
                 continue
-            guest = Guest(connection, origin_of(peer[0]), Visitor(self._server, self._settings))
-            if self._places.take(guest.origin) or self._made_room(guest.origin):
+            origin = origin_of(peer[0])
+            if self._places.take(origin) or self._made_room(origin):
+                guest = Guest(connection, origin, Visitor(self._server, self._settings))
                 self._guests.append(guest)
                 guest.task = asyncio.create_task(self._attend(guest))
             else:
@@ -93,7 +99,6 @@ class Door:
             logger.debug("a connection has failed", exc_info=True)
         finally:
             self._let_go(guest)
-            guest.connection.close()
 
     def _let_go(self, guest: Guest) -> None:
         """Its place is free from now on; may be called again."""
@@ -103,7 +108,7 @@ class Door:
             guest.visitor.cut()
             if guest.task is not None and guest.task is not asyncio.current_task():
                 guest.task.cancel()  # it may still be at its handshake
-            if not guest.has_begun:
+            if not guest.has_begun:  # else asyncio closes it
                 guest.connection.close()
 
 

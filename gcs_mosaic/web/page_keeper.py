@@ -84,9 +84,9 @@ class PageKeeper:
             self._condition.notify()
         if self._thread.ident is not None:
             self._thread.join(STOP_S)
-            if self._thread.is_alive():  # it waits for a process that does not read
-                self._child.kill()
-                self._thread.join()
+        while self._thread.is_alive():  # it waits for a process that does not read, or does not start
+            self._child.kill()
+            self._thread.join(LOOK_S)
         self._child.end()
 
     def _keep(self) -> None:

@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from typing import BinaryIO
 
@@ -69,9 +70,13 @@ def _log_to(tell: _Teller) -> None:
 class _Teller:
     """Writes a line to standard output; the other end may be gone, which standard input tells."""
 
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
     def __call__(self, **told: object) -> None:
         try:
-            os.write(sys.stdout.fileno(), f"{json.dumps(told)}\n".encode())
+            with self._lock:
+                os.write(sys.stdout.fileno(), f"{json.dumps(told)}\n".encode())
         except OSError:
             return
 

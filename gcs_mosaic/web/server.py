@@ -86,7 +86,7 @@ class WebServer:
         door = Door(runner.server, self._settings, tls)
         try:
             self._started.set_result(await self._open(door))
-            await self._until_end(self._end)
+            await self._until_end(self._end, door)
         finally:
             await door.close()
             await runner.cleanup()
@@ -98,9 +98,9 @@ class WebServer:
         except (OSError, OverflowError) as error:
             raise UsageError(cannot_listen(self._address, error)) from error
 
-    async def _until_end(self, end: asyncio.Event) -> None:
+    async def _until_end(self, end: asyncio.Event, door: Door) -> None:
         while not end.is_set():
-            if self._pulse is not None:
+            if self._pulse is not None and door.is_open:
                 self._pulse()
             with suppress(TimeoutError):
                 async with asyncio.timeout(PULSE_S):

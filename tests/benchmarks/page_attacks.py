@@ -3,8 +3,8 @@
 The real program flies simulated pictures, with a limit of 1,024 open files for it and for its page's process. Meanwhile its page
 is attacked from one loopback address (127.0.0.3), and then from a hundred, while somebody at another (127.0.0.2) asks for
 status.json twice a second on new connections. A line for each attack, and for the quiet between: how many frames came, how late
-they were done after they came, how many of the other's requests were answered, and how fast, and what it cost. In the end: triggers without a
-frame, frames that were not placed, and what was said on the terminal.
+they were done after they came, how many of the other's requests were answered and how fast, and what it cost. In the end:
+triggers without a frame, frames that were not placed, and what was said on the terminal.
 """
 
 from __future__ import annotations

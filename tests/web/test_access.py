@@ -7,6 +7,7 @@ import os
 import socket
 import ssl
 import stat
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from http.cookies import SimpleCookie
@@ -23,6 +24,7 @@ from gcs_mosaic.web.address import HttpAddress, own_names
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.invitation import invitation, own_addresses, scannable
 from gcs_mosaic.web.server import WebServer
+from gcs_mosaic.web.serving import serve_until
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import LENGTH, TOKEN, Access, access_to, kept_token
 from tests.web.small_flight import SmallFlight
@@ -274,6 +276,20 @@ def test_others_are_told_the_addresses_of_this_machine(monkeypatch: pytest.Monke
     invited = invitation(EVERYWHERE, 8470, Access(token="t"), secure=False)
     assert invited is not None
     assert (invited.links, "is on no network" in invited.notice) == ((), True)
+
+
+def test_a_served_flight_tells_how_others_get_in(flight: SmallFlight, capsys: pytest.CaptureFixture[str]) -> None:
+    lan_address()
+    stop = threading.Event()
+    stop.set()
+    serve_until(stop, flight.root, "0.0.0.0:0", WebSettings(qr="always"))
+    first, notice, link, *rest = capsys.readouterr().out.splitlines()
+    assert first.startswith("the map is at http://127.0.0.1:")
+    assert notice.startswith("others on the network can look at http://")
+    assert link.endswith(f"/?token={kept_token(flight.root)}")
+    assert "▀" in "".join(rest)
+    serve_until(stop, flight.root, "127.0.0.1:0", WebSettings(qr="always"))
+    assert len(capsys.readouterr().out.splitlines()) == 1
 
 
 def test_this_machine_knows_its_addresses() -> None:

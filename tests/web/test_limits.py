@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import socket
 import ssl
 import time
@@ -23,7 +24,8 @@ from gcs_mosaic.web.sparing_log import SparingHandler
 from tests.running import until
 from tests.web.small_flight import SmallFlight
 
-SETTINGS = WebSettings(connections=12, connections_per_address=4, request_s=0.6, answer_s=0.8)
+PATIENT = WebSettings(connections=12, connections_per_address=4)
+HASTY = WebSettings(connections=12, connections_per_address=4, request_s=0.3, answer_s=0.5)
 REQUEST = b"GET /mosaic.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 
 
@@ -31,7 +33,17 @@ REQUEST = b"GET /mosaic.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     monkeypatch.setattr(visitor, "TICK_S", 0.02)
     SmallFlight(tmp_path).write()
-    server = WebServer(tmp_path, HttpAddress("0.0.0.0", 0), Feed(), settings=SETTINGS)
+    server = WebServer(tmp_path, HttpAddress("0.0.0.0", 0), Feed(), settings=HASTY)
+    server.start()
+    yield server.port
+    server.stop()
+
+
+@pytest.fixture
+def patient(tmp_path: Path) -> Iterator[int]:
+    """The port of a server that waits for longer than a test."""
+    SmallFlight(tmp_path).write()
+    server = WebServer(tmp_path, HttpAddress("0.0.0.0", 0), Feed(), settings=PATIENT)
     server.start()
     yield server.port
     server.stop()
@@ -46,7 +58,6 @@ def answer(port: int, sent: bytes = REQUEST, sender: str = "127.0.0.1") -> bytes
     with connect(port, sender) as one:
         try:
             one.sendall(sent)
-            one.shutdown(socket.SHUT_WR)
             return b"".join(iter(lambda: one.recv(65536), b""))
         except ConnectionError:
             return b""
@@ -73,7 +84,7 @@ def seconds_until_closed(one: socket.socket) -> float:
 def test_a_request_that_does_not_come_as_a_whole_is_not_waited_for(port: int, sent: bytes) -> None:
     with connect(port) as one:
         one.sendall(sent)
-        assert 0.3 < seconds_until_closed(one) < 5
+        assert 0.1 < seconds_until_closed(one) < 5
 
 
 def test_a_trickle_does_not_put_it_off(port: int) -> None:
@@ -86,21 +97,21 @@ def test_a_trickle_does_not_put_it_off(port: int) -> None:
         assert time.monotonic() - start < 5
 
 
-def test_one_address_cannot_take_all_places(port: int) -> None:
+def test_one_address_cannot_take_all_places(patient: int) -> None:
     with ExitStack() as stack:
-        held = [stack.enter_context(connect(port)) for _ in range(SETTINGS.connections_per_address)]
-        until(lambda: not is_served(port), "this address has taken its places", 5)
-        assert is_served(port, "127.0.0.2")
-        assert seconds_until_closed(held[0]) < 5
-    until(lambda: is_served(port), "its places are free again")
+        for _ in range(PATIENT.connections_per_address):
+            stack.enter_context(connect(patient))
+        assert not is_served(patient)
+        assert is_served(patient, "127.0.0.2")
+    until(lambda: is_served(patient), "its places are free again")
 
 
-def test_many_addresses_together_cannot_take_all_places(port: int) -> None:
+def test_many_addresses_together_cannot_take_all_places(patient: int) -> None:
     crowd = [f"127.0.1.{n}" for n in range(1, 7)]
     with ExitStack() as stack:
-        held = [stack.enter_context(connect(port, sender)) for _ in range(3) for sender in crowd]
-        assert is_served(port, "127.0.0.2")
-        assert not any(seconds_until_closed(one) > 5 for one in held)
+        for sender in 3 * crowd:
+            stack.enter_context(connect(patient, sender))
+        assert is_served(patient, "127.0.0.2")
 
 
 def test_an_answer_that_is_not_taken_is_not_waited_for(port: int, tmp_path: Path) -> None:
@@ -109,7 +120,7 @@ def test_an_answer_that_is_not_taken_is_not_waited_for(port: int, tmp_path: Path
         one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         one.connect(("127.0.0.1", port))
         one.sendall(REQUEST.replace(b"mosaic", b"placements"))
-        time.sleep(2 * SETTINGS.answer_s)
+        time.sleep(3 * HASTY.answer_s)
         one.settimeout(10)
         received = 0
         with suppress(ConnectionError):
@@ -171,12 +182,11 @@ MALFORMED = {
 def test_what_cannot_be_read_costs_a_line_at_most(
     port: int, sent: bytes, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    for _ in range(3):
+    for _ in range(2):
         said = answer(port, sent)
-        assert said == b"" or said.startswith(b"HTTP/1.")
+        assert re.match(rb"HTTP/1\.[01] 40[03] ", said) or (said == b"" and sent.strip() == b"")
+        assert b"nosniff" in said or not said
         assert b"aiohttp" not in said
-        if said:
-            assert b"nosniff" in said
     assert not [record for record in caplog.records if record.exc_info and record.levelno >= logging.WARNING]
     assert capfd.readouterr() == ("", "")
     assert is_served(port)
@@ -231,7 +241,7 @@ def test_a_name_with_two_addresses_has_one_port() -> None:
 
 
 def test_who_shakes_no_hands_over_https_is_not_waited_for(tmp_path: Path, certificate: Path) -> None:
-    settings = WebSettings(connections=12, connections_per_address=4, request_s=0.6, certificate=str(certificate))
+    settings = WebSettings(request_s=0.3, certificate=str(certificate))
     server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed(), settings=settings)
     assert server.start().startswith("https://")
     with connect(server.port) as one:

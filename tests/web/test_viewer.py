@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -331,9 +332,17 @@ def test_a_page_that_is_refused_changes_asks_for_them_and_listens_again(
     another_revision(flight)
     page.wait_for(at(square(16), "green"))
     held.close()
-    until(lambda: feed.subscribers == 1 and page.evaluate("true"), "it listens again")
+    flight.paint(square(16), BLUE)  # of which no document tells
+    revisions = count(flight.manifest.revision + 1)
+    until(lambda: shows_when_told(page, feed, next(revisions)), "it listens again")
     page.open("about:blank")
     server.stop()
+
+
+def shows_when_told(page: Page, feed: Feed, revision: int) -> bool:
+    """Whether the page shows blue; it is told of it once more."""
+    feed.publish(revision, [(0, square(16))])
+    return bool(page.evaluate(at(square(16), "blue")))
 
 
 @pytest.mark.long
