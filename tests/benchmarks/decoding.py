@@ -29,7 +29,7 @@ from tests.benchmarks.processes import Watched, family
 from tests.frames.image_files import cut, encoded, many_scans, textured
 
 TIMES = 15
-KILL_EACH = 100  # frames
+KILL_EACH = 30  # frames
 SIDE = 19_900  # px; just below the limit of 400 million pixels
 
 
