@@ -16,7 +16,7 @@ from sitl.vehicle import SYSTEM
 from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, run
 
 PASSPHRASE = "a passphrase that nobody may see"
-LINK = "link: {signing_key: key.txt, recover: true}\npairing: {missing_after_s: 1}\n"
+LINK = "link: {decide_after_s: 0, signing_key: key.txt, recover: true}\npairing: {missing_after_s: 1}\n"
 
 
 class Ground:

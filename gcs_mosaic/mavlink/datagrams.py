@@ -175,7 +175,10 @@ def _location(buffer: bytearray) -> int:
 
 def _c_library() -> ctypes.PyDLL | None:
     """The C library, whose `recvmsg` is called with Linux's structures; None elsewhere."""
-    if sys.platform != "linux":
+    if sys.platform != "linux" or not hasattr(socket, "MSG_DONTWAIT"):
         return None
-    library = ctypes.PyDLL(None, use_errno=True)
+    try:
+        library = ctypes.PyDLL(None, use_errno=True)
+    except TypeError:  # Windows
+        return None
     return library if hasattr(library, "recvmsg") else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import time
 from collections.abc import Iterator
 from datetime import datetime
@@ -14,6 +15,8 @@ from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.folder import candidates, find_flight
 from gcs_mosaic.store.requests import ask_to_follow
 from gcs_mosaic.store.status import harmless
+
+logger = logging.getLogger(__name__)
 
 ANSWER_S = 8.0  # for the flight to answer: it looks once a second, and between two frames only
 _MOST_TRIED = 100  # numbered folders
@@ -81,5 +84,6 @@ def _status(flight: Path) -> dict[str, Any] | None:
     try:
         document = json.loads((flight / "status.json").read_bytes())
     except (OSError, ValueError):
+        logger.debug("%s has no status", flight, exc_info=True)
         return None
     return document if isinstance(document, dict) and isinstance(document.get("mavlink"), list) else None

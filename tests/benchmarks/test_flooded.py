@@ -17,4 +17,4 @@ def test_a_flood_of_triggers_loses_no_real_shot(tmp_path: Path, world_cache: Pat
     outcome = flood(tmp_path, 3.0, 1000, six_pictures(world_cache))
     assert outcome.matched == outcome.shots >= 3
     assert outcome.sent > 1500
-    assert 200 <= outcome.recorded <= 300
+    assert 10 <= outcome.recorded <= 100

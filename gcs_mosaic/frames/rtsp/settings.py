@@ -45,7 +45,7 @@ class StreamSettings:
     reconnect_longest_s: float = 1.0
     """Maximum of that wait: an attempt costs nothing, and a returning camera should be seen within two seconds."""
     allowed_hosts: tuple[str, ...] = ()
-    """Hosts or networks (10.0.0.7, camera.local, 192.168.1.0/24) to which the aircraft may direct `rtsp: auto`."""
+    """Hosts or networks (10.0.0.7, camera.local, 192.168.1.0/24) that the aircraft may announce, or a camera redirect to."""
 
     def __post_init__(self) -> None:
         if self.every is not None:
