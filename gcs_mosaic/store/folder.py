@@ -67,9 +67,8 @@ def resume_flight_folder(out: Path) -> FlightFolder:
     if not held:
         raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
     newest = sorted(held, key=written_ns)[-1]
-    connect_for_reading(
-        newest / LEDGER_NAME
-    ).close()  # a newer version's, or a damaged one, is refused before anything else
+    # A ledger that is damaged or of a newer version is refused before anything else is looked at.
+    connect_for_reading(newest / LEDGER_NAME).close()
     try:
         lock = try_lock(newest)
     except OSError as error:
