@@ -69,12 +69,13 @@ def resume_flight_folder(out: Path) -> FlightFolder:
     flights = flights_of(out)
     if not flights:
         raise UsageError(f"--resume: {out} holds no flight to go on with: start without --resume, or name its --out")
-    connect_for_reading(flights[0] / LEDGER_NAME).close()  # a newer version's, or a damaged one, is refused first
     return lock_flight(flights[0])
 
 
 def lock_flight(path: Path) -> FlightFolder:
-    """The folder of a flight to resume. Raises UsageError if it cannot be written, or is being written."""
+    """The folder of a flight to resume. Raises UsageError if it cannot be written, is being written, or if its ledger is of a
+    newer version or damaged."""
+    connect_for_reading(path / LEDGER_NAME).close()
     try:
         lock = try_lock(path)
     except OSError as error:

@@ -15,6 +15,7 @@ from gcs_mosaic.store.folder import (
     refuse_watching_ourselves,
     resume_flight_folder,
 )
+from gcs_mosaic.store.schema import connect
 
 
 def test_folder_is_made_and_said(tmp_path: Path) -> None:
@@ -112,7 +113,7 @@ def test_the_flight_that_was_written_last_is_gone_on_with(tmp_path: Path, flight
     names = flights.split()
     for number, name in enumerate(names):
         (tmp_path / name).mkdir()
-        (tmp_path / name / LEDGER_NAME).write_bytes(b"flight")
+        connect(tmp_path / name / LEDGER_NAME).close()
         os.utime(tmp_path / name / LEDGER_NAME, (1e9 + number, 1e9 + number))
     (tmp_path / names[0] / f"{LEDGER_NAME}-wal").touch()  # somebody has read it
     folder = resume_flight_folder(tmp_path / "mosaic")
