@@ -56,10 +56,13 @@ def test_everything_is_written_again_after_the_folder_was_deleted(coming: list[D
         with closing(pipeline), closing(OutputFolder(folder, CONFIG, pipeline, lambda: None, said.append)) as output:
             fly(pipeline, coming[:2])
             pipeline.accept(coming[2].frame)  # and is not processed yet
+            tiles = tiles_of(folder.path)
             shutil.rmtree(folder.path)
             assert output.ensure()
             assert not output.ensure()
             assert is_intact(folder.path / "frames/2.png", coming[2].frame.content_hash), "needed at once"
+            pipeline.save()
+            assert tiles_of(folder.path) == tiles
             fly(pipeline, coming[3:])
             while pipeline.store.seeks_originals(0.0):
                 pipeline.store.keep_lost(0.0)
@@ -77,6 +80,10 @@ def test_everything_is_written_again_after_the_folder_was_deleted(coming: list[D
     checkpoints = sure(checkpoints_of(folder.path, CONFIG))
     assert not isinstance(saved_flight(checkpoints, CONFIG), Unusable)
     checkpoints.close()
+
+
+def tiles_of(out: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for kind in ("tiles", "masks") for path in (out / kind).rglob("*.*")}
 
 
 def fly(pipeline: Pipeline, frames: list[DecodedFrame]) -> None:

@@ -176,6 +176,17 @@ def test_a_damaged_ledger_is_written_anew(guarded: Guarded) -> None:
     guarded.assert_whole()
 
 
+def test_a_log_that_is_left_is_not_taken_for_the_new_files(guarded: Guarded, tmp_path: Path) -> None:
+    with Ledger(tmp_path / "other.sqlite") as other:
+        other.begin_flight(FlightRecord(name="other", started_utc=1.8e9))
+        guarded.path.unlink()
+        shutil.copy(tmp_path / "other.sqlite-wal", guarded.path.with_name(f"{LEDGER_NAME}-wal"))
+    assert guarded.guard.ensure() is not None
+    with Ledger(guarded.path, read_only=True) as ledger:
+        assert sure(ledger.flight()).name == "f"
+    guarded.assert_whole()
+
+
 def test_a_whole_ledger_is_left_as_it_is(guarded: Guarded) -> None:
     guarded.ledger.verify()
     assert guarded.guard.ensure() is None
