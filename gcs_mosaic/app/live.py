@@ -144,15 +144,7 @@ class _Daemon:
         self._inbox = Inbox(shutdown.stop)
         out = opened.folder.path
         self._until_writable = UntilWritable(out, self.say, self._wait_for_disk)
-        self._pipeline = Pipeline(
-            out,
-            config,
-            self.say,
-            page.publish,
-            retry=self._until_writable,
-            checkpoints=opened.checkpoints,
-            elsewhere=lambda name: Path(config.watch) / file_and_version(name)[0],
-        )
+        self._pipeline = self._pipeline_in(opened)
         self._driver = Driver(self._pipeline)
         self._preparation = _preparation_of(config, self._pipeline, self._inbox.wake)
         store = self._pipeline.store
@@ -171,6 +163,17 @@ class _Daemon:
         self._adjusting = False  # whether an adjustment started in a pause is still running
         self._disk_due = 0.0
         self._looked = False  # whether every file present at the start has been accepted
+
+    def _pipeline_in(self, opened: OpenedFlight) -> Pipeline:
+        return Pipeline(
+            opened.folder.path,
+            self._config,
+            self.say,
+            self._page.publish,
+            retry=self._until_writable,
+            checkpoints=opened.checkpoints,
+            elsewhere=lambda name: Path(self._config.watch) / file_and_version(name)[0],
+        )
 
     def resume(self, saved: Snapshot | None, shots: Shots) -> None:
         """Resume the folder's flight before accepting anything new."""

@@ -11,8 +11,8 @@ is decided here:
 from __future__ import annotations
 
 import logging
-import os
 import sqlite3
+import time
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,7 @@ from gcs_mosaic.store.schema import connect_for_reading
 
 logger = logging.getLogger(__name__)
 
+CLOCK_S = 2.0  # by which a file's time may differ from the clock
 PUT_BACK = "put it back, or make an empty folder of that name; the flight waits, and goes on by itself"
 
 
@@ -54,6 +55,7 @@ class FolderGuard:
         had."""
         identity = identity_of(self._path)
         if self.is_ours() and identity == self._file and not self._ledger.damaged:
+            self._seen_utc = time.time()
             return None
         taken = Retaken(self._lost(identity), everything=not self.is_ours() or identity != self._file)
         logger.warning("%s: %s", self._out, taken.what)
@@ -66,6 +68,7 @@ class FolderGuard:
         """What tells this folder from another at the same path."""
         self._file, self._folder = identity_of(self._path), identity_of(self._out)
         self._is_mount, self._disks = self._out.is_mount(), disks_above(self._out)
+        self._seen_utc = time.time()
 
     def _lost(self, identity: tuple[int, int] | None) -> str:
         if not self.is_ours():
@@ -93,10 +96,16 @@ class FolderGuard:
         known = self.is_ours() or identity_of(self._out) == self._folder  # the second: all that is in it was deleted
         if known or identity_of(self._path) is not None:
             return ""
-        strange = next((name for name in OUR_NAMES if os.path.lexists(self._out / name)), "")
+        strange = next((name for name in OUR_NAMES if self._is_strange(self._out / name)), "")
         return (
             f"it has a {strange} of its own, which is left as it is: move it away, then it goes on" if strange else ""
         )
+
+    def _is_strange(self, path: Path) -> bool:
+        """Whether something is there that was not written by this flight into a new folder before that was noticed."""
+        with suppress(OSError):
+            return path.lstat().st_mtime < self._seen_utc - CLOCK_S
+        return False
 
     def _is_older_state(self) -> bool:
         """Whether the ledger at the path is an older state of this flight, not another one's."""

@@ -126,9 +126,17 @@ def test_a_ledger_of_another_that_was_copied_over_ours_is_left_as_it_is(guarded:
 def test_what_somebody_else_has_put_there_is_left_as_it_is(guarded: Guarded) -> None:
     replaced(guarded.out)
     (guarded.out / "mosaic.json").write_text("{}")
+    os.utime(guarded.out / "mosaic.json", (1.7e9, 1.7e9))
     with pytest.raises(CannotWrite, match=r"it has a mosaic\.json of its own"):
         guarded.guard.ensure()
     assert os.listdir(guarded.out) == ["mosaic.json"]  # noqa: PTH208
+
+
+def test_what_this_flight_wrote_there_before_it_was_noticed_is_no_obstacle(guarded: Guarded) -> None:
+    replaced(guarded.out)
+    (guarded.out / "checkpoint").write_text("of this flight")
+    assert guarded.guard.ensure() is not None
+    guarded.assert_whole()
 
 
 def test_a_folder_that_another_program_writes_is_waited_for(guarded: Guarded) -> None:
