@@ -191,8 +191,8 @@ def test_another_page_can_change_nothing(served: Served) -> None:
 def test_where_things_lie_is_told_to_this_machine_only(
     served: Served, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = "the folder /srv/card/DCIM is gone, see '/opt/x/mosaic/flight.log'"
-    watch = SourceReport(kind="folder", name="/srv/some body/Card (100)/DCIM 1", state="watching")
+    text = "the folder /volumes/card/DCIM is gone, see '/opt/x/mosaic/flight.log'"
+    watch = SourceReport(kind="folder", name="/volumes/some body/Card (100)/DCIM 1", state="watching")
     flight.status(watch=watch, notices=(NoticeRecord(utc=0, source="frames", level="info", text=text),))
     assert served.client.ask("/status.json")[1] == (flight.root / "status.json").read_bytes()
     monkeypatch.setattr(module, "is_loopback", lambda origin: False)
@@ -200,7 +200,7 @@ def test_where_things_lie_is_told_to_this_machine_only(
     assert answer.headers["Content-Type"].startswith("application/json")
     told = json.loads(body)
     assert told["watch"]["folder"] == "DCIM 1"
-    assert "/media" not in body.decode()
+    assert "/volumes" not in body.decode()
     assert told["notices"][0]["text"] == "the folder DCIM is gone, see 'flight.log'"
 
 
