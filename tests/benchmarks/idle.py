@@ -23,11 +23,11 @@ from sitl.flight import plan
 from sitl.messages import Capture
 from sitl.path import Plan
 from sitl.vehicle import Vehicle
-from tests.benchmarks.mischief import FAKETIME
 from tests.benchmarks.processes import PAGE, family
 from tests.ports import free_port
 from tests.running import PROGRAM, frames_of, until
 
+FAKETIME = Path("/usr/lib/x86_64-linux-gnu/faketime/libfaketime.so.1")
 TIMES = 100
 PAGES = 5
 FRAMES = 12

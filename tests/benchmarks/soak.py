@@ -18,12 +18,14 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
+from gcs_mosaic.store.folder import LOG_NAME
 from gcs_mosaic.store.records import FrameState
 from sitl.flight import plan
 from sitl.path import Plan
@@ -41,6 +43,7 @@ LASTS_S, RESTS_S = (1.0, 5.0), (2.0, 6.0)
 SETTLES_S = 300.0  # for the last frames once nothing happens any more
 SAMPLE_S = 2.0
 DISK_MB = 400
+MATCHED = 0.9  # of the triggers that were sent while the program ran: some come while it starts, or in a flood
 FINAL = {FrameState.PLACED, FrameState.COVERED}
 
 
@@ -63,6 +66,7 @@ class Found:
     done: dict[str, int] = field(default_factory=dict)  # mischief by name
     faults: list[str] = field(default_factory=list)
     samples: list[Sample] = field(default_factory=list)
+    events: dict[str, int] = field(default_factory=dict)  # by state
     held_out_px: tuple[float, float] = (0.0, 0.0)  # of this flight, of an undisturbed one
 
 
@@ -135,7 +139,8 @@ def _settle(flown: Soaked, found: Found, over: threading.Event, threads: list[th
     flown.process.terminate()
     code = flown.process.wait(SETTLES_S + 60)
     if code != 0:
-        found.faults.append(f"exit code {code}: {flown.said[-500:]}")
+        log = (flown.out / LOG_NAME).read_text(errors="replace") if (flown.out / LOG_NAME).exists() else ""
+        found.faults.append(f"exit code {code}: {flown.said[-500:]}\n{log[-3000:]}")
 
 
 def _status(flown: Soaked) -> dict[str, dict[str, int]]:
@@ -166,9 +171,11 @@ def _judge(flown: Soaked, found: Found) -> None:
     lost = [str(name) for name, frame in frames.items() if frame.state not in FINAL]
     if len(frames) != found.frames or lost:
         found.faults.append(f"{found.frames} frames flown, {len(frames)} in the ledger, not on the map: {lost[:9]}")
-    open_ones = [state for state in events_of(flown.out) if state == "pending"]
-    if open_ones:
-        found.faults.append(f"{len(open_ones)} events are pending")
+    found.events = dict(Counter(events_of(flown.out)))
+    if found.events.get("pending"):
+        found.faults.append(f"{found.events['pending']} events are pending")
+    if found.events.get("matched", 0) < MATCHED * found.heard:
+        found.faults.append(f"{found.heard} triggers sent while somebody listened, of all in the ledger {found.events}")
     if "Traceback" in flown.said:
         found.faults.append("a traceback on the terminal")
     checked = _told("check", flown.out, home=flown.home)
@@ -226,6 +233,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
         found = soaked(given.minutes, given.seed, Path(folder), most)
     print(f"{found.frames} frames, {found.heard} triggers sent, {sum(found.done.values())} disturbances: {found.done}")
+    print(f"events: {found.events}")
     memory = [sample.resident_mb for sample in found.samples]
     print(f"memory {memory[len(memory) // 4]:.0f} MB early, {memory[-1]:.0f} MB late, {max(memory):.0f} MB at most")
     print("held-out error {:.2f} px, undisturbed {:.2f} px".format(*found.held_out_px))

@@ -1,0 +1,21 @@
+"""A flight around which everything goes wrong ends as one that nothing happened to."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.benchmarks.mischief import ALL
+from tests.benchmarks.soak import soaked
+
+MINUTES = 2.0
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform != "linux", reason="signals, /proc and mounts of Linux")
+def test_a_flight_with_everything_against_it_is_whole(tmp_path: Path) -> None:
+    found = soaked(MINUTES, 1, tmp_path)
+    assert found.faults == []
+    assert len(found.done) == len(ALL)
