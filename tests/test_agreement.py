@@ -71,6 +71,7 @@ def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarra
     painted = sorted(
         (one for island in ledger.islands() for one in ledger.painted(island.id)), key=lambda one: one.order
     )
+    scratch.mkdir()
     with Canvas(images.get) as canvas, closing(TileWriter(scratch, TileSettings())) as writer:
         for one in painted:
             writer.write(canvas.paint(images[one.name], one), canvas.tile_later)

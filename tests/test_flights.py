@@ -72,14 +72,13 @@ def test_a_climb_to_three_times_the_height(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_lost_overlap_that_comes_back(tmp_path: Path) -> None:
-    """A part of the flight is an island until the gap is flown; two frames of elsewhere never belong."""
+    """What lies beyond a gap waits, or is an island, until the gap is flown; two frames of elsewhere never belong."""
     flown = fly(tmp_path, "--scenario", "lost", "--manner", "camera", "--count", "30", "--strangers", "2")
     frames = flown.mosaic["frames"]
     assert flown.score.placed == flown.score.frames - 2
     assert frames["rejected"] == 2
     assert flown.score.islands == 1
     assert flown.score.ortho_rmse < 0.5
-    assert [island["id"] for island in flown.mosaic["islands"] if "merged_into" in island]
     assert flown.closes(frames=flown.score.frames)
 
 

@@ -19,7 +19,13 @@ NEEDED_TO_TEST = ("pytest", "pytest-timeout", "hypothesis", "av")
 # A smoke set: each library where it is used.
 TESTS = (
     *("test_config.py", "app/test_pipeline.py"),
-    *("frames/test_decode.py", "frames/test_integrity.py", "frames/test_exif.py", "frames/rtsp/test_stream_address.py"),
+    *(
+        "frames/test_decode.py",
+        "frames/test_decoding.py",
+        "frames/test_integrity.py",
+        "frames/test_exif.py",
+        "frames/rtsp/test_stream_address.py",
+    ),
     *("mavlink/test_mavlink_parser.py", "mavlink/test_signing.py", "mavlink/test_mavlink_messages.py"),
     *("stitch/features", "stitch/registration", "stitch/bundle/test_levenberg_marquardt.py", "stitch/test_mosaic.py"),
     *("render/test_canvas.py", "render/test_warp.py", "export/test_multiband_tiff.py"),
@@ -56,7 +62,7 @@ def test_the_oldest_versions_do(tmp_path: Path) -> None:
         "-o",
         f"pythonpath=tests tests/stitch tests/mavlink {beside}",
         "-o",
-        "addopts=-q -rs",
+        "addopts=-q -rs -m 'not long'",
         "-p",
         "no:cacheprovider",
         "--basetemp",

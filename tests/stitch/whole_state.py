@@ -23,8 +23,9 @@ from gcs_mosaic.stitch.features.retrieval import PER_FRAME, RetrievalIndex
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic, PurePath, itertools.count)
 CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
 # What goes on outside whatever is undone here: a worker is given its task again, files and threads are no memory, what looks
-# on may be let go, and what is only kept at hand can be had again.
+# on may be let go, and what is only kept at hand can be had again; what processes can decode belongs to the pictures.
 OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file", "_gallery", "_maker"}
+OUTSIDE |= {"decoders"}
 # Spare room, and where a layer is: neither says anything about what is kept.
 NO_STATE = {Store: {"_cached", "_holes", "_end", "_used", "problem"}}
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 
 EACH_S = 0.2  # between two looks at the file
@@ -20,10 +21,8 @@ def _off() -> float:
     now = time.monotonic()
     if now - _read_at > EACH_S:
         _read_at = now
-        try:
+        with suppress(OSError, ValueError):  # it is being written
             _off_s = float(Path(os.environ["WRONG_CLOCK"]).read_text(encoding="ascii"))
-        except (OSError, ValueError):
-            pass  # it is being written
     return _off_s
 
 
