@@ -21,7 +21,6 @@ TESTS = (
     *("test_config.py", "app/test_pipeline.py"),
     *(
         "frames/test_decode.py",
-        "frames/test_decoding.py",
         "frames/test_integrity.py",
         "frames/test_exif.py",
         "frames/rtsp/test_stream_address.py",

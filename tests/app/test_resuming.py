@@ -37,7 +37,7 @@ from tests.sure import sure
 
 CONFIG = Config()
 MORE_CUTS = [(1, 0), (8, 5), (11, 0)]
-CUTS = [(3, 2), (6, 0), *(pytest.param(*cut, marks=pytest.mark.long) for cut in MORE_CUTS)]
+CUTS = [(3, 2), (6, 0), *(pytest.param(*cut, marks=[pytest.mark.long, pytest.mark.thorough]) for cut in MORE_CUTS)]
 
 
 @pytest.fixture(scope="module")

@@ -3,16 +3,19 @@
 import pytest
 from adversarial_flights import ONE_LINE, assert_nothing_is_mixed_up, in_turn, shots, stitched, with_a_gap
 
-pytestmark = pytest.mark.long
+pytestmark, THOROUGH = pytest.mark.long, pytest.mark.thorough
 
 
-@pytest.mark.parametrize(("crop", "height"), [("maize", 40), ("berries", 60), ("vines", 60)])
+@pytest.mark.parametrize(
+    ("crop", "height"),
+    [("maize", 40), *(pytest.param(crop, 60, marks=THOROUGH) for crop in ("berries", "vines"))],
+)
 def test_fields_of_one_crop_stay_apart_and_are_placed(crop: str, height: float) -> None:
     taken = in_turn(*(shots(crop, seed, frames=6, height=height) for seed in (1, 2)))
     assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (6, 6)
 
 
-@pytest.mark.parametrize("crop", ["maize", "vines"])
+@pytest.mark.parametrize("crop", ["maize", pytest.param("vines", marks=pytest.mark.thorough)])
 def test_a_gap_across_a_field_is_never_closed_one_row_off(crop: str) -> None:
     taken = in_turn(*(with_a_gap(shots(crop, seed, **ONE_LINE)) for seed in (1, 2)))
     assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (3, 3, 3, 3)

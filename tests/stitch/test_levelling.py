@@ -102,8 +102,10 @@ def flown(views: Iterable[Image]) -> tuple[list[Placement], list[int]]:
     return mosaic.placements(), again
 
 
-@pytest.mark.parametrize("camera", [PINHOLE, BARREL], ids=["pinhole", "barrel"])
-@pytest.mark.parametrize("route", [strip, lawn])
+@pytest.mark.parametrize(
+    "camera", [pytest.param(PINHOLE, marks=pytest.mark.thorough), BARREL], ids=["pinhole", "barrel"]
+)
+@pytest.mark.parametrize("route", [pytest.param(strip, marks=pytest.mark.thorough), lawn])
 def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(
     ground: Image, route: Callable[[], list[Pose]], camera: Camera
 ) -> None:
@@ -116,7 +118,7 @@ def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(
     assert spread_of_scales(placements) < 0.005
 
 
-@pytest.mark.parametrize("route", [strip, lawn])
+@pytest.mark.parametrize("route", [pytest.param(strip, marks=pytest.mark.thorough), lawn])
 def test_over_hills_it_neither_tilts_nor_grows(ground: Image, hills: Heights, route: Callable[[], list[Pose]]) -> None:
     """Heights with a deviation of 1.5 % of the flying height. That they shift frames by pixels is true and may be."""
     heights, poses = (0.015 * PINHOLE.focal_px * hills).astype(np.float32), route()

@@ -67,7 +67,7 @@ def test_frames_that_came_meanwhile_go_where_their_neighbours_go(ground: Image) 
     assert map_error(mosaic.placements(), LINE) < 2
 
 
-@pytest.mark.parametrize("asked", [1, 7])
+@pytest.mark.parametrize("asked", [pytest.param(1, marks=pytest.mark.thorough), 7])
 def test_a_punctual_map_does_not_depend_on_how_fast_the_worker_is(ground: Image, asked: int) -> None:
     usual, other = FakeWorker(asked=2), FakeWorker(asked=asked)
     expected = [p.pose for p in flown(ground, Mosaic(SETTINGS, usual, punctual=True)).placements()]
@@ -161,7 +161,7 @@ def test_the_result_for_an_island_that_is_no_more_is_dropped(ground: Image) -> N
     assert [graph.pose_of(frame) for frame in range(5)] == before
 
 
-@pytest.mark.parametrize("broken", ["begin", "result"])
+@pytest.mark.parametrize("broken", [pytest.param("begin", marks=pytest.mark.thorough), "result"])
 def test_a_worker_that_has_raised_is_never_out_of_step(
     ground: Image, monkeypatch: pytest.MonkeyPatch, broken: str
 ) -> None:
@@ -192,7 +192,7 @@ def test_a_worker_that_has_raised_is_never_out_of_step(
     assert [p.pose for p in mosaic.placements()] == expected
 
 
-@pytest.mark.parametrize("detour", [False, True])
+@pytest.mark.parametrize("detour", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground: Image, detour: bool) -> None:
     """All is put back as it was before the worker was given its task, and something else is asked of it."""
     worker = FakeWorker()
