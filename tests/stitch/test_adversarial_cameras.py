@@ -11,12 +11,14 @@ pytestmark = pytest.mark.long
 LAKE_SIDE = 0.45  # of the lines over a lake
 
 
+@pytest.mark.thorough
 def test_glitter_joins_nothing_and_the_shore_does() -> None:
     """From land over the shore out to where only water is seen, whose frames wait for ever or lie where they were taken."""
     taken = shots("lake", 1, frames=12, forward=0.6, side=LAKE_SIDE)
     assert assert_nothing_is_mixed_up(stitched(taken), taken).placed >= 8
 
 
+@pytest.mark.thorough
 def test_two_lakes_under_one_sun_stay_apart() -> None:
     taken = in_turn(*(shots("lake", seed, frames=6, forward=0.7, side=LAKE_SIDE) for seed in (1, 2)))
     assert assert_nothing_is_mixed_up(stitched(taken), taken).placed >= 10

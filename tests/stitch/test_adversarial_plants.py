@@ -15,12 +15,13 @@ def test_fields_of_one_crop_stay_apart_and_are_placed(crop: str, height: float) 
     assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (6, 6)
 
 
-@pytest.mark.parametrize("crop", ["maize", pytest.param("vines", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("crop", ["maize", pytest.param("vines", marks=THOROUGH)])
 def test_a_gap_across_a_field_is_never_closed_one_row_off(crop: str) -> None:
     taken = in_turn(*(with_a_gap(shots(crop, seed, **ONE_LINE)) for seed in (1, 2)))
     assert assert_nothing_is_mixed_up(stitched(taken), taken).islands == (3, 3, 3, 3)
 
 
+@pytest.mark.thorough
 def test_orchards_of_one_grid_flown_low_stay_apart() -> None:
     """Crowns of a quarter of the flying height: what is easily placed is little."""
     taken = in_turn(*(shots("orchard", seed, frames=6, height=40, relief=1) for seed in (1, 2)))
