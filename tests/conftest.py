@@ -21,7 +21,7 @@ settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
 # Files that take minutes: begun first, so that at the end no core waits for one of them.
-LONGEST = ("test_lower_bounds.py", "test_real_flights.py", "test_adversarial.py", "test_readme.py")
+LONGEST = ("test_lower_bounds.py", "test_real_flights.py", "test_adversarial.py", "test_readme.py", "test_soak.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -32,6 +32,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def world_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where painted worlds of the simulated flights are kept during one run of the tests."""
     return tmp_path_factory.mktemp("worlds")
+
+
+@pytest.fixture(scope="session")
+def pictures(world_cache: Path) -> list[bytes]:
+    """JPEG files of six pictures that overlap."""
+    from tests.running import six_pictures
+
+    return six_pictures(world_cache)
 
 
 @pytest.fixture

@@ -13,12 +13,7 @@ import pytest
 
 from gcs_mosaic.store.folder import LEDGER_NAME
 from tests.benchmarks.lost_folders import deleted, flown
-from tests.running import flying, frames_of, six_pictures, until
-
-
-@pytest.fixture(scope="module")
-def pictures(world_cache: Path) -> list[bytes]:
-    return six_pictures(world_cache)
+from tests.running import flying, frames_of, until
 
 
 @pytest.mark.long

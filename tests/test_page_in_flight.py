@@ -11,7 +11,7 @@ import pytest
 
 from tests.benchmarks.page_attacks import page_of
 from tests.ports import free_port
-from tests.running import Running, flying, six_pictures, until
+from tests.running import Running, flying, until
 from tests.web.browser import CHROMIUM, Page, open_browser
 from tests.web.test_app import Client
 
@@ -22,11 +22,6 @@ pytestmark = [
 
 TILES = "[...document.querySelectorAll('img.leaflet-tile')].filter(i => i.complete && i.naturalWidth > 1).length"
 PLACED = "Number(/Frames placed\\s*(\\d+)/i.exec(document.body?.innerText ?? '')?.[1] ?? 0)"
-
-
-@pytest.fixture(scope="module")
-def pictures(world_cache: Path) -> list[bytes]:
-    return six_pictures(world_cache)
 
 
 @pytest.fixture

@@ -15,9 +15,7 @@ logger = logging.getLogger(__name__)
 
 STATUS_EACH_S = 2.0
 ENDING_S = 60.0  # asked for again and again while the flight is being ended
-LONGEST_END_STEP_S = (
-    1200.0  # one step of ending may wait this long: for the adjustment of everything, 15 minutes at most
-)
+LONGEST_END_STEP_S = 1200.0  # of one step of ending: the adjustment of everything takes 15 minutes at most
 
 
 class ServiceManager:

@@ -20,9 +20,8 @@ from gcs_mosaic.messages import Source, Teller, TriggerEvent
 Verdict = Literal["admitted", "held", "left out", "closed", "opened"]
 
 MOST_SOURCES = 64  # per link; an autopilot has up to three, each of MAVLink's six cameras one
-_HEADER = struct.Struct(
-    "<xBBxxBBHB"
-)  # of MAVLink 2: marker, length, flags, flags, counter, system, component, message id
+# Of MAVLink 2: marker, length, flags, flags, counter, system, component, message id.
+_HEADER = struct.Struct("<xBBxxBBHB")
 _MAVLINK_2, _CHECKSUM, _SIGNED, _SIGNATURE = 0xFD, 2, 1, 13
 _KINDS = {112: Source.CAMERA_TRIGGER, 180: Source.CAMERA_FEEDBACK, 263: Source.IMAGE_CAPTURED_BY_CAMERA}
 UNKNOWN_AT_ONCE = 10  # messages of an unknown source beyond its rate; what exceeds it is held

@@ -39,11 +39,6 @@ def plain(level: int) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def pictures(world_cache: Path) -> list[bytes]:
-    return six_pictures(world_cache)
-
-
-@pytest.fixture(scope="module")
 def elsewhere(world_cache: Path) -> bytes:
     """A picture of ground that no other picture shows."""
     return six_pictures(world_cache, seed=4)[0]

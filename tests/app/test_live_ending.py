@@ -19,15 +19,10 @@ from gcs_mosaic.app.live import RETRY_S
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from tests.documents import placements
-from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, six_pictures, until
+from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, until
 from tests.sure import sure
 
 COPY_ALL = "\noriginals: {reserve_gb: 0}\n"
-
-
-@pytest.fixture(scope="module")
-def pictures(world_cache: Path) -> list[bytes]:
-    return six_pictures(world_cache)
 
 
 @pytest.fixture

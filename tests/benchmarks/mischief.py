@@ -45,6 +45,7 @@ class Soaked:
     page: int
     vehicle: Vehicle
     settings: str
+    own_disk: bool  # the folder is on a small disk of its own, which may be filled
     process: subprocess.Popen[bytes] | None = None
     link_up: bool = True
     taken: int = 0
@@ -136,6 +137,7 @@ def suspend(soaked: Soaked, chance: random.Random) -> Iterator[None]:
 
 
 def full_disk(soaked: Soaked, chance: random.Random) -> Iterator[None]:
+    assert soaked.own_disk, "this would fill the disk of whoever runs it"
     filler = soaked.folder / "filler"
     with suppress(OSError), filler.open("wb", buffering=0) as file:
         while True:
@@ -236,15 +238,15 @@ def done(mischief: Mischief, soaked: Soaked, chance: random.Random, seconds: flo
 
 
 @contextmanager
-def small_disk(megabytes: int, folder: Path) -> Iterator[Path]:
-    """A file system of its own, if this user may mount one; otherwise the folder itself."""
+def small_disk(megabytes: int, folder: Path) -> Iterator[bool]:
+    """Make the folder a file system of its own; False if this user may not mount one."""
     folder.mkdir(parents=True, exist_ok=True)
     mount = ["mount", "-t", "tmpfs", "-o", f"size={megabytes}m", "tmpfs", str(folder)]
     mounted = subprocess.run(mount, check=False, capture_output=True).returncode == 0
     if not mounted:
         print("no disk of its own can be mounted: it will not get full", file=sys.stderr)
     try:
-        yield folder
+        yield mounted
     finally:
         if mounted:
             subprocess.run(["umount", "--lazy", str(folder)], check=False)

@@ -76,10 +76,10 @@ def soaked(minutes: float, seed: int, folder: Path, most: Sequence[Mischief] = A
     route = Plan(frames=max(12, round(minutes * 60 / EACH_S)), height=60)
     pictures = plan("survey", (480, 360), seed=seed, route=route).pictures()
     with (
-        mischief.small_disk(DISK_MB, folder / "disk") as disk,
+        mischief.small_disk(DISK_MB, folder / "disk") as own_disk,
         closing(Vehicle("127.0.0.1", port, ["camera"])) as vehicle,
     ):
-        flown = Soaked(folder, disk, port, free_port(), vehicle, SETTINGS)
+        flown = Soaked(folder, folder / "disk", port, free_port(), vehicle, SETTINGS, own_disk)
         flown.start()
         try:
             over = threading.Event()
@@ -89,7 +89,8 @@ def soaked(minutes: float, seed: int, folder: Path, most: Sequence[Mischief] = A
             ]
             for thread in threads:
                 thread.start()
-            _disturb(flown, chance, found, time.monotonic() + 60 * minutes, most)
+            possible = [one for one in most if own_disk or one is not mischief.full_disk]
+            _disturb(flown, chance, found, time.monotonic() + 60 * minutes, possible)
             _settle(flown, found, over, threads)
             _judge(flown, found)
         finally:

@@ -13,14 +13,9 @@ from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog_reader import read_recording
 from tests.peers.cameras import Camera, Station, forwarder, need_mavproxy, need_mavsdk
 from tests.ports import free_port
-from tests.running import Running, events_of, flying, frames_of, six_pictures
+from tests.running import Running, events_of, flying, frames_of
 
 SHOTS = 4
-
-
-@pytest.fixture(scope="module")
-def pictures(world_cache: Path) -> list[bytes]:
-    return six_pictures(world_cache)
 
 
 def port_of(flight: Running) -> int:

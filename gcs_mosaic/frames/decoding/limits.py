@@ -11,9 +11,8 @@ from gcs_mosaic.frames.structure import Whole
 
 MB = 10**6
 FREE_OF_EXTRA_MB = 100.0  # of pixels: a Raspberry Pi decodes these in half of `cpu_s`
-COPIES = (
-    4  # of a picture, at most, at one time: the decoder's, a converted one, the shared one, that of the main process
-)
+# Of a picture, at most, at one time: the decoder's, a converted one, the shared one, that of the main process.
+COPIES = 4
 COEFFICIENT_BYTES = 8  # a pixel: those of a progressive JPEG of four components are kept until the last scan
 SLACK_BYTES = 128 * MB  # for libraries' own tables, and for what the allocator has not given back
 CGROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")

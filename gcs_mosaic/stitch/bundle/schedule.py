@@ -64,13 +64,10 @@ class Upkeep(Kept):
         self._grown: dict[int, int] = {}  # frames that islands have gained since their last adjustment
         self._task: IslandTask | None = None  # the worker's task
         self._frames_before = 0  # in the graph when it began
-        self._failures: dict[
-            int, int
-        ] = {}  # of islands whose last adjustment failed in the background: since they had grown
+        # How often the last adjustment of an island has failed in the background since it had grown.
+        self._failures: dict[int, int] = {}
         self._pause = 0  # frames, or looks in a pause of the flight, before the worker gets another task
-        self.problem: str | None = (
-            None  # the last failure in the background; None once an adjustment has succeeded there
-        )
+        self.problem: str | None = None  # the last failure in the background, until an adjustment succeeds there
 
     def saved(self) -> Snapshot:
         """An adjustment that is under way is due again."""
