@@ -211,6 +211,7 @@ def test_a_machine_that_sleeps_refuses_no_frame() -> None:
         under_way = pool.submit(decoded, decoders, SLOW)
         pid = at_work(decoders)
         os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.3)  # a signal is obeyed, and the clock's last tick written, a little later
         used = cpu_s(pid)
         time.sleep(2.5)
         assert cpu_s(pid) == used
