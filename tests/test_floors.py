@@ -35,7 +35,8 @@ ALLOWED = {
         *("store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph"),
         *("messages", "errors"),
     },
-    "web": {"store", "export", "render", "messages", "errors"},
+    "views": {"store", "render", "export", "frames", "stitch.arrays", "stitch.camera", "errors"},
+    "web": {"views", "store", "export", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", *STITCH, "errors"},
     "app": {

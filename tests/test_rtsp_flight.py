@@ -133,6 +133,7 @@ def test_every_trigger_gets_its_frame_of_the_stream(tmp_path: Path, slides: Show
     assert "stream rtsp://127.0.0.1" in run("status", flight.out, cwd=tmp_path).stdout
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @needs_gstreamer
 def test_without_triggers_the_moving_view_is_mapped(tmp_path: Path, panorama: Panning) -> None:

@@ -102,6 +102,20 @@ class CoveredRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PositionRecord:
+    """Where a frame is painted; enough for its outline, not for its pixels."""
+
+    number: int  # `frames.id`, in order of arrival
+    name: str
+    island: int
+    order: int  # capture order
+    level: int
+    pose: Pose
+    camera: Camera
+    modified: float | None  # capture time if known, else the file's; seconds since 1970
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IslandRecord:
     id: int
     merged_into: int | None

@@ -18,7 +18,15 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.placement import Homography
-from gcs_mosaic.store.records import CoveredRecord, Estimate, EventRecord, EventState, FrameRecord, FrameState
+from gcs_mosaic.store.records import (
+    CoveredRecord,
+    Estimate,
+    EventRecord,
+    EventState,
+    FrameRecord,
+    FrameState,
+    PositionRecord,
+)
 
 EVENT_COLUMNS = (
     "vehicle, component, camera, source, sequence, received, source_time, clock, utc, result, file_hint, "
@@ -218,6 +226,19 @@ def covered_of(row: sqlite3.Row) -> CoveredRecord:
         by_from_frame=nine_numbers(row["keyframe_from_frame"]),
         width=row["width"],
         height=row["height"],
+    )
+
+
+def position_record_of(row: sqlite3.Row) -> PositionRecord:
+    return PositionRecord(
+        number=row["frame"],
+        name=name_of(row),
+        island=row["island"],
+        order=row["order"],
+        level=row["level"],
+        pose=pose_of(row),
+        camera=camera_of(row),
+        modified=row["modified"],
     )
 
 

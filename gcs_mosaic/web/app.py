@@ -22,6 +22,7 @@ from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.web.access import access_check, is_local
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
+from gcs_mosaic.web.api.routes import add_api
 from gcs_mosaic.web.change import Change
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
 from gcs_mosaic.web.feed import Feed
@@ -81,6 +82,7 @@ def make_app(
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
     app.router.add_post(PATH, choose_vehicle)
+    add_api(app, root)
     return app
 
 

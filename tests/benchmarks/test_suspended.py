@@ -15,6 +15,7 @@ def test_a_program_that_stood_still_dates_triggers_by_their_arrival(tmp_path: Pa
     assert over_udp(tmp_path, six_pictures(world_cache), stopped_s=4.0, shots=9) >= 8
 
 
+@pytest.mark.thorough
 def test_forged_counters_ahead_of_the_cameras_take_no_picture(tmp_path: Path, world_cache: Path) -> None:
     own, rows, sent, said = outcome(tmp_path, "numbered", "counters", six_pictures(world_cache), 10)
     assert own >= 9, said

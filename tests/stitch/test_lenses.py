@@ -148,6 +148,7 @@ def said(placement: Placement) -> tuple[object, ...]:
     )
 
 
+@pytest.mark.thorough
 def test_whoever_listens_to_what_moved_knows_where_everything_lies() -> None:
     mosaic, most, joined = Mosaic(EVERY_FRAME), 0, False
     heard: dict[str, tuple[object, ...]] = {}

@@ -102,6 +102,7 @@ def flown(views: Iterable[Image]) -> tuple[list[Placement], list[int]]:
     return mosaic.placements(), again
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "camera", [pytest.param(PINHOLE, marks=pytest.mark.thorough), BARREL], ids=["pinhole", "barrel"]
 )

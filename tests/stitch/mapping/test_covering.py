@@ -158,6 +158,7 @@ def test_covered_frames_go_along_when_their_keyframe_moves(ground: Image) -> Non
         assert np.allclose(followed(one, after) - followed(one, before), key_moved, atol=0.2)
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_an_ordinary_flight_has_none_and_is_as_it_was(ground: Image) -> None:
     rng = np.random.default_rng(5)

@@ -1,0 +1,133 @@
+"""A flight's painted frames as they lie now, for whoever asks about places; shared by all questions."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.tile_grid import Box
+from gcs_mosaic.stitch.arrays import Array, PointsNx2
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, footprint, pixels_from_canvas
+from gcs_mosaic.stitch.camera.relief import as_seen, on_plane
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.revision import last_revision
+
+if TYPE_CHECKING:
+    from gcs_mosaic.store.ledger import Ledger
+    from gcs_mosaic.store.records import FrameRecord, PositionRecord
+
+logger = logging.getLogger(__name__)
+
+OUTLINE_PER_SIDE = 4  # points; between them a lens bends the border by less than a pixel in a thousand
+REST = 20.0  # the table is read again after so many times as long as reading it took: 5 % of a core at most
+LEAST_REST_S = 1.0
+KEPT_OUTLINES = 200_000
+KEPT_FRAMES = 256  # with their relief: 4 KB each
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTable:
+    """All painted frames at one revision. `frames` and the arrays have the same order, that of arrival."""
+
+    revision: int
+    frames: Sequence[PositionRecord]
+    islands: Array  # (n,) int
+    outlines: Array  # (n, 16, 2) canvas, clockwise from the top left of the frame; NaN above the horizon
+    boxes: Array  # (n, 4) canvas: left, top, right, bottom; NaN where nothing is seen
+
+    def near(self, island: int, box: Box) -> list[int]:
+        """Indices of an island's frames whose bounding boxes touch a canvas box, in order of arrival."""
+        left, top, right, bottom = box
+        apart = (self.boxes[:, 0] > right) | (self.boxes[:, 2] < left) | (self.boxes[:, 1] > bottom)
+        apart |= (self.boxes[:, 3] < top) | np.isnan(self.boxes[:, 0]) | (self.islands != island)
+        return [int(index) for index in np.flatnonzero(~apart)]
+
+
+class FlightView:
+    """A flight's folder, read beside the program that may be writing it. Thread-safe.
+
+    All answers are those of some moment of the last seconds: a table is kept until the revision has changed and reading it
+    again costs little.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._lock = threading.Lock()
+        self._table = _table(0, [])
+        self._due = 0.0  # monotonic seconds
+        self._painted = lru_cache(KEPT_FRAMES)(self._read_painted)
+
+    def table(self) -> FrameTable:
+        """The painted frames; none where there is no ledger yet."""
+        with self._lock:
+            if time.monotonic() >= self._due:
+                self._read_again()
+            return self._table
+
+    def painted(self, number: int) -> Painted | None:
+        """How a frame is painted, with relief; None if it is not."""
+        return self._painted(number, self.table().revision)
+
+    def frame(self, number: int) -> FrameRecord | None:
+        """What the ledger says of a frame."""
+        with self._ledger() as ledger:
+            return ledger.frame(number)
+
+    def _read_again(self) -> None:
+        revision, start = last_revision(self.root), time.monotonic()
+        if revision != self._table.revision:
+            try:
+                with self._ledger() as ledger:
+                    self._table = _table(revision, ledger.positions())
+            except UsageError:
+                logger.info("no ledger can be read", exc_info=True)
+        now = time.monotonic()
+        self._due = now + max(LEAST_REST_S, REST * (now - start))
+
+    def _read_painted(self, number: int, _revision: int) -> Painted | None:
+        with self._ledger() as ledger:
+            return ledger.painted_frame(number)
+
+    def _ledger(self) -> Ledger:
+        """Opened for each reading: the file may be written anew at any time. Raises UsageError."""
+        from gcs_mosaic.store.ledger import Ledger  # it loads what paints, which a page that nobody asks does without
+
+        return Ledger(self.root / LEDGER_NAME, read_only=True)
+
+
+def pixels_of(painted: Painted, places: PointsNx2) -> PointsNx2:
+    """Pixels (n, 2) of a painted frame, inside it or not, where canvas places (n, 2) are seen: lens and relief included. NaN
+    where the lens cannot see them."""
+    flat = pixels_from_canvas(painted.pose, painted.camera, places)
+    return as_seen(painted.relief, painted.camera, flat)
+
+
+def places_of(painted: Painted, pixels: PointsNx2) -> PointsNx2:
+    """Canvas places (n, 2) of a painted frame's pixels (n, 2); NaN above the horizon. Inverse of `pixels_of`."""
+    return canvas_from_pixels(painted.pose, painted.camera, on_plane(painted.relief, painted.camera, pixels))
+
+
+@lru_cache(KEPT_OUTLINES)
+def _outline(pose: Pose, camera: Camera) -> PointsNx2:
+    return footprint(pose, camera, OUTLINE_PER_SIDE)
+
+
+def _table(revision: int, frames: Sequence[PositionRecord]) -> FrameTable:
+    outlines = np.full((len(frames), 4 * OUTLINE_PER_SIDE, 2), np.nan)
+    for index, one in enumerate(frames):
+        outlines[index] = _outline(one.pose, one.camera)
+    seen = ~np.isnan(outlines)
+    low, high = np.where(seen, outlines, np.inf).min(axis=1), np.where(seen, outlines, -np.inf).max(axis=1)
+    boxes = np.hstack([low, high])
+    boxes[~np.isfinite(boxes).all(axis=1)] = np.nan
+    return FrameTable(revision, frames, np.array([one.island for one in frames], dtype=int), outlines, boxes)

@@ -1,0 +1,66 @@
+"""What handlers of the API share: the flight they answer about, threads to work on, checked parameters, answers."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from aiohttp import web
+
+from gcs_mosaic.views.flight_view import FlightView
+
+BASE = "/api/v1"
+THREADS = 2  # for questions; stitching has priority on the cores
+LARGEST_BODY = 1 << 16  # bytes
+
+VIEW = web.AppKey("view", FlightView)
+POOL = web.AppKey("pool", ThreadPoolExecutor)
+
+Result = TypeVar("Result")
+
+
+async def in_thread(request: web.Request, work: Callable[..., Result], *given: Any) -> Result:
+    """Run blocking work on a thread of the API's own."""
+    return await asyncio.get_running_loop().run_in_executor(request.app[POOL], work, *given)
+
+
+def number(request: web.Request, name: str, *, least: float = -1e9, most: float = 1e9) -> float:
+    """A number of the query. Raises HTTPBadRequest for anything else."""
+    try:
+        value = float(request.query[name])
+    except (KeyError, ValueError):
+        value = math.nan
+    if not least <= value <= most:
+        raise bad(f"{name}= is to be a number from {least:g} to {most:g}.")
+    return value
+
+
+def bad(text: str) -> web.HTTPBadRequest:
+    return web.HTTPBadRequest(text=f"{text}\n")
+
+
+def missing(text: str) -> web.HTTPNotFound:
+    return web.HTTPNotFound(text=f"{text}\n")
+
+
+async def body_of(request: web.Request) -> dict[str, Any]:
+    """The JSON object that was sent. Raises HTTPBadRequest and HTTPRequestEntityTooLarge."""
+    if (request.content_length or 0) > LARGEST_BODY:
+        raise web.HTTPRequestEntityTooLarge(LARGEST_BODY, request.content_length or 0)
+    try:
+        told = json.loads(await request.text())
+    except (ValueError, RecursionError) as error:
+        raise bad("A JSON object is to be sent.") from error
+    if not isinstance(told, dict):
+        raise bad("A JSON object is to be sent.")
+    return told
+
+
+def answer(document: Any, **headers: str) -> web.Response:
+    """A JSON answer."""
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False)
+    return web.Response(text=text, content_type="application/json", headers=headers)
