@@ -20,7 +20,7 @@ pytestmark = [
     pytest.mark.skipif(not Path("/proc").exists(), reason="processes are looked up in /proc"),
 ]
 
-TILES = "[...document.querySelectorAll('img.leaflet-tile')].filter(i => i.complete && i.naturalWidth > 1).length"
+TILES = "[...document.querySelectorAll('.leaflet-tile img')].filter(i => i.complete && i.naturalWidth > 1).length"
 PLACED = "Number(/Frames placed\\s*(\\d+)/i.exec(document.body?.innerText ?? '')?.[1] ?? 0)"
 
 

@@ -308,6 +308,7 @@ class _Daemon:
     def _note_done(self, done: Done) -> None:
         self._state = "flying"
         self._announcements.frame(done.state)
+        self._reporter.conditions.frame(done.state)
         latency = time.monotonic() - self._came.pop(done.name)
         self._reporter.last_frame = LastFrame(
             name=done.name,
@@ -336,6 +337,7 @@ class _Daemon:
             return
         self._disk_due = now + DISK_EACH_S
         self._until_writable(lambda: None)
+        self._reporter.conditions.disk = None
         self._output.report()
         if not len(self._preparation):
             self._keep_lost_originals(now + LOST_S)
@@ -348,6 +350,7 @@ class _Daemon:
 
     def _wait_for_disk(self, trouble: CannotWrite) -> None:
         """Pause between two attempts to write; limited at the end."""
+        self._reporter.conditions.disk = str(trouble)
         self._report(now=True)
         self._shutdown.hurry.wait(RETRY_S)
         if not self._may_go_on():
@@ -441,7 +444,8 @@ class _Daemon:
         if told := self._backlog.notice(behind):
             self.say(told)
         counted, revision = pipeline.accounts, pipeline.store.revision
-        self._reporter.write(self._state, behind, revision, counted, pipeline.mosaic.held_out, now=now)
+        islands, held_out = len(pipeline.mosaic.frame_counts()), pipeline.mosaic.held_out
+        self._reporter.write(self._state, behind, revision, counted, held_out, islands=islands, now=now)
         self._manager.alive()
         self._manager.status(
             f"{self._state}: {self._reporter.accounts.frames.placed} frames placed, {_in_words(behind)}"

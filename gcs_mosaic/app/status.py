@@ -16,6 +16,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from gcs_mosaic.app.conditions import Conditions, Facts
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import CannotWrite, DiskFull, overwrite, write_beside
 from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
@@ -53,9 +54,10 @@ class Reporter:
         self._path = out / "status.json"
         self._flight, self._ledger, self._console = flight, ledger, console
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
-        self._written = 0.0
+        self._written, self._begun_utc = 0.0, time.time()
         self._links: dict[str, LinkReport] = {}
         self.watch: SourceReport | None = None
+        self.conditions = Conditions()
         self.accounts = Accounts()  # as last written
         self.last_frame: LastFrame | None = None
 
@@ -97,6 +99,7 @@ class Reporter:
         accounts: Callable[[], Accounts],
         held_out: Callable[[], Figures] = dict,
         *,
+        islands: int = 0,
         now: bool = False,
     ) -> None:
         """Write status.json, but not more often than useful."""
@@ -105,6 +108,15 @@ class Reporter:
         if not now:  # while the flight waits for the disk, this would only wait as well
             self._record()
         self.accounts = accounts()
+        facts = Facts(
+            utc=time.time(),
+            started_utc=self._begun_utc,
+            links=tuple(self._links.values()),
+            source=self.watch,
+            behind=behind,
+            accounts=self.accounts,
+            islands=islands,
+        )
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -117,10 +129,13 @@ class Reporter:
             last_frame=self.last_frame,
             accounts=self.accounts,
             held_out=largest(held_out(), ISLANDS_SHOWN),
+            conditions=() if state == "stopped" else self.conditions.so_now(facts),
             notices=tuple(self._notices),
         )
         self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
         self._written = time.monotonic()
+        for notice in self.conditions.fresh():
+            self.say(notice)
 
     def _record(self) -> None:
         """Bring notices into the ledger; those that it does not take now follow later."""

@@ -123,7 +123,8 @@ class Listener:
             self._silent, self._silences = True, self._silences + 1
             but = " but bytes that are not MAVLink (is the speed right?)" if noise > self._noise else ""
             seconds = f"{self._settings.silent_after_s:g} s"
-            yield self._notice("warning", f"{self._name} is silent: nothing for {seconds}{but}")
+            what = f"{self._name} is silent: nothing for {seconds}" if self._ever_heard else self._never_heard(seconds)
+            yield self._notice("warning", f"{what}{but}")
         waited = now - self._first_vehicle if self._first_vehicle is not None else 0.0
         is_late = waited > self._settings.ground_station_after_s
         if self._ground_station == "unknown" and is_late and not self._is_forwarded_to_us():
@@ -131,6 +132,9 @@ class Listener:
             # A ground station that forwards keeps its own heartbeats to itself; on its default port we block it.
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
+
+    def _never_heard(self, seconds: str) -> str:
+        return f"nothing was heard on {self._name} since it was opened, {seconds} ago"
 
     def _is_forwarded_to_us(self) -> bool:
         """Only programs on this machine can reach us there, and no ground station listens there."""

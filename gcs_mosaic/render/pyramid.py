@@ -114,7 +114,9 @@ class TileStack(Kept):
             return set()
         top = top_level(extent)
         self._tops[island] = extent.box, top
-        if old is None or old[1] == top:
+        if old is None:
+            return self._above_top(island, top)
+        if old[1] == top:
             return set()
         old_box, old_top = old
         if top < old_top:
@@ -124,6 +126,12 @@ class TileStack(Kept):
             for tile in tiles_over(old_box, level):
                 self._store.put(((island, tile), "quarter"), None)
         return {(island, tile) for level in range(old_top, top) for tile in tiles_over(old_box, level)}
+
+    def _above_top(self, island: int, top: int) -> set[TileKey]:
+        """Tiles that an earlier run may have left there, when the island was larger."""
+        gone = {key for key in self.earlier if key[0] == island and key[1].z < top}
+        self.earlier -= gone
+        return gone
 
     def _shrink_all(self, keys: Sequence[TileKey]) -> None:
         for some in chunks(sorted(keys), AT_ONCE):

@@ -46,6 +46,16 @@ class Behind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """What is so now and wants to be known, in a sentence; `key` tells them apart."""
+
+    key: str
+    level: Literal["info", "warning", "error"]
+    text: str
+    since_utc: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """The content of status.json. Written at least every two seconds: an old `updated` means a hung daemon."""
 
@@ -60,6 +70,7 @@ class Status:
     last_frame: LastFrame | None = None
     accounts: Accounts = field(default_factory=Accounts)
     held_out: Figures = field(default_factory=dict)  # held-out error by island
+    conditions: tuple[Condition, ...] = ()  # the worst first
     notices: tuple[NoticeRecord, ...] = ()  # the newest few, oldest first
 
 
@@ -81,6 +92,7 @@ def status_document(status: Status) -> Document:
         "frames": asdict(status.accounts.frames),
         "orphans": status.accounts.orphans,
         "held_out_px": {str(island): held_out_entry(found) for island, found in status.held_out.items()},
+        "conditions": [condition_entry(one) for one in status.conditions],
         "notices": [notice_entry(notice) for notice in status.notices],
     }
 
@@ -131,6 +143,15 @@ def last_frame_entry(frame: LastFrame) -> Document:
     }
 
 
+def condition_entry(condition: Condition) -> Document:
+    return {
+        "key": condition.key,
+        "level": condition.level,
+        "text": condition.text,
+        "since": iso_utc(condition.since_utc),
+    }
+
+
 def notice_entry(notice: NoticeRecord) -> Document:
     return {"time": iso_utc(notice.utc), "source": notice.source, "level": notice.level, "text": notice.text}
 
@@ -168,6 +189,7 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         *([last_frame_words(last)] if last else []),
         *([f"{watch['kind']} {watch['folder']}: {'; '.join(watch_words(watch))}"] if watch else []),
         *[f"MAVLink {link['address']}: {'; '.join(link_words(link))}" for link in document["mavlink"]],
+        *[f"{one['level']} since {one['since']}: {one['text']}" for one in document.get("conditions", [])],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
 

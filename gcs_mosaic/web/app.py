@@ -41,6 +41,7 @@ REVISION = re.compile("[0-9]{1,18}")
 
 HEARTBEAT_S = 15.0  # keeps NAT entries alive, and detects pages that are gone
 SEND_S = 20.0  # send timeout, after which a page is gone
+FAREWELL_S = 2.0  # for open pages to read the end of the flight
 POLL_S = 1.0  # polling interval of mosaic.json without a feed
 CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
@@ -164,6 +165,7 @@ async def live(request: web.Request) -> web.StreamResponse:
             await send(response, Change(last_revision(request.app[ROOT]), None))
             async for change in subscription.changes(HEARTBEAT_S):
                 await send(response, change)
+            await say_farewell(response)
     return response
 
 
@@ -172,6 +174,19 @@ async def send(response: web.StreamResponse, change: Change | None) -> None:
     message = ": alive\n\n" if change is None else f"data: {change.json()}\n\n"
     async with asyncio.timeout(SEND_S):
         await response.write(message.encode())
+
+
+async def say_farewell(response: web.StreamResponse) -> None:
+    """Tell a page that the server ends, as opposed to a network that is lost. Raises as `send`."""
+    async with asyncio.timeout(SEND_S):
+        await response.write(b"event: ended\ndata: {}\n\n")
+
+
+async def let_pages_read(app: web.Application) -> None:
+    """Say farewell to the open pages, and leave them the time to read what was written last."""
+    if app[FEED].subscribers:
+        app[FEED].close()
+        await asyncio.sleep(FAREWELL_S)
 
 
 def beside(

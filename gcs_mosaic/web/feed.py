@@ -18,6 +18,7 @@ class Feed:
         self.revision = 0
         self._lock = threading.Lock()
         self._subscriptions: set[Subscription] = set()
+        self._closed = False
 
     def publish(self, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> None:
         """Publish a revision that is on disk, with the tiles that painting one frame changed (None: any).
@@ -40,6 +41,7 @@ class Feed:
         subscription = Subscription(asyncio.get_running_loop())
         with self._lock:
             self._subscriptions.add(subscription)
+            subscription.closed = self._closed
         try:
             yield subscription
         finally:
@@ -51,8 +53,9 @@ class Feed:
         return len(self._subscriptions)
 
     def close(self) -> None:
-        """End every subscription."""
+        """End every subscription, also those to come."""
         with self._lock:
+            self._closed = True
             for subscription in self._subscriptions:
                 subscription.close()
 

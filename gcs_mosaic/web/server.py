@@ -18,7 +18,7 @@ from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.web.address import DEFAULT, HttpAddress
-from gcs_mosaic.web.app import make_app
+from gcs_mosaic.web.app import let_pages_read, make_app
 from gcs_mosaic.web.door import Door
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.settings import WebSettings
@@ -80,13 +80,15 @@ class WebServer:
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
         self._loop.set_exception_handler(_log)
         tls = tls_of(self._settings)
-        runner = web.AppRunner(self._make_app(), access_log=None, shutdown_timeout=STOP_S, handler_cancellation=True)
+        app = self._make_app()
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=STOP_S, handler_cancellation=True)
         await runner.setup()
         assert runner.server is not None, "it has been set up"
         door = Door(runner.server, self._settings, tls)
         try:
             self._started.set_result(await self._open(door))
             await self._until_end(self._end, door)
+            await let_pages_read(app)
         finally:
             await door.close()
             await runner.cleanup()

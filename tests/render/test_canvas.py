@@ -274,6 +274,22 @@ def test_a_flight_goes_on_from_tiles_on_disk_and_ends_up_the_same(canvas: Canvas
     assert_same(all_tiles(resumed), all_tiles(whole))
 
 
+def test_an_island_that_has_shrunk_while_it_goes_on_leaves_no_overviews_behind(canvas: Canvases) -> None:
+    near, far = painted(0, 100, 100), painted(1, 6000, 100)
+    earlier = canvas()
+    written = {key[1].z for key in paint(earlier, near, far)}
+    top = sure(earlier.extent(0)).coarsest
+    assert min(written) == top
+    resumed = canvas(load_tile=earlier.tile)
+    there = {key for key in resumed.resume([near, far]) if key[1].z >= top}
+    resumed.move([replace(far, pose=replace(far.pose, x=130.0))])
+    told = set[TileKey]().union(*resumed.repaint())
+    gone = {key for key in there if key[1].z < sure(resumed.extent(0)).coarsest}
+    assert gone
+    assert gone <= told
+    assert all(resumed.tile(*key) is None for key in gone)
+
+
 def test_islands_do_not_touch_each_other(canvas: Canvases) -> None:
     c = canvas()
     paint(c, painted(0, 100, 100))

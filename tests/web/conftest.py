@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.web import app
+
 
 @pytest.fixture(scope="session")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -27,3 +29,9 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     both = folder / "both.pem"
     both.write_text((folder / "cert.pem").read_text() + (folder / "key.pem").read_text())
     return both
+
+
+@pytest.fixture(autouse=True)
+def short_farewell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages on this machine read the end of a flight at once."""
+    monkeypatch.setattr(app, "FAREWELL_S", 0.2)

@@ -231,7 +231,7 @@ def test_saved_flight_is_polled(flight: SmallFlight, monkeypatch: pytest.MonkeyP
     flight.write()
     assert live.message() == {"revision": 2, "tiles": None}
     server.stop()
-    assert live.line() == "end"
+    assert [live.line() for _ in range(3)] == ["event: ended", "data: {}", "end"]
     live.close()
 
 

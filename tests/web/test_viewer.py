@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from aiohttp import web
 
 from gcs_mosaic.messages import LinkReport, Refusals
 from gcs_mosaic.render.tile_grid import Tile
@@ -16,8 +17,9 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.store.records import Accounts, FrameAccount
-from gcs_mosaic.store.status import Behind, LastFrame
+from gcs_mosaic.store.status import Behind, Condition, LastFrame
 from gcs_mosaic.web import access
+from gcs_mosaic.web import app as app_module
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -31,7 +33,7 @@ from tests.web.test_app import Client, Live
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
 COLOURS = """
-(() => [...document.querySelectorAll("img.leaflet-tile")].filter((i) => i.complete && i.naturalWidth).map((image) => {
+(() => [...document.querySelectorAll(".leaflet-tile img")].filter((i) => i.complete && i.naturalWidth).map((image) => {
   const canvas = new OffscreenCanvas(1, 1).getContext("2d");
   canvas.drawImage(image, 100, 100, 1, 1, 0, 0, 1, 1);
   const [r, g, b, a] = canvas.getImageData(0, 0, 1, 1).data;
@@ -88,7 +90,7 @@ def test_tiles_are_shown_and_exchanged_when_told(page: Page, url: str, feed: Fee
     page.open(url)
     page.wait_for(at(first, "red"))
     page.wait_for(at(far, "red"))
-    page.evaluate("window.sameDocument = [...document.querySelectorAll('img.leaflet-tile')].length")
+    page.evaluate("window.sameDocument = [...document.querySelectorAll('.leaflet-tile img')].length")
     before = len(page.requests)
     flight.paint(first, GREEN)
     feed.publish(flight.write(), [(0, first), (0, first.parent)])
@@ -295,6 +297,100 @@ def shown_here(page: Page, url: str, flight: SmallFlight) -> None:
     page.evaluate("window.sameDocument = true")
 
 
+async def no_farewell(_response: web.StreamResponse) -> None:
+    raise ConnectionError
+
+
+def offline(page: Page, *, is_away: bool) -> None:
+    page.command(
+        "Network.emulateNetworkConditions", offline=is_away, latency=0, downloadThroughput=-1, uploadThroughput=-1
+    )
+
+
+LOADED = "[...document.querySelectorAll('.leaflet-tile-loaded img')].filter((i) => i.src.includes('/tiles/')).length"
+NOT_LOADED = "document.querySelectorAll('.leaflet-tile.not-loaded').length"
+
+
+def test_tiles_that_fail_are_asked_for_again_and_look_otherwise_than_what_nobody_has_seen(
+    page: Page, url: str, flight: SmallFlight
+) -> None:
+    """The Wi-Fi of a tablet goes, somebody zooms, and it comes back."""
+    shown_here(page, url, flight)
+    assert page.evaluate(NOT_LOADED) == 0  # there is ground around that nobody has seen
+    offline(page, is_away=True)
+    for _ in range(4):
+        page.evaluate("document.querySelector('.leaflet-control-zoom-out').click()")
+        time.sleep(0.4)
+    page.wait_for(f"{NOT_LOADED} > 0")
+    assert page.evaluate(LOADED) > 0  # what was shown is still there below
+    offline(page, is_away=False)
+    page.wait_for(f"{NOT_LOADED} === 0 && {LOADED} > 0", timeout_s=20)
+    assert page.evaluate("window.sameDocument")
+
+
+def test_scrolling_out_does_not_freeze_the_page(page: Page, url: str, flight: SmallFlight) -> None:
+    shown_here(page, url, flight)
+    page.evaluate(
+        "window.longest = 0; new PerformanceObserver((list) => list.getEntries().forEach((task) => {"
+        " window.longest = Math.max(window.longest, task.duration) })).observe({type: 'longtask'})"
+    )
+    for direction in (1, -1):
+        for _ in range(30):
+            page.command("Input.dispatchMouseEvent", type="mouseWheel", x=640, y=400, deltaX=0, deltaY=direction * 400)
+    page.wait_for(f"{NOT_LOADED} === 0")
+    time.sleep(0.5)
+    assert page.evaluate("window.longest") <= 200
+
+
+def test_something_is_shown_all_the_time_while_the_map_grows(
+    page: Page, url: str, feed: Feed, flight: SmallFlight
+) -> None:
+    """Looked at each 25 ms: once a tile was shown, there is never none, also while "Whole map" changes the zoom level."""
+    shown_here(page, url, flight)
+    page.evaluate(f"window.least = 99; setInterval(() => {{ window.least = Math.min(window.least, {LOADED}) }}, 25)")
+    for step in range(1, 8):
+        side = 512 << (step // 2)
+        tile = Tile(16, MIDDLE + (side >> 8) - 1, MIDDLE)
+        flight.paint(tile, BLUE)
+        flight.place(f"{step}.jpg", side - 128.0, 128)
+        flight.islands = [IslandEntry(id=0, bounds=(0, 0, side, side), minzoom=16 - step, maxzoom=16, frames=step)]
+        feed.publish(flight.write(), [(0, tile)])
+        time.sleep(0.25)
+    assert page.evaluate("window.least") > 0
+
+
+def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, flight: SmallFlight) -> None:
+    said = {}
+    flight.place("a.jpg", 128, 128)
+    for state in ("stopped", "flying"):
+        server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed())
+        shown_here(page, server.start(), flight)
+        flight.status(state=state)
+        server.stop()
+        page.wait_for("[...document.querySelectorAll('#farewell, #alarm')].some((one) => !one.hidden)")
+        said[state] = page.evaluate("document.getElementById('state').className + ' ' + document.body.innerText")
+        page.open("about:blank")
+    assert said["stopped"].startswith("calm")
+    assert "Ended, map complete, 1 frame. To open it again: gcs-mosaic serve small" in said["stopped"]
+    assert said["flying"].startswith("bad")
+    assert "it crashed or was killed" in said["flying"]
+
+
+def test_what_lasts_is_shown_by_how_bad_it_is_and_as_text(page: Page, url: str, flight: SmallFlight) -> None:
+    condition = Condition(key="overlap", level="warning", text="<b>fly</b> back", since_utc=time.time())
+    flight.status(conditions=(condition, replace(condition, key="behind", level="info", text="9 s behind")))
+    page.open(url)
+    page.wait_for("document.querySelectorAll('#conditions li').length === 2")
+    assert page.evaluate(
+        "[...document.querySelectorAll('#conditions li')].map((li) => li.className + ' ' + li.innerText)"
+    ) == [
+        "warning <b>fly</b> back",
+        "info 9 s behind",
+    ]
+    flight.status()
+    page.wait_for("document.querySelectorAll('#conditions li').length === 0")
+
+
 def another_revision(flight: SmallFlight) -> None:
     flight.paint(square(16), GREEN)
     flight.write()
@@ -302,11 +398,12 @@ def another_revision(flight: SmallFlight) -> None:
 
 
 def test_what_was_shown_stays_while_the_server_is_away_and_goes_on_when_it_is_back(
-    page: Page, tmp_path: Path, flight: SmallFlight
+    page: Page, tmp_path: Path, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed())
     url = server.start()
     shown_here(page, url, flight)
+    monkeypatch.setattr(app_module, "say_farewell", no_farewell)  # as a process that is killed
     server.stop()
     later(page, 6)
     page.wait_for(f"{TEXT}.includes('No connection to gcs-mosaic')", timeout_s=15)

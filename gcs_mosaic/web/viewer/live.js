@@ -5,21 +5,31 @@ const LONGEST_RETRY_MS = 10000;
 
 export class Live {
   isOpen = false;
+  hasEnded = false; // the server has said farewell, and has not come back
 
-  constructor(onChange) {
-    this.onChange = onChange;
+  /** `onEnded`: the server says farewell; what it has can be read for two more seconds. */
+  constructor(onChange, onEnded) {
+    Object.assign(this, { onChange, onEnded });
     this.retryMs = FIRST_RETRY_MS;
     this.listen();
   }
 
   listen() {
     this.source = new EventSource("/live");
-    this.source.onopen = () => Object.assign(this, { isOpen: true, retryMs: FIRST_RETRY_MS });
+    this.source.onopen = () => Object.assign(this, { isOpen: true, hasEnded: false, retryMs: FIRST_RETRY_MS });
     this.source.onmessage = (message) => this.onChange(JSON.parse(message.data));
+    this.source.addEventListener("ended", () => this.end());
     this.source.onerror = () => {
       this.isOpen = false;
       if (this.source.readyState === EventSource.CLOSED) this.listenLater(); // else the browser tries again
     };
+  }
+
+  end() {
+    this.source.close();
+    Object.assign(this, { isOpen: false, hasEnded: true });
+    this.onEnded();
+    this.listenLater(); // for whoever serves the flight next
   }
 
   listenLater() {

@@ -1,9 +1,12 @@
 // The map of one island: which one, which part of it, and the newest frame's outline.
 
+import { outlineOf } from "/viewer/outline.js";
 import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 
 const BASE_LEVEL = 16; // one tile pixel per canvas unit
 const ORIGIN = 2 ** 23 + 0.5; // canvas units from the grid's edge to the canvas' origin
+const SHRINK_LEVELS = 1; // ... and out beyond the coarsest
+const ROOM_AROUND = 0.75; // of the island's size on each side: as far as one may move away
 const MAGNIFY_LEVELS = 3; // how far one may zoom in beyond the finest tiles
 
 /** Canvas units as latitude (y, down) and longitude (x); zoom 16 shows a canvas unit as a CSS pixel. */
@@ -15,13 +18,18 @@ const CANVAS = L.extend({}, L.CRS.Simple, {
 
 export class MosaicMap {
   constructor() {
-    this.map = L.map("map", { crs: CANVAS, attributionControl: false, zoomControl: false, zoomSnap: 0.5, minZoom: 0 });
+    this.map = L.map("map", { 
+      crs: CANVAS, attributionControl: false, zoomControl: false, zoomSnap: 0.25, zoomDelta: 0.5, fadeAnimation: false,
+      maxBoundsViscosity: 1,
+    });
     L.control.zoom({ position: "bottomright" }).addTo(this.map);
     this.layer = null;
     this.outline = null;
     this.revision = 0;
     this.mosaic = null;
     this.newestFrame = null;
+    this.painted = null; // the part of the island in view that is painted: [left, top, right, bottom]
+    this.isAway = false; // whether the server is
     this.chosenIsland = null; // by hand; null: the newest or largest
     this.bind();
     this.setMode("all");
@@ -56,10 +64,18 @@ export class MosaicMap {
     this.setMode("all");
   }
 
-  show(mosaic, newestFrame) {
+  /** While the server is away nothing is moved by us: what is not loaded could not be shown. */
+  setAway(isAway) {
+    if (this.isAway && !isAway) this.layer?.retryFailed();
+    this.isAway = isAway;
+  }
+
+  /** `boundsOf`: of an island's number, what is painted of it. */
+  show(mosaic, newestFrame, boundsOf) {
     if (!mosaic || !mosaic.islands.length) return;
     this.mosaic = mosaic;
     this.newestFrame = newestFrame;
+    this.boundsOf = boundsOf;
     this.showChoice();
     this.showIsland();
   }
@@ -95,17 +111,27 @@ export class MosaicMap {
     if (!island) return;
     const options = layerOptions(island);
     this.map.setMaxZoom(island.maxzoom + MAGNIFY_LEVELS);
+    this.limitView(island.minzoom - SHRINK_LEVELS, options.bounds.pad(ROOM_AROUND));
     if (this.layer?.island !== island.id) this.startLayer(island.id, options);
-    this.bounds = options.bounds;
+    this.bounds = paintedBounds(options.bounds, this.boundsOf(island.id));
     document.getElementById("island").value = String(island.id);
-    this.showOutline(island.id);
+    this.showOutline();
     this.keepInView();
     this.layer.grow(options);
   }
 
+  /** Set anew only when they change: it stops a finger that moves the map. */
+  limitView(minZoom, bounds) {
+    if (this.limits?.minZoom === minZoom && this.limits.bounds.equals(bounds)) return;
+    this.limits = { minZoom, bounds };
+    this.map.setMinZoom(minZoom); // each level less has four times as many tiles in view
+    this.map.setMaxBounds(bounds);
+  }
+
   startLayer(island, options) {
     this.layer?.remove();
-    this.layer = new LiveTiles(island, Math.max(this.revision, this.mosaic.revision), options);
+    this.outlined = null;
+    this.layer = new LiveTiles(island, Math.max(this.revision, this.mosaic.revision), () => this.showOutline(), options);
     this.look(options.bounds);
     this.layer.addTo(this.map);
   }
@@ -116,7 +142,7 @@ export class MosaicMap {
   }
 
   keepInView() {
-    if (!this.layer) return;
+    if (!this.layer || this.isAway) return;
     if (this.mode === "all") this.look(this.bounds);
     if (this.mode === "newest" && this.outline) this.lookAtNewest(this.outline.getBounds());
   }
@@ -133,10 +159,15 @@ export class MosaicMap {
     this.movedByUs = false;
   }
 
-  showOutline(island) {
+  /** The newest frame's outline, as soon as its ground is shown: it never stands on bare ground. */
+  showOutline() {
+    const ours = this.newestFrame && this.newestFrame.island === this.layer?.island ? this.newestFrame : null;
+    if (ours && (!this.layer.isComplete() || JSON.stringify(ours.canvas_from_frame) === this.outlined)) return;
     this.outline?.remove();
-    const corners = this.newestFrame?.island === island ? outlineOf(this.newestFrame) : null;
+    const corners = ours && outlineOf(ours);
     this.outline = corners && outlineLayer(corners).addTo(this.map);
+    this.outlined = corners && JSON.stringify(ours.canvas_from_frame);
+    if (this.outline) this.keepInView();
   }
 
   showChoice() {
@@ -149,6 +180,16 @@ export class MosaicMap {
   }
 }
 
+/** What is painted within an island's tiles; all of them while that is not known. */
+function paintedBounds(tiles, painted) {
+  if (!painted) return tiles;
+  const [left, top, right, bottom] = painted;
+  const clamp = (value, least, most) => Math.min(Math.max(value, least), most);
+  const y = (value) => clamp(value, tiles.getSouth(), tiles.getNorth());
+  const x = (value) => clamp(value, tiles.getWest(), tiles.getEast());
+  return L.latLngBounds([y(top), x(left)], [y(bottom), x(right)]);
+}
+
 function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) {
   return {
     bounds: L.latLngBounds([top, left], [bottom, right]),
@@ -158,14 +199,6 @@ function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) 
     updateInterval: 100,
     keepBuffer: 3,
   };
-}
-
-/** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. */
-function outlineOf({ canvas_from_frame: h, width, height }) {
-  const corners = [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]];
-  const weights = corners.map(([x, y]) => h[2][0] * x + h[2][1] * y + h[2][2]);
-  if (weights.some((w) => w * weights[0] <= 0)) return null;
-  return corners.map(([x, y], i) => [1, 0].map((row) => (h[row][0] * x + h[row][1] * y + h[row][2]) / weights[i]));
 }
 
 /** Yellow on black, so that it shows on any ground. */

@@ -1,5 +1,6 @@
 // Where the frames lie: all of them are read once, then what is told anew of some.
 
+import { outlineOf } from "/viewer/outline.js";
 import { fetchDocument, fetchLines } from "/viewer/server.js";
 
 export class Placements {
@@ -29,6 +30,16 @@ export class Placements {
     for (const { name } of [...waiting, ...rejected]) this.places.delete(name);
     for (const frame of [...frames, ...covered]) this.places.set(frame.name, frame);
     Object.assign(this, { revision, newest });
+  }
+
+  /** What is painted of an island: [left, top, right, bottom] on the canvas; null if no frame is known to lie on it. */
+  boundsOf(island) {
+    const corners = [...this.places.values()].filter((one) => one.island === island && one.canvas_from_frame).flatMap((one) => outlineOf(one) ?? []);
+    if (!corners.length) return null;
+    const [ys, xs] = [0, 1].map((axis) => corners.map((corner) => corner[axis]));
+    const least = (values) => values.reduce((one, other) => Math.min(one, other));
+    const most = (values) => values.reduce((one, other) => Math.max(one, other));
+    return [least(xs), least(ys), most(xs), most(ys)];
   }
 
   /** The entry of the frame that came last of those that have a place, or null. */

@@ -9,12 +9,27 @@ const NOTICES = 3;
 
 const byId = (id) => document.getElementById(id);
 
-export function showStrip({ mosaic, newestFrame, status }, connection, lagSeconds, island) {
-  const state = stateOf(status, mosaic, connection, lagSeconds);
+export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection, lagSeconds, island) {
+  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds);
   showState(state);
   showCounts(status, mosaic, island);
+  showConditions(state.kind === "bad" ? [] : status?.conditions ?? []);
   showNotices(status?.notices ?? []);
   showEmpty(!mosaic?.islands.length && !newestFrame, status, state);
+}
+
+/** How it has ended, if it has: well, in a crash, or because the page of an earlier flight is no longer served; else null. */
+function endOf(status, mosaic, hasEnded, lostSeconds) {
+  const name = status?.flight ?? mosaic?.flight;
+  const again = `To open it again: gcs-mosaic serve ${name}`;
+  if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
+    const frames = mosaic ? `, ${count(mosaic.frames.placed + (mosaic.frames.covered ?? 0), "frame")}` : "";
+    return { kind: "calm", title: "Flight ended", detail: `map complete${frames}`, farewell: `Ended, map complete${frames}. ${again}` };
+  }
+  if (!hasEnded) return null;
+  if (!status) return { kind: "calm", title: "Saved flight", detail: "no longer served", farewell: `The page is no longer served. ${again}` };
+  const alarm = `gcs-mosaic has ended without finishing: it crashed or was killed. What you see is from ${clock(status.updated)}. Start it again with the same words: the flight goes on by itself.`;
+  return { kind: "bad", title: "Crashed", detail: `at ${clock(status.updated)}`, alarm };
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old. */
@@ -63,7 +78,9 @@ function runningState({ state, frames_in_queue: queue, seconds_behind: behind, m
   return { ...(texts[state] ?? { kind: "warn", title: state, detail: "" }), ...warning };
 }
 
-function showState({ kind, title, detail, alarm }) {
+function showState({ kind, title, detail, alarm, farewell }) {
+  byId("farewell").hidden = !farewell;
+  setText(byId("farewell"), farewell ?? "");
   byId("state").className = kind;
   setText(byId("state").querySelector("b"), title);
   setText(byId("state").querySelector("span"), detail);
@@ -145,6 +162,15 @@ function countOf([label, value, kind, title, beside]) {
   return box;
 }
 
+/** What lasts, the worst first: each a line that says what to do. */
+function showConditions(conditions) {
+  const shown = conditions.map(({ level, text }) => `${level} ${text}`).join("\n");
+  if (byId("conditions").dataset.shown === shown) return;
+  byId("conditions").dataset.shown = shown;
+  const lines = conditions.map(({ level, text }) => Object.assign(element("li", text), { className: level }));
+  byId("conditions").replaceChildren(...lines);
+}
+
 function showNotices(notices) {
   const newest = notices.slice(-NOTICES).reverse();
   const lines = newest.map(({ time, level, text }) => {
@@ -187,6 +213,10 @@ function element(name, text) {
 /** Only touch what changes, or a screen reader would read it out each second. */
 function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
+}
+
+function count(number, what) {
+  return `${number} ${what}${number === 1 ? "" : "s"}`;
 }
 
 function duration(seconds) {

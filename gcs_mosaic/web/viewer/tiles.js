@@ -1,4 +1,7 @@
-// A tile layer that exchanges single tiles when they have changed.
+// A tile layer that exchanges single tiles when they have changed, and never takes away what is shown before the new is there.
+
+const FIRST_RETRY_MS = 1000;
+const LONGEST_RETRY_MS = 15000;
 
 const keyOf = (z, x, y) => `${z}/${x}/${y}`;
 
@@ -17,47 +20,87 @@ export function affectedBy(painted) {
 }
 
 export const LiveTiles = L.GridLayer.extend({
-  /** `island`: whose tiles; `revision`: the newest known, so that no older answer is taken from the browser's cache. */
-  initialize(island, revision, options) {
+  /** `island`: whose tiles; `revision`: the newest known, so that no older answer is taken from the browser's cache;
+      `onShown`: called whenever something new can be seen. */
+  initialize(island, revision, onShown, options) {
     L.setOptions(this, options);
-    this.island = island;
-    this.revision = revision;
+    Object.assign(this, { island, revision, onShown });
+    this.coming = new Map(); // what each tile's element waits for: { image, retryMs, timer }
+  },
+
+  /** Without `viewprereset`, at which Leaflet would throw all tiles away: those of another level stay until they are replaced. */
+  getEvents() {
+    const { viewprereset, ...events } = L.GridLayer.prototype.getEvents.call(this);
+    return events;
   },
 
   createTile(coords, done) {
-    const image = this.imageOf(coords);
-    image.onload = () => done(null, image);
-    image.onerror = () => done(new Error("no tile"), image);
-    return image;
+    const holder = document.createElement("div");
+    this.bring(holder, coords, () => done(null, holder));
+    return holder;
   },
 
-  imageOf({ z, x, y }) {
+  /** Show a tile's newest picture in its element once it can be shown; ask again for as long as it does not come. */
+  async bring(holder, coords, onFirst, retryMs = FIRST_RETRY_MS) {
+    this.cancel(holder);
     const image = new Image();
+    const wait = { image, retryMs, again: () => this.bring(holder, coords, onFirst, Math.min(2 * retryMs, LONGEST_RETRY_MS)) };
+    this.coming.set(holder, wait);
     image.alt = "";
-    image.src = `/tiles/${this.island}/${z}/${x}/${y}?r=${this.revision}`;
-    return image;
+    image.src = `/tiles/${this.island}/${coords.z}/${coords.x}/${coords.y}?r=${this.revision}`;
+    try {
+      await image.decode();
+    } catch {
+      if (this.coming.get(holder) === wait) this.fail(holder, wait);
+      return;
+    }
+    if (this.coming.get(holder) !== wait) return; // a newer one was asked for, or the tile has gone
+    this.coming.delete(holder);
+    holder.classList.remove("not-loaded");
+    holder.replaceChildren(image);
+    onFirst?.();
+    this.onShown();
+  },
+
+  /** What was shown stays; where nothing was, "not loaded" is drawn, which is not "not seen". */
+  fail(holder, wait) {
+    holder.classList.add("not-loaded");
+    wait.timer = setTimeout(wait.again, wait.retryMs);
+  },
+
+  cancel(holder) {
+    clearTimeout(this.coming.get(holder)?.timer);
+    this.coming.delete(holder);
+  },
+
+  _removeTile(key) {
+    const tile = this._tiles[key];
+    if (tile) this.cancel(tile.el);
+    L.GridLayer.prototype._removeTile.call(this, key);
+  },
+
+  /** Ask at once for all that has failed: the connection is back. */
+  retryFailed() {
+    for (const wait of [...this.coming.values()]) {
+      if (wait.timer === undefined) continue;
+      clearTimeout(wait.timer);
+      wait.again();
+    }
   },
 
   /** Fetch those visible tiles again that `isAffected` names. */
   refresh(revision, isAffected) {
     this.revision = revision;
-    for (const tile of Object.values(this._tiles)) if (isAffected(tile.coords)) this.exchange(tile);
+    for (const tile of Object.values(this._tiles)) {
+      if (!isAffected(tile.coords)) continue;
+      const first = tile.loaded ? undefined : () => this._tileReady(tile.coords, null, tile.el);
+      this.bring(tile.el, tile.coords, first);
+    }
   },
 
-  /** Put a tile's new picture in the place of its old one, once it can be shown: nothing flickers. */
-  async exchange(tile) {
-    const image = this.imageOf(tile.coords);
-    tile.coming = image;
-    try {
-      await image.decode();
-    } catch {
-      return; // the old picture stays; the next change tries again
-    }
-    if (tile.coming !== image || this._tiles[this._tileCoordsToKey(tile.coords)] !== tile) return;
-    image.className = tile.el.className;
-    image.style.cssText = tile.el.style.cssText;
-    tile.el.replaceWith(image);
-    tile.el = image;
+  /** Whether all in view is the newest that is known. */
+  isComplete() {
+    return this.coming.size === 0;
   },
 
   /** Follow an island that has grown: its levels, and tiles where there were none. */

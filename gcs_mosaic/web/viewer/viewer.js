@@ -32,7 +32,7 @@ async function readMap() {
       const [mosaic] = await Promise.all([fetchDocument("/mosaic.json"), placements.read()]);
       startAfreshForAnotherFlight(mosaic);
       Object.assign(known, { mosaic: mosaic ?? known.mosaic, newestFrame: placements.newestFrame() });
-      map.show(known.mosaic, known.newestFrame);
+      map.show(known.mosaic, known.newestFrame, (island) => placements.boundsOf(island));
       show();
     });
   }
@@ -45,19 +45,29 @@ function startAfreshForAnotherFlight(mosaic) {
 }
 
 async function readStatus() {
+  await askStatus();
+  setTimeout(readStatus, STATUS_EVERY_MS);
+}
+
+async function askStatus() {
   await connection.attempt(async () => {
     const status = await fetchDocument("/status.json");
     if (known.status && known.status.state !== status?.state) map.refreshAll();
     known.status = status ?? known.status;
   });
   show();
-  setTimeout(readStatus, STATUS_EVERY_MS);
 }
 
-const live = new Live((change) => {
-  map.tilesChanged(change.revision, change.tiles);
-  readMap();
-});
+const live = new Live(
+  (change) => {
+    map.tilesChanged(change.revision, change.tiles);
+    readMap();
+  },
+  () => {
+    readMap();
+    askStatus();
+  },
+);
 
 /** Ask for what nobody tells: the map must not stand still in silence. */
 async function pollMap() {
@@ -75,8 +85,9 @@ function lagSeconds() {
 }
 
 function show() {
+  map.setAway(connection.lostForSeconds() > 0);
   aircraft.show(known.status);
-  showStrip(known, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
+  showStrip({ ...known, hasEnded: live.hasEnded }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
 }
 
 readMap();

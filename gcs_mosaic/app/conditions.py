@@ -1,0 +1,164 @@
+"""What lasts and wants to be known: each a sentence in operator's words with what to do, for as long as it is true.
+
+Notices tell what happened; a condition is what is so now. The page shows them all (`conditions` in status.json); on the terminal
+each is said as it begins, unless another notice says it already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from gcs_mosaic.messages import LinkReport, Notice, SourceReport
+from gcs_mosaic.store.records import Accounts, FrameState
+from gcs_mosaic.store.status import Behind, Condition
+
+UNMATCHED = 2  # frames in a row: a single one may be blurred
+FRAMES_WITHOUT_TRIGGER = 5  # before any: the first message may follow its file by seconds
+BEHIND_S = 10.0  # less is a burst of the camera
+HELD_S = 10.0  # how long something must have been so that passes by itself as messages and files arrive
+SOURCE_AWAY = {
+    "missing": "The folder {name} is missing: it is waited for; see that the card or the share is there",
+    "silent": "The stream {name} is silent: see that the camera is on and in reach",
+    "lost": "The stream {name} is lost: it is opened again as soon as it can be",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """What conditions follow from; times in seconds since 1970."""
+
+    utc: float
+    started_utc: float
+    links: tuple[LinkReport, ...] = ()
+    source: SourceReport | None = None
+    behind: Behind = field(default_factory=Behind)
+    accounts: Accounts = field(default_factory=Accounts)
+    islands: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    key: str
+    level: Literal["info", "warning", "error"]
+    text: str
+    said: bool = True  # on the terminal, as it begins; False: another notice says it
+    held_s: float = 0.0
+
+
+class Conditions:
+    """Of one flight. Not thread-safe."""
+
+    def __init__(self) -> None:
+        self.disk: str | None = None  # what is wrong with it, as long as it is
+        self._unmatched = 0  # frames in a row that matched nothing
+        self._since: dict[str, float] = {}
+        self._told: set[str] = set()
+        self._fresh: list[Notice] = []
+
+    def frame(self, state: FrameState) -> None:
+        """A frame has had its turn."""
+        if state in (FrameState.PLACED, FrameState.COVERED):
+            self._unmatched = 0
+        elif state in (FrameState.WAITING, FrameState.REJECTED):
+            self._unmatched += 1
+
+    def so_now(self, facts: Facts) -> tuple[Condition, ...]:
+        """All that is so now, the worst first; what began or ended since the last call is told by `fresh`."""
+        found = list(self._found(facts))
+        self._since = {one.key: self._since.get(one.key, facts.utc) for one in found}
+        lasting = [one for one in found if facts.utc - self._since[one.key] >= one.held_s]
+        self._tell(lasting)
+        order = ("error", "warning", "info")
+        return tuple(
+            Condition(key=one.key, level=one.level, text=one.text, since_utc=self._since[one.key])
+            for one in sorted(lasting, key=lambda one: order.index(one.level))
+        )
+
+    def fresh(self) -> list[Notice]:
+        """What is to be said since the last call."""
+        fresh, self._fresh = self._fresh, []
+        return fresh
+
+    def _tell(self, lasting: list[_Found]) -> None:
+        for one in lasting:
+            if one.said and one.key not in self._told:
+                self._fresh.append(Notice(source="daemon", level=one.level, text=one.text))
+        keys = {one.key for one in lasting}
+        if "islands" in self._told - keys:
+            text = "the parts of the map are joined: it is in one piece again"
+            self._fresh.append(Notice(source="daemon", level="info", text=text))
+        if "overlap" in self._told - keys:
+            text = "frames match the map again"
+            self._fresh.append(Notice(source="daemon", level="info", text=text))
+        self._told = keys
+
+    def _found(self, facts: Facts) -> Iterator[_Found]:
+        if self.disk is not None:
+            yield _Found("disk", "error", self.disk, said=False)
+        yield from self._of_the_map(facts)
+        yield from _of_links(facts)
+        yield from _of_the_source(facts)
+        yield from _of_shots(facts)
+
+    def _of_the_map(self, facts: Facts) -> Iterator[_Found]:
+        if facts.accounts.frames.placed and self._unmatched >= UNMATCHED:
+            text = f"The last {self._unmatched} frames match nothing on the map: fly back over ground that is on it"
+            yield _Found("overlap", "warning", text)
+        if facts.islands > 1:
+            text = (
+                f"The map is in {facts.islands} parts, and how they lie to each other is not known: "
+                "fly over the ground between them"
+            )
+            yield _Found("islands", "warning", text, held_s=HELD_S)
+        if facts.behind.seconds >= BEHIND_S:
+            frames, seconds = facts.behind.frames, facts.behind.seconds
+            text = f"The map is {frames} frames, {seconds:.0f} s behind the camera: the newest are shown first"
+            yield _Found("behind", "warning", text, said=False)
+
+
+def _of_links(facts: Facts) -> Iterator[_Found]:
+    for link in facts.links:
+        key = f"link {link.address}"
+        if link.state == "failed":
+            yield _Found(
+                key, "error", f"The link {link.address} has failed: it is opened again as soon as it can be", said=False
+            )
+        elif link.last_heard_utc is None and facts.utc - facts.started_utc >= HELD_S:
+            text = (
+                f"Nothing was ever heard on {link.address}: see that the autopilot or the ground station sends to this "
+                "address. Pictures are mapped meanwhile"
+            )
+            yield _Found(key, "warning", text, said=False)
+        elif link.state == "silent":
+            text = f"The link {link.address} is silent: see whether the aircraft is out of reach. Pictures are mapped meanwhile"
+            yield _Found(key, "warning", text, said=False)
+
+
+def _of_the_source(facts: Facts) -> Iterator[_Found]:
+    source = facts.source
+    if source is not None and source.state in SOURCE_AWAY:
+        yield _Found("source", "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
+
+
+def _of_shots(facts: Facts) -> Iterator[_Found]:
+    events, frames = facts.accounts.events, facts.accounts.frames
+    came = frames.placed + frames.covered + frames.waiting + frames.rejected
+    heard = any(link.last_heard_utc is not None for link in facts.links)
+    announced = events.matched + events.pending + events.missing + events.duplicate + events.failed
+    if heard and not announced and came >= FRAMES_WITHOUT_TRIGGER:
+        text = (
+            "Pictures come, but not one camera trigger: they are mapped, but one that is lost would not be missed. "
+            "See that the autopilot announces its pictures (CAMERA_FEEDBACK or CAMERA_IMAGE_CAPTURED) on this link"
+        )
+        yield _Found("triggers", "warning", text, held_s=HELD_S)
+    elif facts.accounts.orphans and events.matched:
+        pictures = "1 picture" if facts.accounts.orphans == 1 else f"{facts.accounts.orphans} pictures"
+        yield _Found(
+            "orphans", "info", f"{pictures} came without a trigger: on the map all the same", said=False, held_s=HELD_S
+        )
+    if events.missing:
+        shots = "1 shot has" if events.missing == 1 else f"{events.missing} shots have"
+        text = f"{shots} no picture: see whether it is on the camera's card; copied into the watched folder, it is still taken"
+        yield _Found("missing", "warning", text, said=False)

@@ -1,0 +1,9 @@
+// Where a frame lies on the canvas.
+
+/** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. */
+export function outlineOf({ canvas_from_frame: h, width, height }) {
+  const corners = [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]];
+  const weights = corners.map(([x, y]) => h[2][0] * x + h[2][1] * y + h[2][2]);
+  if (weights.some((w) => w * weights[0] <= 0)) return null;
+  return corners.map(([x, y], i) => [1, 0].map((row) => (h[row][0] * x + h[row][1] * y + h[row][2]) / weights[i]));
+}

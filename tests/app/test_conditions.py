@@ -1,0 +1,104 @@
+"""What lasts is said as long as it is so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gcs_mosaic.app.conditions import Conditions, Facts
+from gcs_mosaic.messages import LinkReport, SourceReport
+from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount, FrameState
+from gcs_mosaic.store.status import Behind
+
+HEARD = LinkReport(address="udp:14550", state="heard", last_heard_utc=1000.0)
+FLYING = Facts(
+    utc=1000.0,
+    started_utc=900.0,
+    links=(HEARD,),
+    source=SourceReport(kind="folder", name="DCIM", state="watching"),
+    accounts=Accounts(frames=FrameAccount(placed=9), events=EventAccount(matched=9)),
+    islands=1,
+)
+
+
+def keys(conditions: Conditions, facts: Facts) -> list[str]:
+    """After it has lasted."""
+    conditions.so_now(facts)
+    return [one.key for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
+
+
+def test_a_good_flight_has_none() -> None:
+    assert keys(Conditions(), FLYING) == []
+
+
+@pytest.mark.parametrize(
+    ("key", "facts"),
+    [
+        ("islands", replace(FLYING, islands=2)),
+        ("behind", replace(FLYING, behind=Behind(frames=4, seconds=12.0))),
+        ("link udp:14550", replace(FLYING, links=(LinkReport(address="udp:14550", state="listening"),))),
+        ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="silent"),))),
+        ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="failed"),))),
+        ("source", replace(FLYING, source=SourceReport(kind="folder", name="DCIM", state="missing"))),
+        ("triggers", replace(FLYING, accounts=Accounts(frames=FrameAccount(placed=9)))),
+        ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=1))),
+        ("missing", replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=1)))),
+    ],
+    ids=["islands", "behind", "never heard", "silent", "failed", "source", "triggers", "orphans", "missing"],
+)
+def test_what_is_so_is_told(key: str, facts: Facts) -> None:
+    assert keys(Conditions(), facts) == [key]
+
+
+def test_a_link_that_never_spoke_is_not_called_silent() -> None:
+    conditions = Conditions()
+    (one,) = conditions.so_now(replace(FLYING, links=(LinkReport(address="udp:14999", state="listening"),)))
+    assert one.text.startswith("Nothing was ever heard on udp:14999")
+
+
+def test_lost_overlap_is_said_once_and_over_once() -> None:
+    conditions = Conditions()
+    for _ in range(3):
+        conditions.frame(FrameState.WAITING)
+        conditions.so_now(FLYING)
+    (one,) = conditions.so_now(FLYING)
+    assert "The last 3 frames match nothing" in one.text
+    conditions.frame(FrameState.PLACED)
+    assert conditions.so_now(FLYING) == ()
+    assert [notice.level for notice in conditions.fresh()] == ["warning", "info"]
+    assert conditions.fresh() == []
+
+
+def test_a_single_frame_that_matches_nothing_is_no_news() -> None:
+    conditions = Conditions()
+    conditions.frame(FrameState.WAITING)
+    assert conditions.so_now(FLYING) == ()
+
+
+def test_what_passes_by_itself_is_not_said_at_once() -> None:
+    """A file comes before its trigger, and a part of the map may join with the next frame."""
+    conditions = Conditions()
+    early = replace(FLYING, islands=2)
+    assert conditions.so_now(early) == ()
+    assert conditions.so_now(FLYING) == ()
+    assert conditions.so_now(replace(early, utc=1011.0)) == ()  # it begins anew
+    assert [one.key for one in conditions.so_now(replace(early, utc=1022.0))] == ["islands"]
+
+
+def test_joined_islands_are_said() -> None:
+    conditions = Conditions()
+    keys(conditions, replace(FLYING, islands=2))
+    conditions.so_now(replace(FLYING, utc=1030.0))
+    assert [notice.text for notice in conditions.fresh()][
+        -1
+    ] == "the parts of the map are joined: it is in one piece again"
+
+
+def test_the_worst_comes_first_and_the_disk_lasts_as_long_as_its_trouble() -> None:
+    conditions = Conditions()
+    conditions.disk = "the disk of map is full: make room"
+    found = conditions.so_now(replace(FLYING, behind=Behind(frames=4, seconds=12.0)))
+    assert [one.level for one in found] == ["error", "warning"]
+    conditions.disk = None
+    assert conditions.so_now(FLYING) == ()
