@@ -49,6 +49,7 @@ from gcs_mosaic.store.rows import (
     homography_row,
     look_row,
     name_of,
+    nine_numbers,
     painted_of,
     pose_row,
     position_record_of,
@@ -210,6 +211,18 @@ class Ledger(LedgerFile):
         )
         columns = "frame.name, frame.width, frame.height, keyframe.name AS keyframe, keyframe_from_frame"
         return [covered_of(row) for row in self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame")]
+
+    def covered_by(self, number: int) -> list[tuple[int, FrameRecord, Homography]]:
+        """The frames that one frame (by its number) covers: number, record, keyframe_from_frame."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'covered'"):
+            return []
+        had_event = "EXISTS (SELECT 1 FROM events WHERE events.frame = frames.id) AS had_event"
+        rows = self.rows(
+            f"SELECT frames.*, {had_event}, keyframe_from_frame FROM covered JOIN frames ON frames.id = covered.frame "
+            "WHERE keyframe = ? ORDER BY frames.id",
+            number,
+        )
+        return [(row["id"], frame_record_of(row), nine_numbers(row["keyframe_from_frame"])) for row in rows]
 
     def newest_on_map(self) -> str | None:
         """The most recently arrived frame that has a place."""

@@ -23,6 +23,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.revision import last_revision
 
 if TYPE_CHECKING:
+    from gcs_mosaic.stitch.graph.placement import Homography
     from gcs_mosaic.store.ledger import Ledger
     from gcs_mosaic.store.records import FrameRecord, PositionRecord
 
@@ -82,6 +83,11 @@ class FlightView:
         """What the ledger says of a frame."""
         with self._ledger() as ledger:
             return ledger.frame(number)
+
+    def covered_by(self, number: int) -> list[tuple[int, FrameRecord, Homography]]:
+        """The frames that a painted one covers: number, record, and keyframe_from_frame in pixels as painted."""
+        with self._ledger() as ledger:
+            return ledger.covered_by(number)
 
     def _read_again(self) -> None:
         revision, start = last_revision(self.root), time.monotonic()

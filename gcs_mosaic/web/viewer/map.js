@@ -30,6 +30,7 @@ export class MosaicMap {
     this.newestFrame = null;
     this.painted = null; // the part of the island in view that is painted: [left, top, right, bottom]
     this.isAway = false; // whether the server is
+    this.onPlace = null; // called with island, x and y of a place that was clicked
     this.chosenIsland = null; // by hand; null: the newest or largest
     this.bind();
     this.setMode("all");
@@ -37,6 +38,7 @@ export class MosaicMap {
 
   bind() {
     this.movedByUs = false;
+    this.map.on("click", ({ latlng }) => this.layer && this.onPlace?.(this.layer.island, latlng.lng, latlng.lat));
     this.map.on("dragstart", () => this.setMode("free"));
     this.map.on("zoomstart", () => this.mode === "all" && !this.movedByUs && this.setMode("free"));
     this.map.on("resize", () => this.keepInView());
@@ -118,6 +120,7 @@ export class MosaicMap {
     this.showOutline();
     this.keepInView();
     this.layer.grow(options);
+    this.closeHairlines();
   }
 
   /** Set anew only when they change: it stops a finger that moves the map. */
@@ -136,9 +139,15 @@ export class MosaicMap {
     this.layer.addTo(this.map);
   }
 
-  /** Between whole zoom levels a browser leaves hairlines between tiles; they then overlap a little (see viewer.css). */
+  /** Between tiles that are not shown pixel by pixel a browser leaves hairlines; they then overlap a little (see viewer.css). */
   closeHairlines() {
-    this.map.getContainer().classList.toggle("between-levels", this.map.getZoom() % 1 !== 0);
+    const zoom = this.map.getZoom();
+    const { minNativeZoom: least, maxNativeZoom: most } = this.layer?.options ?? {};
+    const isPixelByPixel = zoom % 1 === 0 && zoom >= least && zoom <= most && devicePixelRatio === 1;
+    const container = this.map.getContainer();
+    container.classList.toggle("between-levels", !isPixelByPixel);
+    const shownAt = 2 ** (zoom - Math.min(Math.max(Math.round(zoom), least), most)); // the browser's scale of a tile
+    container.style.setProperty("--overlap", `${1 / shownAt}px`);
   }
 
   keepInView() {

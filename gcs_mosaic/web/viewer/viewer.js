@@ -3,6 +3,7 @@
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Lag, Live } from "/viewer/live.js";
 import { MosaicMap } from "/viewer/map.js";
+import { Originals } from "/viewer/originals.js";
 import { Placements } from "/viewer/placements.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { showStrip } from "/viewer/strip.js";
@@ -15,6 +16,8 @@ const LATE_S = 5; // then what was told must have been lost on the way
 const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();
+const originals = new Originals();
+map.onPlace = (island, x, y) => originals.ask(island, x, y);
 const lag = new Lag();
 const aircraft = new AircraftChoice(document.getElementById("aircraft"), document.getElementById("answer"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away

@@ -1,0 +1,80 @@
+"""Originals as a browser can show them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.render.display import PLAIN
+from gcs_mosaic.stitch.arrays import ImageBGR
+from gcs_mosaic.views.flight_view import FlightView
+
+REDUCTIONS = (1, 2, 4)
+QUALITY = 92
+# What every browser shows at its true colours: files that begin so, of three bands at 8 bits.
+_AS_THEY_ARE = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png"}
+
+
+class NoPicture(Exception):  # noqa: N818 -- an answer, not an error
+    """Why there is none, in a sentence for whoever asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Original:
+    """A kept original: its file, what it is called, and what tells it from another."""
+
+    path: Path
+    name: str
+    media_type: str | None  # None: of a kind that browsers do not show
+    content_hash: str
+
+
+def original(view: FlightView, number: int) -> Original:
+    """A frame's original. Raises NoPicture."""
+    try:
+        frame = view.frame(number)
+    except UsageError as error:
+        raise NoPicture("There is no flight here yet.") from error
+    if frame is None:
+        raise NoPicture("There is no such frame.")
+    if frame.original is None or frame.content_hash is None or frame.width is None:
+        raise NoPicture(f"The original of {frame.name} is not kept.")
+    path = (view.root / frame.original).resolve()
+    if not path.is_relative_to(view.root.resolve()) or not path.is_file():
+        raise NoPicture(f"The original of {frame.name} is not there any more.")
+    with path.open("rb") as file:
+        head = file.read(8)
+    kinds = [kind for magic, kind in _AS_THEY_ARE.items() if head.startswith(magic)]
+    return Original(path, frame.name, kinds[0] if kinds else None, frame.content_hash)
+
+
+def picture(view: FlightView, number: int, reduction: int) -> tuple[bytes, str]:
+    """A JPEG of a frame as it is displayed on the map, reduced 1, 2 or 4 times, and its media type. Raises NoPicture.
+
+    Frames that were never painted are shown as they are, if they have three bands at 8 bits.
+    """
+    from gcs_mosaic.frames.decode import Unreadable, load_image  # only once somebody asks
+
+    source = original(view, number)
+    image = load_image(source.path, reduction=reduction)
+    if isinstance(image, Unreadable):
+        raise NoPicture(f"{source.name} cannot be shown: {image.reason}.")
+    painted = view.painted(number)
+    display = PLAIN if painted is None else painted.display
+    if not display.fits(image):
+        raise NoPicture(f"{source.name} was never painted, so how its bands are to be shown is not known.")
+    shown: ImageBGR = display.lightened(display.picture(image))
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(shown), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if not done:
+        raise NoPicture(f"{source.name} cannot be encoded.")
+    return data.tobytes(), "image/jpeg"
+
+
+def is_shown_as_it_is(view: FlightView, number: int, source: Original) -> bool:
+    """Whether a browser shows the file itself as the map shows it."""
+    painted = view.painted(number)
+    return source.media_type is not None and (painted is None or painted.display == PLAIN)

@@ -1,0 +1,137 @@
+// A place on the map -> the original frames that saw it, one after another, each opened at that very spot.
+
+import { fetchDocument } from "/viewer/server.js";
+
+const PREVIEW = 4; // the picture is shown at a quarter of its size until it has come whole
+const CLOSEST = 3; // levels beyond pixel by pixel
+
+/** Original pixels, y down: zoom 0 shows one as a CSS pixel; the centre of the top left one is (0, 0). */
+const PIXELS = L.extend({}, L.CRS.Simple, { transformation: new L.Transformation(1, 0.5, 1, 0.5) });
+
+export class Originals {
+  constructor() {
+    this.box = document.getElementById("originals");
+    this.map = null;
+    this.found = [];
+    this.at = 0; // which of them is shown
+    this.before = 0; // which was shown before, to blink with
+    const press = (id, action) => (document.getElementById(id).onclick = action);
+    press("originals-close", () => this.close());
+    press("originals-next", () => this.step(1));
+    press("originals-previous", () => this.step(-1));
+    press("originals-blink", () => this.show(this.before));
+    document.addEventListener("keydown", (event) => this.key(event));
+    this.followSwipes(document.getElementById("originals-head"));
+  }
+
+  get isOpen() {
+    return !this.box.hidden;
+  }
+
+  /** Ask who saw a place on an island's canvas. */
+  async ask(island, x, y) {
+    this.say("Asking …");
+    this.box.hidden = false;
+    try {
+      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}`);
+      this.found = answer?.sightings ?? [];
+    } catch {
+      this.found = [];
+      this.clear();
+      this.say("No answer: ask again once the connection is back.");
+      return;
+    }
+    if (!this.found.length) {
+      this.clear();
+      this.say("No frame saw this place.");
+      return;
+    }
+    this.at = this.before = 0;
+    this.begin();
+    this.show(0);
+  }
+
+  begin() {
+    if (this.map) return;
+    this.map = L.map("original", {
+      crs: PIXELS, attributionControl: false, zoomControl: false, zoomSnap: 0.25, fadeAnimation: false,
+      minZoom: -6, maxZoom: CLOSEST, keyboard: false,
+    });
+    L.control.zoom({ position: "bottomright" }).addTo(this.map);
+    new ResizeObserver(() => this.map?.invalidateSize({ animate: false })).observe(this.map.getContainer());
+  }
+
+  step(by) {
+    if (this.found.length) this.show((this.at + by + this.found.length) % this.found.length);
+  }
+
+  /** Show one of them, the place in the middle, as large on the screen as it was in the one before. */
+  show(index) {
+    const one = this.found[index];
+    if (!one || !this.map) return;
+    const from = this.shown;
+    [this.before, this.at] = [this.at, index];
+    const zoom = from ? this.map.getZoom() + Math.log2(one.canvas_per_px / from.canvas_per_px) : 0;
+    this.shown = one;
+    this.map.setView([one.y, one.x], Math.min(Math.max(zoom, -6), CLOSEST), { animate: false });
+    this.layPicture(one);
+    this.tell(one, index);
+  }
+
+  layPicture(one) {
+    this.layers?.remove();
+    const bounds = L.latLngBounds([-0.5, -0.5], [one.height - 0.5, one.width - 0.5]);
+    const path = `/api/v1/frames/${one.number}/picture`;
+    const layers = L.layerGroup([L.imageOverlay(`${path}?reduction=${PREVIEW}`, bounds)]).addTo(this.map);
+    const whole = new Image();
+    whole.src = path;
+    whole.decode().then(
+      () => this.layers === layers && layers.addLayer(L.imageOverlay(path, bounds)) && this.box.setAttribute("data-sharp", one.name),
+      () => this.layers === layers && this.say(`${one.name}: the original cannot be shown.`),
+    );
+    for (const [color, weight] of [["#000", 5], ["#ffe600", 2]]) {
+      layers.addLayer(L.circleMarker([one.y, one.x], { radius: 22, color, weight, fill: false, interactive: false }));
+    }
+    this.box.removeAttribute("data-sharp");
+    this.layers = layers;
+  }
+
+  tell(one, index) {
+    const when = one.time ? `, ${new Date(one.time).toLocaleString("en-GB")}` : "";
+    this.say(`${index + 1} of ${this.found.length}: ${one.name}${when}${one.covered ? ", not painted" : ""}`);
+    const link = document.getElementById("originals-download");
+    link.href = `/api/v1/frames/${one.number}/original`;
+    link.download = one.name.split("/").pop();
+  }
+
+  say(text) {
+    document.getElementById("originals-title").textContent = text;
+  }
+
+  clear() {
+    this.layers?.remove();
+    this.layers = this.shown = null;
+  }
+
+  close() {
+    this.clear();
+    this.box.hidden = true;
+    document.getElementById("map").focus();
+  }
+
+  key({ key, target }) {
+    if (!this.isOpen || target.matches?.("input, textarea, select")) return;
+    const action = { Escape: () => this.close(), ArrowRight: () => this.step(1), ArrowLeft: () => this.step(-1), b: () => this.show(this.before) }[key];
+    action?.();
+  }
+
+  /** A swipe over the head line, since one over the picture moves it. */
+  followSwipes(head) {
+    let begun = null;
+    head.addEventListener("pointerdown", ({ clientX }) => (begun = clientX));
+    head.addEventListener("pointerup", ({ clientX }) => {
+      if (begun !== null && Math.abs(clientX - begun) > 60) this.step(clientX < begun ? 1 : -1);
+      begun = null;
+    });
+  }
+}
