@@ -10,12 +10,15 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
+from gcs_mosaic.views.flight_view import FlightView, places_of
+from gcs_mosaic.views.sightings import sightings
 from tests.sure import sure
 
 SHARED = Path(__file__).parents[2] / "shared"
@@ -66,6 +69,27 @@ def test_the_map_is_as_good_as_structure_from_motion(flown: tuple[str, Path], tm
     assert score["pairs_tracks"]["px"]["median"] < bounds.tracks_median_px
     assert score["pairs_tracks"]["px"]["p95"] < bounds.tracks_p95_px
     assert 0.985 < score["scale_ratio"]["p5"] <= score["scale_ratio"]["p95"] < 1.015
+
+
+def test_a_place_is_found_in_every_frame_that_saw_it(flown: tuple[str, Path]) -> None:
+    """By tracks of structure-from-motion: from a point in one frame to the map, and from there into another frame."""
+    flight, placements = flown
+    tracks = np.load(SHARED / "data" / "truth" / f"{flight}_tracks.npz")
+    view = FlightView(placements.parent / "out")
+    numbers = {one.name: one.number for one in view.table().frames}
+    names, chance = tracks["names"].tolist(), np.random.default_rng(1)
+    errors = list[float]()
+    for point in chance.choice(len(tracks["xyz"]), 150, replace=False):
+        seen = np.flatnonzero(tracks["obs_pt"] == point)
+        one, *others = ((names[tracks["obs_im"][at]], tracks["obs_xy"][at]) for at in chance.permutation(seen))
+        painted = sure(view.painted(numbers[one[0]]))
+        frame = sure(view.frame(numbers[one[0]]))
+        reduced = (one[1][None] + 0.5) * painted.camera.width / sure(frame.width) - 0.5
+        x, y = places_of(painted, reduced)[0].tolist()
+        found = {sighting.name: (sighting.x, sighting.y) for sighting in sightings(view, painted.island, x, y)}
+        errors += [float(np.hypot(*(np.array(found[name]) - pixel))) for name, pixel in others if name in found]
+    assert len(errors) > 400
+    assert np.median(errors) < 2.0  # px of the original
 
 
 def test_ground_control_lies_where_it_was_surveyed(flown: tuple[str, Path]) -> None:
