@@ -64,7 +64,7 @@ class FlightView:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._lock = threading.Lock()
-        self._table = _table(0, [])
+        self._table = table_of(0, [])
         self._due = 0.0  # monotonic seconds
         self._painted = lru_cache(KEPT_FRAMES)(self._read_painted)
 
@@ -94,7 +94,7 @@ class FlightView:
         if revision != self._table.revision:
             try:
                 with self._ledger() as ledger:
-                    self._table = _table(revision, ledger.positions())
+                    self._table = table_of(revision, ledger.positions())
             except UsageError:
                 logger.info("no ledger can be read", exc_info=True)
         now = time.monotonic()
@@ -128,7 +128,9 @@ def _outline(pose: Pose, camera: Camera) -> PointsNx2:
     return footprint(pose, camera, OUTLINE_PER_SIDE)
 
 
-def _table(revision: int, frames: Sequence[PositionRecord]) -> FrameTable:
+def table_of(revision: int, frames: Sequence[PositionRecord]) -> FrameTable:
+    """The table of some frames."""
+    """The table of some frames."""
     outlines = np.full((len(frames), 4 * OUTLINE_PER_SIDE, 2), np.nan)
     for index, one in enumerate(frames):
         outlines[index] = _outline(one.pose, one.camera)

@@ -8,6 +8,7 @@ from itertools import count
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import cv2
 import pytest
 from aiohttp import web
 
@@ -389,6 +390,50 @@ def test_what_lasts_is_shown_by_how_bad_it_is_and_as_text(page: Page, url: str, 
     ]
     flight.status()
     page.wait_for("document.querySelectorAll('#conditions li').length === 0")
+
+
+def chosen(page: Page, name: str, value: str) -> None:
+    page.evaluate(
+        f"(() => {{ const input = document.getElementById('look-{name}'); input.value = '{value}';"
+        " input.dispatchEvent(new Event('input')) }})()".replace("}})", "})")
+    )
+
+
+def middle(page: Page, folder: Path) -> tuple[float, float, float]:
+    """Mean colour in the middle of the map as it is seen: red, green, blue."""
+    page.screenshot(folder / "seen.png")
+    seen = cv2.imread(str(folder / "seen.png"))
+    assert seen is not None
+    blue, green, red = seen[380:420, 560:600].reshape(-1, 3).mean(axis=0).tolist()
+    return red, green, blue
+
+
+def test_dark_ground_can_be_lightened_and_the_night_is_red(
+    page: Page, url: str, flight: SmallFlight, tmp_path: Path
+) -> None:
+    flight.paint(square(16), (40, 40, 40))
+    flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=1)]
+    flight.write()
+    page.open(url)
+    page.evaluate('localStorage.setItem(\'gcs-mosaic look\', \'{"gamma": "<b>", "theme": 3}\')')  # somebody else's
+    page.open("about:blank")
+    page.open(url)
+    page.wait_for(f"{LOADED} > 0")
+    as_it_came = middle(page, tmp_path)
+    assert as_it_came == pytest.approx((40, 40, 40), abs=4)
+    chosen(page, "gamma", "2")
+    assert min(middle(page, tmp_path)) > 80
+    page.open("about:blank")
+    page.open(url)  # it is kept
+    page.wait_for(f"{LOADED} > 0")
+    assert min(middle(page, tmp_path)) > 80
+    chosen(page, "theme", "night")
+    red, green, blue = middle(page, tmp_path)
+    assert red > 40
+    assert max(green, blue) < 16
+    page.evaluate("document.getElementById('look-plain').click()")
+    assert middle(page, tmp_path) == pytest.approx(as_it_came, abs=1)
+    page.evaluate("localStorage.clear()")
 
 
 def another_revision(flight: SmallFlight) -> None:

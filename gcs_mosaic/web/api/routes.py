@@ -8,10 +8,10 @@ from pathlib import Path
 from aiohttp import web
 
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.api import flight, frames
+from gcs_mosaic.web.api import flight, frames, layers
 from gcs_mosaic.web.api.common import POOL, THREADS, VIEW
 
-ROOMS = (flight, frames)  # modules with `add_routes`
+ROOMS = (flight, frames, layers)  # modules with `add_routes`
 
 
 def add_api(app: web.Application, root: Path) -> None:

@@ -1,5 +1,6 @@
 // The map of one island: which one, which part of it, and the newest frame's outline.
 
+import { Layers } from "/viewer/layers.js";
 import { outlineOf } from "/viewer/outline.js";
 import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 
@@ -32,6 +33,7 @@ export class MosaicMap {
     this.isAway = false; // whether the server is
     this.onPlace = null; // called with island, x and y of a place that was clicked
     this.chosenIsland = null; // by hand; null: the newest or largest
+    this.layers = new Layers(this.map);
     this.bind();
     this.setMode("all");
   }
@@ -121,6 +123,7 @@ export class MosaicMap {
     this.keepInView();
     this.layer.grow(options);
     this.closeHairlines();
+    this.layers.show(island, options, this.revision);
   }
 
   /** Set anew only when they change: it stops a finger that moves the map. */
@@ -134,7 +137,7 @@ export class MosaicMap {
   startLayer(island, options) {
     this.layer?.remove();
     this.outlined = null;
-    this.layer = new LiveTiles(island, Math.max(this.revision, this.mosaic.revision), () => this.showOutline(), options);
+    this.layer = new LiveTiles(mosaicTile, island, Math.max(this.revision, this.mosaic.revision), () => this.showOutline(), options);
     this.look(options.bounds);
     this.layer.addTo(this.map);
   }
@@ -197,6 +200,10 @@ function paintedBounds(tiles, painted) {
   const y = (value) => clamp(value, tiles.getSouth(), tiles.getNorth());
   const x = (value) => clamp(value, tiles.getWest(), tiles.getEast());
   return L.latLngBounds([y(top), x(left)], [y(bottom), x(right)]);
+}
+
+function mosaicTile(island, { z, x, y }, revision) {
+  return `/tiles/${island}/${z}/${x}/${y}?r=${revision}`;
 }
 
 function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) {

@@ -20,11 +20,11 @@ export function affectedBy(painted) {
 }
 
 export const LiveTiles = L.GridLayer.extend({
-  /** `island`: whose tiles; `revision`: the newest known, so that no older answer is taken from the browser's cache;
+  /** `path`: where the tiles of an island lie; `island`: whose tiles; `revision`: the newest known, so that no older answer is taken from the browser's cache;
       `onShown`: called whenever something new can be seen. */
-  initialize(island, revision, onShown, options) {
+  initialize(path, island, revision, onShown, options) {
     L.setOptions(this, options);
-    Object.assign(this, { island, revision, onShown });
+    Object.assign(this, { path, island, revision, onShown });
     this.coming = new Map(); // what each tile's element waits for: { image, retryMs, timer }
   },
 
@@ -47,7 +47,7 @@ export const LiveTiles = L.GridLayer.extend({
     const wait = { image, retryMs, again: () => this.bring(holder, coords, onFirst, Math.min(2 * retryMs, LONGEST_RETRY_MS)) };
     this.coming.set(holder, wait);
     image.alt = "";
-    image.src = `/tiles/${this.island}/${coords.z}/${coords.x}/${coords.y}?r=${this.revision}`;
+    image.src = this.path(this.island, coords, this.revision);
     try {
       await image.decode();
     } catch {

@@ -2,6 +2,7 @@
 
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Lag, Live } from "/viewer/live.js";
+import { Look } from "/viewer/look.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Originals } from "/viewer/originals.js";
 import { Placements } from "/viewer/placements.js";
@@ -17,6 +18,8 @@ const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();
 const originals = new Originals();
+new Look();
+document.getElementById("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
 map.onPlace = (island, x, y) => originals.ask(island, x, y);
 const lag = new Lag();
 const aircraft = new AircraftChoice(document.getElementById("aircraft"), document.getElementById("answer"));

@@ -1,0 +1,200 @@
+"""What the painted frames have seen of an island, on a regular grid: how often, how finely, how lately; and where nobody has.
+
+A frame counts where its real outline lies, not its bounding box. The grid of a whole island is made at most every few seconds
+and kept; what is asked at a finer scale is made from the frames around, which are few.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_mosaic.render.tile_grid import Box
+from gcs_mosaic.stitch.arrays import Array, FloatImage, Mask
+from gcs_mosaic.views.flight_view import FlightView, FrameTable
+
+LONGER_SIDE = 1024  # cells of an island's grid at most
+PER_FOOTPRINT = 24  # cells over a frame's median size, where that needs no more cells
+REST = 20.0  # an island's grid is made again after so many times as long as that took: 5 % of a core at most
+LEAST_REST_S = 2.0
+FINER = 8  # outlines are filled at so many times the resolution: OpenCV fills what their lines touch, too
+SUB_CELL_BITS = 4  # of polygon corners: a sixteenth of that
+LEAST_GAP = 1 / 500  # of a footprint's area: smaller holes are told by the number of looks only
+LEAST_BAY = 1 / 8  # of a footprint: narrower bays are no more than the zigzag of the border
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Square cells over a canvas box: the corner of cell (0, 0), and the size of a cell in canvas units."""
+
+    left: float
+    top: float
+    cell: float
+    columns: int
+    rows: int
+
+    @property
+    def box(self) -> Box:
+        return self.left, self.top, self.left + self.columns * self.cell, self.top + self.rows * self.cell
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """What was seen of each cell (rows, columns): the number of frames, the finest ground resolution (canvas units per pixel of
+    the picture that was stitched; infinite where nobody looked) and the newest time (seconds since 1970; NaN)."""
+
+    grid: Grid
+    looks: NDArray[np.uint16]
+    finest: FloatImage
+    newest: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Ground inside the flown area that no frame has seen."""
+
+    outline: list[tuple[float, float]]  # canvas
+    area: float  # canvas units squared
+    inside: tuple[float, float]  # a point well within it
+
+
+def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
+    """What some frames (indices of the table) saw of a grid."""
+    looks = np.zeros((grid.rows, grid.columns), np.uint16)
+    finest = np.full(looks.shape, np.inf, np.float32)
+    newest = np.full(looks.shape, np.nan)
+    for index in frames:
+        found = _cells_of(grid, table.outlines[index])
+        if found is None:
+            continue
+        window, inside = found
+        one = table.frames[index]
+        looks[window][inside] += 1
+        near = finest[window]
+        near[inside] = np.minimum(near[inside], np.exp(one.pose.log_gsd))
+        if one.modified is not None:
+            newest[window][inside] = np.fmax(newest[window][inside], one.modified)
+    return Coverage(grid, looks, finest, newest)
+
+
+def gaps_in(coverage: Coverage, footprint: float) -> list[Gap]:
+    """Holes and bays in what was seen that are narrower than a footprint (canvas units), the largest first.
+
+    The flown area is the morphological closing of all that was seen by a disc of one footprint: what lies farther out was never
+    meant to be flown, as far as the pictures tell.
+    """
+    cell = coverage.grid.cell
+    reach = max(1, round(footprint / cell))
+    seen = np.pad((coverage.looks > 0).astype(np.uint8), reach)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach | 1, reach | 1))
+    flown = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, disc)
+    bare = ((flown > 0) & (seen == 0)).astype(np.uint8)[reach:-reach, reach:-reach]
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(bare, connectivity=4)
+    least = max(2, LEAST_GAP * (footprint / cell) ** 2)
+    outside = cv2.dilate((flown == 0).astype(np.uint8), np.ones((3, 3), np.uint8))[reach:-reach, reach:-reach] > 0
+    large = (labels == k for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= least)
+    gaps = [
+        _gap(coverage.grid, one)
+        for one in large
+        if not (one & outside).any() or _width(one) >= LEAST_BAY * footprint / cell
+    ]
+    return sorted(gaps, key=lambda gap: -gap.area)
+
+
+def footprint_of(boxes: Sequence[Array] | Array) -> float:
+    """Median size of frames' bounding boxes (n, 4): the square root of their area, canvas units."""
+    sizes = np.asarray(boxes)[:, 2:] - np.asarray(boxes)[:, :2]
+    known = sizes[np.isfinite(sizes).all(axis=1)]
+    return float(np.sqrt(np.median(known.prod(axis=1)))) if len(known) else 0.0
+
+
+class IslandCoverage:
+    """The whole islands of a flight, each kept until the map has changed and making it again costs little. Thread-safe."""
+
+    def __init__(self, view: FlightView) -> None:
+        self._view = view
+        self._lock = threading.Lock()
+        self._known: dict[int, tuple[int, float, Coverage | None, list[Gap]]] = {}  # revision, when to look again, ...
+
+    def of(self, island: int) -> tuple[Coverage | None, list[Gap]]:
+        """What was seen of an island, and its gaps; None where nothing is painted."""
+        table = self._view.table()
+        with self._lock:  # never made twice at once
+            known = self._known.get(island)
+            if known is None or (known[0] != table.revision and time.monotonic() >= known[1]):
+                known = self._made(table, island)
+            return known[2], known[3]
+
+    def _made(self, table: FrameTable, island: int) -> tuple[int, float, Coverage | None, list[Gap]]:
+        start = time.monotonic()
+        ours = np.flatnonzero((table.islands == island) & np.isfinite(table.boxes).all(axis=1))
+        coverage, gaps = None, list[Gap]()
+        if len(ours):
+            footprint = footprint_of(table.boxes[ours])
+            coverage = seen_on(_grid_over(table.boxes[ours], footprint), table, ours.tolist())
+            gaps = gaps_in(coverage, footprint)
+        now = time.monotonic()
+        made = table.revision, now + max(LEAST_REST_S, REST * (now - start)), coverage, gaps
+        if len(ours):  # else any number could be asked for and kept
+            self._known[island] = made
+        return made
+
+
+def _grid_over(boxes: Array, footprint: float) -> Grid:
+    # A frame that sees the horizon reaches any distance; what is seen there is worth nothing, and it must not spoil the grid.
+    (left, top), (right, bottom) = np.quantile(boxes[:, :2], 0.02, axis=0), np.quantile(boxes[:, 2:], 0.98, axis=0)
+    left, top, right, bottom = left - footprint, top - footprint, right + footprint, bottom + footprint
+    cell = max(footprint / PER_FOOTPRINT, (right - left) / LONGER_SIDE, (bottom - top) / LONGER_SIDE)
+    return Grid(left, top, cell, int(np.ceil((right - left) / cell)), int(np.ceil((bottom - top) / cell)))
+
+
+def _cells_of(grid: Grid, outline: Array) -> tuple[tuple[slice, slice], Mask] | None:
+    """The cells whose middles lie within an outline (n, 2) on the canvas: a window of the grid, and which of it."""
+    points = outline[np.isfinite(outline).all(axis=1)]
+    if len(points) < 3:
+        return None
+    cells = (points - [grid.left, grid.top]) / grid.cell - 0.5  # the middle of the first cell is (0, 0)
+    low = np.clip(np.floor(cells.min(axis=0)), 0, [grid.columns, grid.rows]).astype(int)
+    high = np.clip(np.ceil(cells.max(axis=0)) + 1, 0, [grid.columns, grid.rows]).astype(int)
+    if (low >= high).any():
+        return None
+    inside = np.zeros((FINER * (high[1] - low[1]), FINER * (high[0] - low[0])), np.uint8)
+    size = 4.0 * max(inside.shape) + 64
+    corners = np.clip(
+        (cells - low) * FINER, -size, size
+    )  # far corners of oblique frames; within the numbers that OpenCV takes
+    fixed = np.rint(corners * (1 << SUB_CELL_BITS)).astype(np.int32)
+    cv2.fillPoly(inside, [fixed], 1, shift=SUB_CELL_BITS)
+    return np.s_[low[1] : high[1], low[0] : high[0]], inside[::FINER, ::FINER] > 0
+
+
+def _gap(grid: Grid, cells: Mask) -> Gap:
+    contours, _ = cv2.findContours(cells.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    longest = max(contours, key=cv2.contourArea)[:, 0]
+    depth = _depth(cells)
+    row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+    return Gap(
+        outline=[_place(grid, float(x), float(y)) for x, y in longest],
+        area=float(cells.sum()) * grid.cell**2,
+        inside=_place(grid, float(column), float(row)),
+    )
+
+
+def _depth(cells: Mask) -> FloatImage:
+    """Distance of each cell to the nearest that is not among them, in cells."""
+    return np.asarray(cv2.distanceTransform(np.pad(cells.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1], np.float32)
+
+
+def _width(cells: Mask) -> float:
+    return 2 * float(_depth(cells).max())
+
+
+def _place(grid: Grid, column: float, row: float) -> tuple[float, float]:
+    """The canvas place of a cell's middle."""
+    return grid.left + (column + 0.5) * grid.cell, grid.top + (row + 0.5) * grid.cell

@@ -1,0 +1,139 @@
+"""Layers over the map, painted as small tiles: each a pure function of the painted frames around.
+
+Colours are OpenCV's tables of viridis and cividis (made for eyes that do not tell red from green); their legend is told with
+them. Tiles that are coarser than an island's grid are taken from that grid, finer ones from the frames around: the cost does not
+grow with the flight.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, pixel_size, tile_box
+from gcs_mosaic.stitch.arrays import Array, ImageBGR, Mask
+from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, seen_on
+from gcs_mosaic.views.flight_view import FlightView
+
+CELLS = 64  # of a tile's side: cells of four pixels
+MOST_FRAMES = 400  # for one tile; with more the island's grid will do
+ALPHA = 150  # of 255: the map shows through
+STOPS = 5  # colours in a legend
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """`share` maps what was seen, and what is typical of the island (`usual`), to 0 (worst) ... 1 (best)."""
+
+    name: str
+    title: str
+    worst: str
+    best: str
+    colours: int  # an OpenCV table
+    share: Callable[[Coverage, float], Array]
+
+
+def _of_looks(seen: Coverage, _usual: float) -> Array:
+    return (np.minimum(seen.looks, 6.0) - 1) / 5
+
+
+def _of_resolution(seen: Coverage, usual: float) -> Array:
+    """Half as fine as the finest usual frame is the worst colour. An octave, as what can be told of a person goes by octaves."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 - np.log2(seen.finest / usual), np.float64)
+
+
+def _of_age(seen: Coverage, _usual: float) -> Array:
+    """By octaves of minutes: a minute is fresh, two hours are old."""
+    minutes = np.maximum((time.time() - seen.newest) / 60, 1.0)
+    return np.asarray(1 - np.log2(minutes) / 7)
+
+
+LAYERS = {
+    layer.name: layer
+    for layer in (
+        Layer("looks", "Number of looks", "1", "6 or more", cv2.COLORMAP_VIRIDIS, _of_looks),
+        Layer("resolution", "How finely it was seen", "half as fine", "finest", cv2.COLORMAP_CIVIDIS, _of_resolution),
+        Layer("age", "Last look", "two hours ago", "a minute ago", cv2.COLORMAP_CIVIDIS, _of_age),
+    )
+}
+
+
+def legend(layer: Layer) -> dict[str, object]:
+    """Title, words for both ends, and colours from the worst to the best, for whoever shows the tiles."""
+    colours = _coloured(layer, np.linspace(0, 1, STOPS)[None])[0]
+    stops = [f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in colours.tolist()]
+    return {"name": layer.name, "title": layer.title, "worst": layer.worst, "best": layer.best, "colours": stops}
+
+
+class LayerTiles:
+    """Tiles of all layers of a flight."""
+
+    def __init__(self, view: FlightView) -> None:
+        self._view = view
+        self.islands = IslandCoverage(view)
+
+    def tile(self, layer: Layer, island: int, tile: Tile) -> bytes | None:
+        """A PNG with alpha; None where nothing was seen."""
+        table = self._view.table()
+        near = table.near(island, tile_box(tile))
+        if not near:
+            return None
+        whole, _ = self.islands.of(island)
+        if whole is None:
+            return None
+        grid = _grid_of(tile)
+        is_coarse = len(near) > MOST_FRAMES or grid.cell > whole.grid.cell
+        seen = _resampled(whole, grid) if is_coarse else seen_on(grid, table, near)
+        usual = float(np.quantile(whole.finest[whole.looks > 0], 0.1)) if (whole.looks > 0).any() else 1.0
+        return _encoded(layer, seen, usual)
+
+
+def _grid_of(tile: Tile) -> Grid:
+    left, top, *_ = tile_box(tile)
+    return Grid(left, top, pixel_size(tile.z) * TILE_SIZE / CELLS, CELLS, CELLS)
+
+
+def _resampled(whole: Coverage, grid: Grid) -> Coverage:
+    """The nearest cell of the island's grid for each of another grid."""
+    columns = grid.left + (np.arange(grid.columns) + 0.5) * grid.cell
+    rows = grid.top + (np.arange(grid.rows) + 0.5) * grid.cell
+    across = np.floor((columns - whole.grid.left) / whole.grid.cell).astype(int)
+    down = np.floor((rows - whole.grid.top) / whole.grid.cell).astype(int)
+    known = ((down >= 0) & (down < whole.grid.rows))[:, None] & ((across >= 0) & (across < whole.grid.columns))
+    at = np.ix_(down.clip(0, whole.grid.rows - 1), across.clip(0, whole.grid.columns - 1))
+    return Coverage(grid, np.where(known, whole.looks[at], 0).astype(np.uint16), whole.finest[at], whole.newest[at])
+
+
+def _encoded(layer: Layer, seen: Coverage, usual: float) -> bytes | None:
+    shown: Mask = seen.looks > 0
+    share = layer.share(seen, usual)
+    shown &= np.isfinite(share)
+    if not shown.any():
+        return None
+    colours = _coloured(layer, np.where(shown, share, 0.0))
+    bgra = np.dstack([colours, np.where(shown, ALPHA, 0).astype(np.uint8)])
+    large = cv2.resize(bgra, (TILE_SIZE, TILE_SIZE), interpolation=cv2.INTER_NEAREST)
+    done, data = cv2.imencode(".png", large, [cv2.IMWRITE_PNG_COMPRESSION, 4])
+    return data.tobytes() if done else None
+
+
+def _coloured(layer: Layer, share: Array) -> ImageBGR:
+    levels = np.rint(np.clip(share, 0, 1) * 255).astype(np.uint8)
+    return np.asarray(cv2.applyColorMap(levels, layer.colours), np.uint8)
+
+
+def is_possible(tile: Tile, finest: int) -> bool:
+    """Whether a tile lies on the grid of tiles."""
+    return 0 <= tile.z <= finest and min(tile.x, tile.y) >= 0 and max(tile.x, tile.y) < 1 << tile.z
+
+
+def area_words(area: float, footprint: float) -> str:
+    """An area on the canvas in words: as long as no scale is known, by a frame's footprint."""
+    share = area / footprint**2 if footprint else math.nan
+    return f"about {share:.1f} frames" if share >= 0.1 else "less than a tenth of a frame"

@@ -1,0 +1,59 @@
+// How the page looks on this device: light for the sun, dark, red for the night; dark ground made lighter. Kept on the device.
+
+const KEY = "gcs-mosaic look";
+const PLAIN = { theme: "system", brightness: 1, contrast: 1, gamma: 1 };
+const dark = matchMedia("(prefers-color-scheme: dark)");
+
+export class Look {
+  constructor() {
+    this.chosen = { ...PLAIN, ...kept() };
+    this.box = document.getElementById("look-box");
+    this.opener = document.getElementById("look");
+    this.opener.onclick = () => this.open(this.box.hidden);
+    document.getElementById("look-plain").onclick = () => this.choose({ ...PLAIN });
+    for (const name of Object.keys(PLAIN)) {
+      const input = document.getElementById(`look-${name}`);
+      input.addEventListener("input", () => this.choose({ [name]: name === "theme" ? input.value : Number(input.value) }));
+    }
+    dark.addEventListener("change", () => this.apply());
+    this.apply();
+  }
+
+  open(isOpen) {
+    this.box.hidden = !isOpen;
+    this.opener.setAttribute("aria-expanded", String(isOpen));
+  }
+
+  choose(change) {
+    Object.assign(this.chosen, change);
+    try {
+      localStorage.setItem(KEY, JSON.stringify(this.chosen));
+    } catch {
+      // a browser that keeps nothing: it holds until the page is closed
+    }
+    this.apply();
+  }
+
+  apply() {
+    const { theme, brightness, contrast, gamma } = this.chosen;
+    for (const name of Object.keys(PLAIN)) document.getElementById(`look-${name}`).value = this.chosen[name];
+    document.documentElement.dataset.theme = theme === "system" ? (dark.matches ? "dark" : "light") : theme;
+    for (const channel of document.querySelectorAll("#gamma feFuncR, #gamma feFuncG, #gamma feFuncB")) {
+      channel.setAttribute("exponent", String(1 / gamma));
+    }
+    const isPlain = brightness === 1 && contrast === 1 && gamma === 1;
+    // Only what needs it: a filter costs a weak tablet time at each step of the map.
+    const filter = isPlain ? "none" : `${gamma === 1 ? "" : "url(#gamma)"} brightness(${brightness}) contrast(${contrast})`;
+    document.documentElement.style.setProperty("--map-filter", filter);
+  }
+}
+
+/** What was chosen on this device before; whatever else lies under that name is left aside. */
+function kept() {
+  try {
+    const found = JSON.parse(localStorage.getItem(KEY)) ?? {};
+    return Object.fromEntries(Object.entries(PLAIN).map(([name, plain]) => [name, typeof found[name] === typeof plain ? found[name] : plain]));
+  } catch {
+    return {};
+  }
+}
