@@ -108,15 +108,6 @@ class Reporter:
         if not now:  # while the flight waits for the disk, this would only wait as well
             self._record()
         self.accounts = accounts()
-        facts = Facts(
-            utc=time.time(),
-            started_utc=self._begun_utc,
-            links=tuple(self._links.values()),
-            source=self.watch,
-            behind=behind,
-            accounts=self.accounts,
-            islands=islands,
-        )
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -129,13 +120,24 @@ class Reporter:
             last_frame=self.last_frame,
             accounts=self.accounts,
             held_out=largest(held_out(), ISLANDS_SHOWN),
-            conditions=() if state == "stopped" else self.conditions.so_now(facts),
+            conditions=() if state == "stopped" else self.conditions.so_now(self._facts(behind, islands)),
             notices=tuple(self._notices),
         )
         self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
         self._written = time.monotonic()
         for notice in self.conditions.fresh():
             self.say(notice)
+
+    def _facts(self, behind: Behind, islands: int) -> Facts:
+        return Facts(
+            utc=time.time(),
+            started_utc=self._begun_utc,
+            links=tuple(self._links.values()),
+            source=self.watch,
+            behind=behind,
+            accounts=self.accounts,
+            islands=islands,
+        )
 
     def _record(self) -> None:
         """Bring notices into the ledger; those that it does not take now follow later."""

@@ -129,9 +129,9 @@ class TileStack(Kept):
 
     def _above_top(self, island: int, top: int) -> set[TileKey]:
         """Tiles that an earlier run may have left there, when the island was larger."""
-        gone = {key for key in self.earlier if key[0] == island and key[1].z < top}
-        self.earlier -= gone
-        return gone
+        known = {key for key in self.earlier if key[0] == island and key[1].z <= top}
+        self.earlier -= known  # nor is anything to be shrunk from the top level upwards
+        return {key for key in known if key[1].z < top}
 
     def _shrink_all(self, keys: Sequence[TileKey]) -> None:
         for some in chunks(sorted(keys), AT_ONCE):

@@ -27,7 +27,7 @@ STOPS = 5  # colours in a legend
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class MapLayer:
     """`share` maps what was seen, and what is typical of the island (`usual`), to 0 (worst) ... 1 (best)."""
 
     name: str
@@ -57,14 +57,16 @@ def _of_age(seen: Coverage, _usual: float) -> Array:
 LAYERS = {
     layer.name: layer
     for layer in (
-        Layer("looks", "Number of looks", "1", "6 or more", cv2.COLORMAP_VIRIDIS, _of_looks),
-        Layer("resolution", "How finely it was seen", "half as fine", "finest", cv2.COLORMAP_CIVIDIS, _of_resolution),
-        Layer("age", "Last look", "two hours ago", "a minute ago", cv2.COLORMAP_CIVIDIS, _of_age),
+        MapLayer("looks", "Number of looks", "1", "6 or more", cv2.COLORMAP_VIRIDIS, _of_looks),
+        MapLayer(
+            "resolution", "How finely it was seen", "half as fine", "finest", cv2.COLORMAP_CIVIDIS, _of_resolution
+        ),
+        MapLayer("age", "Last look", "two hours ago", "a minute ago", cv2.COLORMAP_CIVIDIS, _of_age),
     )
 }
 
 
-def legend(layer: Layer) -> dict[str, object]:
+def legend(layer: MapLayer) -> dict[str, object]:
     """Title, words for both ends, and colours from the worst to the best, for whoever shows the tiles."""
     colours = _coloured(layer, np.linspace(0, 1, STOPS)[None])[0]
     stops = [f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in colours.tolist()]
@@ -78,7 +80,7 @@ class LayerTiles:
         self._view = view
         self.islands = IslandCoverage(view)
 
-    def tile(self, layer: Layer, island: int, tile: Tile) -> bytes | None:
+    def tile(self, layer: MapLayer, island: int, tile: Tile) -> bytes | None:
         """A PNG with alpha; None where nothing was seen."""
         table = self._view.table()
         near = table.near(island, tile_box(tile))
@@ -110,7 +112,7 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     return Coverage(grid, np.where(known, whole.looks[at], 0).astype(np.uint16), whole.finest[at], whole.newest[at])
 
 
-def _encoded(layer: Layer, seen: Coverage, usual: float) -> bytes | None:
+def _encoded(layer: MapLayer, seen: Coverage, usual: float) -> bytes | None:
     shown: Mask = seen.looks > 0
     share = layer.share(seen, usual)
     shown &= np.isfinite(share)
@@ -123,7 +125,7 @@ def _encoded(layer: Layer, seen: Coverage, usual: float) -> bytes | None:
     return data.tobytes() if done else None
 
 
-def _coloured(layer: Layer, share: Array) -> ImageBGR:
+def _coloured(layer: MapLayer, share: Array) -> ImageBGR:
     levels = np.rint(np.clip(share, 0, 1) * 255).astype(np.uint8)
     return np.asarray(cv2.applyColorMap(levels, layer.colours), np.uint8)
 

@@ -75,7 +75,9 @@ def admit(access: Access, wrong: WrongTokens, request: web.Request, given: str) 
 
 def same(given: str | None, token: str | None) -> bool:
     """Compared in constant time, so that no letter can be found out before the others."""
-    return given is not None and token is not None and secrets.compare_digest(given.encode(), token.encode())
+    if given is None or token is None:
+        return False
+    return secrets.compare_digest(given.encode("utf-8", "surrogateescape"), token.encode())  # headers are any bytes
 
 
 def admitted(request: web.Request, token: str | None) -> web.HTTPSeeOther:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import json
 import re
 from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
@@ -115,6 +116,8 @@ async def status(request: web.Request) -> web.StreamResponse:
         text = await asyncio.to_thread((request.app[ROOT] / STATUS).read_text, "utf-8", "replace")
     except FileNotFoundError:
         raise web.HTTPNotFound(text=f"{STATUS} is not written yet.\n") from None
+    with suppress(ValueError):  # escapes would hide where a path ends
+        text = json.dumps(json.loads(text), ensure_ascii=False)
     return web.Response(text=without_paths(text), content_type="application/json")
 
 
@@ -125,7 +128,7 @@ async def journal(request: web.Request) -> web.StreamResponse:
         raise web.HTTPBadRequest(text="after= is to be a revision.\n")
     try:
         lines = await asyncio.to_thread(told_after, path, int(after))
-    except FileNotFoundError:
+    except (FileNotFoundError, ValueError):  # there is none, or a power cut has damaged it
         raise web.HTTPNotFound(text="placements.json tells everything.\n") from None
     return web.Response(body=lines, content_type="application/x-ndjson")
 

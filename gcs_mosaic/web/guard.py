@@ -46,9 +46,16 @@ def host_check(address: HttpAddress, names: Collection[str]) -> Middleware:
 async def origin_check(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Reject what another page in the same browser sends in order to change something."""
     origin = request.headers.get("Origin")
-    if request.method not in READING and origin is not None and urlsplit(origin).netloc != request.host:
+    if request.method not in READING and origin is not None and not _is_of(origin, request.host):
         raise web.HTTPForbidden(text="Only this server's own page may change something.\n")
     return await handler(request)
+
+
+def _is_of(origin: str, host: str) -> bool:
+    try:
+        return urlsplit(origin).netloc == host
+    except ValueError:  # such as http://[
+        return False
 
 
 async def add_headers(_request: web.Request, response: web.StreamResponse) -> None:

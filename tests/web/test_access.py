@@ -347,3 +347,26 @@ def test_files_that_are_no_certificate_are_refused_in_one_sentence(tmp_path: Pat
 def test_settings_that_cannot_be_are_refused(settings: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         WebSettings(**settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("header", "value"), [("Authorization", "Bearer \xff"), ("Cookie", "gcs-mosaic=\xff"), ("Origin", "http://[")]
+)
+def test_headers_that_are_no_text_are_refused_and_nothing_raises(
+    tmp_path: Path, header: str, value: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), access=Access(token="secret"))
+    client = Client(server.start())
+    assert client.status("/mosaic.json", "POST", Host=client.netloc, **{header: value}) < 500
+    server.stop()
+    assert "Traceback" not in caplog.text
+    assert not module.same("\udcff", "secret")  # as other machines send it
+
+
+def test_a_damaged_journal_leads_to_the_whole_list(tmp_path: Path) -> None:
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0))
+    client = Client(server.start())
+    for damaged in (b"", b'{"since": 0}\n\0\0\0\0\n'):
+        (tmp_path / "placements.jsonl").write_bytes(damaged)
+        assert client.status("/placements.jsonl") == 404
+    server.stop()

@@ -19,6 +19,7 @@ from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
+from tests.sure import sure
 from tests.web.browser import CHROMIUM, open_browser
 from tests.web.small_flight import MIDDLE, RED, SmallFlight
 from tests.web.test_app import Client
@@ -74,7 +75,7 @@ def test_more_looks_have_another_colour_and_coarse_tiles_tell_the_same(url: str)
     for level in (16, 14):
         place = MIDDLE >> (16 - level)
         data = Client(url).ask(f"/api/v1/layers/looks/0/{level}/{place}/{place}.png")[1]
-        tiles[level] = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        tiles[level] = sure(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
     one, two = tiles[16][10, 10], tiles[16][10, 100]  # canvas (10, 10) and (100, 10)
     assert one.tolist() != two.tolist()
     assert tiles[14][2, 2].tolist() == one.tolist()
