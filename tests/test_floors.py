@@ -32,11 +32,12 @@ ALLOWED = {
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
     "check": {
-        *("store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph"),
+        *("notes", "store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph"),
         *("messages", "errors"),
     },
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
-    "web": {"views", "store", "export", "render", "messages", "errors"},
+    "notes": {"views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
+    "web": {"notes", "views", "store", "export", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", *STITCH, "errors"},
     "app": {
@@ -44,7 +45,20 @@ ALLOWED = {
         *STITCH,
         *("messages", "errors"),
     },
-    "cli": {"app", "config", "web", "export", "check", "store", "frames", "mavlink", "stitch.features", "errors"},
+    "cli": {
+        "app",
+        "config",
+        "web",
+        "notes",
+        "views",
+        "export",
+        "check",
+        "store",
+        "frames",
+        "mavlink",
+        "stitch.features",
+        "errors",
+    },
     "__main__": {"cli", "app"},
 }
 # What a room may import of another of which it needs one thing only.
@@ -58,6 +72,8 @@ ONLY = {
     ("export", "frames"): {"decode"},
     ("config", "web"): {"settings"},
     ("check", "frames"): {"decode"},
+    ("check", "notes"): {"schema"},
+    ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
 FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}

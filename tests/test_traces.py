@@ -28,7 +28,7 @@ SILENT = {
     ("check/documents.py", "_read_placements"): (1, "a fault of the document, which is what is reported"),
     ("store/lock.py", "is_still_there"): (1, "it is not there, which is the answer"),
     ("store/lock.py", "FolderLock.is_deleted"): (1, "its disk is gone, so it was not deleted, which is the answer"),
-    ("store/guard.py", "identity_of"): (1, "it is not there, which is the answer"),
+    ("store/disk.py", "identity_of"): (1, "it is not there, which is the answer"),
     ("store/guard.py", "FolderGuard._is_strange"): (1, "it is not there, which is the answer"),
     ("store/guard.py", "disks_above"): (1, "it is not there, which is the answer"),
     ("store/log.py", "is_at"): (1, "it is not there, which is the answer"),

@@ -12,7 +12,8 @@ from sqlite3 import Row
 from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.store.ledger import Ledger, placed_in
 from gcs_mosaic.store.records import FlightRecord
-from gcs_mosaic.store.rows import canvas_of, covered_of, estimate_of, painted_of, restored
+from gcs_mosaic.store.rows import canvas_of, covered_of, estimate_of, painted_of
+from gcs_mosaic.store.stored_text import restored
 
 ROUNDS = 8  # settling one rule may show what another one rejects
 

@@ -6,7 +6,7 @@ import errno
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 UNSYNCABLE = (errno.EINVAL, errno.ENOTSUP)  # some network and user-space file systems cannot sync folders
@@ -74,6 +74,14 @@ def write_beside(path: Path, data: bytes, *, durable: bool = False) -> None:
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
+
+
+def identity_of(path: Path) -> tuple[int, int] | None:
+    """Device and number of a file or folder; None if it is not there."""
+    with suppress(OSError):
+        found = path.stat()
+        return found.st_dev, found.st_ino
+    return None
 
 
 def sync_file(path: Path) -> None:

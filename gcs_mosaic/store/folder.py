@@ -16,9 +16,10 @@ LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
 LOG_NAME = "flight.log"
 TOKEN_NAME = "page.token"  # lets other machines look at the page
+NOTES_NAME = "notes.sqlite"  # what people add to the flight, see the room `notes`
 OUR_NAMES = (
     *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
-    *("checkpoint", "checkpoint.values", TOKEN_NAME),
+    *("checkpoint", "checkpoint.values", TOKEN_NAME, NOTES_NAME),
     *("tiles", "masks", "frames"),
 )
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.disk import CannotWrite, identity_of
 from gcs_mosaic.store.folder import LEDGER_NAME, OUR_NAMES
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import FolderLock
@@ -116,14 +116,6 @@ class FolderGuard:
         """Whether another disk is mounted where that of the folder was."""
         above = disks_above(self._out)
         return bool(above) and above[0] not in self._disks
-
-
-def identity_of(path: Path) -> tuple[int, int] | None:
-    """Device and number of a file or folder; None if it is not there."""
-    with suppress(OSError):
-        found = path.stat()
-        return found.st_dev, found.st_ino
-    return None
 
 
 def flight_at(path: Path) -> tuple[str, float] | None:

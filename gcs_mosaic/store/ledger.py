@@ -54,9 +54,9 @@ from gcs_mosaic.store.rows import (
     pose_row,
     position_record_of,
     relief_row,
-    stored,
     support_row,
 )
+from gcs_mosaic.store.stored_text import stored
 
 
 class Ledger(LedgerFile):

@@ -13,11 +13,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import ClassVar, Self
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import CannotWrite, is_disk_full, sync_file, sync_folder, telling_disk_full
-from gcs_mosaic.store.schema import connect, connect_for_reading
+from gcs_mosaic.store.schema import LEDGER, FileSchema, connect, connect_for_reading
 
 logger = logging.getLogger(__name__)
 
@@ -32,12 +32,15 @@ BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 class LedgerFile:
     """One SQLite file that holds a flight. Use it only from the thread that opened it."""
 
+    schema: ClassVar[FileSchema] = LEDGER
+
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
         """Open the ledger at `path`; create it if missing (unless `read_only`). Raises UsageError and DiskFull."""
         self.path = path
         self.damaged = False  # the file may not hold what was committed: see `write_anew`
-        self._file: sqlite3.Connection | None = connect_for_reading(path) if read_only else connect(path)
-        self._memory = self._file if read_only else held_in_memory(self._file)
+        opened = connect_for_reading(path, self.schema) if read_only else connect(path, self.schema)
+        self._file: sqlite3.Connection | None = opened
+        self._memory = opened if read_only else held_in_memory(opened)
 
     def __enter__(self) -> Self:
         return self
@@ -80,13 +83,13 @@ class LedgerFile:
             _remove(*_companions(self.path))  # a log that is left would be taken for the new file's
             part.replace(self.path)
             sync_folder(self.path.parent)
-            self._file = connect(self.path)
+            self._file = connect(self.path, self.schema)
         self.damaged = False
 
     def verify(self) -> None:
         """Read the whole file as others do; note if it does not hold what is in memory: something else may have written to it."""
         try:
-            with closing(connect_for_reading(self.path)) as found:
+            with closing(connect_for_reading(self.path, self.schema)) as found:
                 whole = found.execute("PRAGMA quick_check").fetchone()[0] == "ok"
                 self.damaged |= not whole or _counts(found) != _counts(self._memory)
         except (sqlite3.DatabaseError, UsageError):

@@ -27,6 +27,7 @@ from gcs_mosaic.store.records import (
     FrameState,
     PositionRecord,
 )
+from gcs_mosaic.store.stored_text import restored, stored
 
 EVENT_COLUMNS = (
     "vehicle, component, camera, source, sequence, received, source_time, clock, utc, result, file_hint, "
@@ -37,24 +38,6 @@ LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
 LOOK_COLUMNS = "gain, vignetting, display, dead_border"
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
-
-Stored = str | bytes | None
-
-
-def stored(text: str | None) -> Stored:
-    """External text as SQLite can store it: file names may contain undecodable bytes."""
-    if text is None:
-        return None
-    try:
-        text.encode("utf-8")
-    except UnicodeEncodeError:
-        return text.encode("utf-8", "surrogatepass")
-    return text
-
-
-def restored(value: Stored) -> str | None:
-    """Inverse of `stored`."""
-    return value.decode("utf-8", "surrogatepass") if isinstance(value, bytes) else value
 
 
 def name_of(row: sqlite3.Row) -> str:

@@ -1,9 +1,11 @@
-"""The ledger's tables, migrations, and opening a ledger file."""
+"""The ledger's tables, migrations, and opening a ledger file, or another SQLite file of ours."""
 
 from __future__ import annotations
 
 import sqlite3
 import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
@@ -149,16 +151,43 @@ ALTER TABLE painted DROP COLUMN gain_r;
 }
 
 
+@dataclass(frozen=True, slots=True)
+class FileSchema:
+    """A kind of SQLite file of ours."""
+
+    application: int  # PRAGMA application_id
+    version: int  # PRAGMA user_version
+    tables: str  # statements that make a new file
+    migrations: Mapping[int, str]  # from each older version to the next one
+    modes: str  # pragmas of a connection that writes
+    noun: str
+    kind: str  # what a file of it is, with an article
+    remedy: str  # what to do with a file that is none
+
+
+# With a write-ahead log, NORMAL survives any kill; for power cuts see LedgerFile.make_durable.
+LEDGER = FileSchema(
+    APPLICATION,
+    VERSION,
+    TABLES,
+    MIGRATIONS,
+    modes="PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL;",
+    noun="ledger",
+    kind="a flight's ledger",
+    remedy="move it away or choose another --out",
+)
+
+
 class DamagedLedger(UsageError):  # noqa: N818 - names a state, not an error
     """A file that should be a ledger and cannot be read as one; the message says why."""
 
 
-def connect(path: Path) -> sqlite3.Connection:
-    """The ledger at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
+def connect(path: Path, schema: FileSchema = LEDGER) -> sqlite3.Connection:
+    """The ledger (or other file) at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
     with telling_disk_full(path):
         connection = sqlite3.connect(path, timeout=WRITER_BUSY_S, isolation_level=None)
         try:
-            prepare(connection, path)
+            prepare(connection, path, schema)
         except BaseException:
             connection.close()
             raise
@@ -166,7 +195,7 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def connect_for_reading(path: Path, *, without_log: bool = False) -> sqlite3.Connection:
+def connect_for_reading(path: Path, schema: FileSchema = LEDGER, *, without_log: bool = False) -> sqlite3.Connection:
     """The ledger at `path`, alongside the program that writes it. Raises UsageError if there is none of ours.
 
     `without_log`: the main file alone, as of its last checkpoint: the log beside it may be another ledger's.
@@ -177,7 +206,7 @@ def connect_for_reading(path: Path, *, without_log: bool = False) -> sqlite3.Con
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, timeout=BUSY_S, isolation_level=None)
     try:
         connection.row_factory = sqlite3.Row
-        if version_of(connection, path) == 0:
+        if version_of(connection, path, schema) == 0:
             raise UsageError(f"{path} holds no flight: name a folder that gcs-mosaic has written a flight into")
     except BaseException:
         connection.close()
@@ -185,24 +214,20 @@ def connect_for_reading(path: Path, *, without_log: bool = False) -> sqlite3.Con
     return connection
 
 
-def prepare(connection: sqlite3.Connection, path: Path) -> None:
+def prepare(connection: sqlite3.Connection, path: Path, schema: FileSchema) -> None:
     """Create the tables in a new file, or check that an existing file's are ours; set the write mode."""
     connection.row_factory = sqlite3.Row
-    version = version_of(connection, path)
+    version = version_of(connection, path, schema)
     if version == 0:
-        connection.executescript(
-            f"BEGIN; {TABLES} PRAGMA application_id = {APPLICATION}; PRAGMA user_version = {VERSION}; COMMIT;"
-        )
+        marks = f"PRAGMA application_id = {schema.application}; PRAGMA user_version = {schema.version};"
+        connection.executescript(f"BEGIN; {schema.tables} {marks} COMMIT;")
     connection.create_function("numbers", 3, lambda *values: struct.pack("<3d", *values))
-    for old in range(version or VERSION, VERSION):
-        connection.executescript(f"BEGIN; {MIGRATIONS[old]} PRAGMA user_version = {old + 1}; COMMIT;")
-    connection.execute("PRAGMA journal_mode = WAL")
-    # With a write-ahead log, NORMAL survives any kill; for power cuts see LedgerFile.make_durable.
-    connection.execute("PRAGMA synchronous = NORMAL")
-    connection.execute("PRAGMA foreign_keys = ON")
+    for old in range(version or schema.version, schema.version):
+        connection.executescript(f"BEGIN; {schema.migrations[old]} PRAGMA user_version = {old + 1}; COMMIT;")
+    connection.executescript(f"{schema.modes} PRAGMA foreign_keys = ON;")
 
 
-def version_of(connection: sqlite3.Connection, path: Path) -> int:
+def version_of(connection: sqlite3.Connection, path: Path, schema: FileSchema = LEDGER) -> int:
     """The schema version, 0 for an empty file. Raises UsageError for a file that is not ours or newer than this program."""
     try:
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
@@ -211,17 +236,14 @@ def version_of(connection: sqlite3.Connection, path: Path) -> int:
     except sqlite3.DatabaseError as error:
         if isinstance(error, sqlite3.OperationalError):
             raise
-        text = (
-            f"{path} is not a flight's ledger ({error}): move it away or choose another --out, or see gcs-mosaic check"
-        )
+        text = f"{path} is not {schema.kind} ({error}): {schema.remedy}, or see gcs-mosaic check"
         raise DamagedLedger(text) from error
     if empty:
         return 0
-    if application != APPLICATION:
-        raise UsageError(f"{path} belongs to another program: move it away or choose another --out")
-    if version > VERSION:
-        raise UsageError(
-            f"{path} was written by a newer gcs-mosaic (ledger version {version}, this one knows up to {VERSION}): "
-            "update gcs-mosaic or choose another --out"
-        )
+    if application != schema.application:
+        raise UsageError(f"{path} belongs to another program: {schema.remedy}")
+    if version > schema.version:
+        known = f"({schema.noun} version {version}, this one knows up to {schema.version})"
+        remedy = schema.remedy.replace("move it away", "update gcs-mosaic")
+        raise UsageError(f"{path} was written by a newer gcs-mosaic {known}: {remedy}")
     return version
