@@ -12,6 +12,7 @@ from typing import Any
 from gcs_mosaic.check.documents import STATUS_NAME, check_documents, has_lost_the_map, write_documents
 from gcs_mosaic.check.findings import CheckedPart, Findings, Progress
 from gcs_mosaic.check.invariants import check_rows, settle_rows
+from gcs_mosaic.check.notes import check_notes
 from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals
 from gcs_mosaic.check.salvage import salvage
 from gcs_mosaic.check.snapshot import ledger_copy
@@ -36,7 +37,9 @@ def check(flight: Path, progress: Progress, *, every_tile: bool = False) -> Find
     ledger_part, originals = CheckedPart("ledger", "frames"), CheckedPart("originals", "files")
     tiles, documents = CheckedPart("tiles", "tiles"), CheckedPart("documents", "documents")
     checkpoint, strays = CheckedPart("checkpoint", "values"), CheckedPart("strays", "files")
-    parts = (ledger_part, originals, tiles, documents, checkpoint, strays)
+    notes = CheckedPart("notes", "notes")
+    parts = (ledger_part, originals, tiles, documents, checkpoint, strays, notes)
+    check_notes(flight, notes)
     with ledger_copy(flight, written=written) as opened:
         if isinstance(opened, DamagedLedger):
             ledger_part.fault(LEDGER_NAME, str(opened))

@@ -18,7 +18,7 @@ from types import FrameType
 from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
-from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, web_settings_of
+from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, readers_of, web_settings_of
 from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
@@ -101,6 +101,7 @@ def serve(given: argparse.Namespace) -> None:
 
     stop = threading.Event()
     _end_on_signals(stop, stop)
+    restrict(readers_of(given))
     serve_until(stop, find_flight(given.flight), given.http, web_settings_of(given))
 
 
@@ -143,6 +144,10 @@ def export(given: argparse.Namespace) -> None:
     elif given.format == "placements":
         target = given.to or given.flight / "placements-export.json"
         print(export.export_placements(given.flight, target))
+    elif given.format.startswith("finds-"):
+        from gcs_mosaic.notes.export_finds import export_finds
+
+        print(export_finds(given.flight, given.format.removeprefix("finds-"), given.to))
     else:
         target = given.to or given.flight / "mosaic.png"
         print(export.export_png(given.flight, target, island=given.island, level=given.zoom))

@@ -14,6 +14,7 @@ from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import FeatureKind
+from gcs_mosaic.store.permissions import UMASKS, Readers
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 from gcs_mosaic.web.settings import WebSettings
 
@@ -95,6 +96,15 @@ def web_settings_of(given: argparse.Namespace) -> WebSettings:
     said = read_settings(given.config).get("web", {}) if given.config else {}
     settings: WebSettings = from_mapping(WebSettings, said, f"{given.config}: web")
     return settings
+
+
+def readers_of(given: argparse.Namespace) -> Readers:
+    """Who may read what is written, by the settings file. Raises UsageError."""
+    said = read_settings(given.config).get("permissions", "owner") if given.config else "owner"
+    if said not in UMASKS:
+        raise UsageError(f"{given.config}: permissions is to be one of {', '.join(UMASKS)}")
+    readers: Readers = said
+    return readers
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
@@ -205,7 +215,9 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 def _add_serve(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
     parser.add_argument("--http", metavar="HOST:PORT", default=DEFAULT_PAGE, help="where the page is served")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML, of which `web` counts")
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="settings in YAML, of which `web` and `permissions` count"
+    )
 
 
 def _add_status(parser: argparse.ArgumentParser) -> None:
@@ -227,9 +239,12 @@ def _system_or_folder(text: str) -> int | Path:
     return int(text)
 
 
+FORMATS = ("png", "tiff", "placements", "finds-geojson", "finds-csv", "finds-kml", "finds-report")
+
+
 def _add_export(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
-    parser.add_argument("--format", choices=["png", "tiff", "placements"], required=True)
+    parser.add_argument("--format", choices=FORMATS, required=True)
     parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or the like, in DIR")
     parser.add_argument("--island", type=int, metavar="N", help="which island; default: the largest")
     parser.add_argument("--zoom", type=int, metavar="Z", help="level of the picture; default: the finest that fits")
@@ -297,7 +312,11 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "status": ("what a running or ended flight says of itself", _add_status, {}),
     "vehicle": ("which aircraft a running flight follows: list them, or choose one", _add_vehicle_command, {}),
     "check": ("whether a flight is whole, and its repair", _add_check, {}),
-    "export": ("a flight for other programs: a picture, all bands, where each pixel lies", _add_export, {}),
+    "export": (
+        "a flight for other programs: a picture, all bands, where each pixel lies, what was found",
+        _add_export,
+        {},
+    ),
     "benchmark": ("what a frame costs on this machine", _add_benchmark, {}),
     "config": ("all settings with their defaults and reasons, as YAML", _add_nothing, {}),
     "demo": ("a simulated flight into the program and its page", _add_nothing, {}),

@@ -80,13 +80,16 @@ class Reviews:
         for x, y in cells:
             key = (look.island, x, y, look.who, look.level)
             self._pending[key] = (self._pending.get(key, (0.0, 0.0))[0] + look.seconds, now)
-        if time.monotonic() - self._written >= FLUSH_S:
-            self.flush()
         return len(cells)
+
+    def flush_if_due(self) -> None:
+        """To be called every few seconds."""
+        if time.monotonic() - self._written >= FLUSH_S:
+            self._written = time.monotonic()
+            self.flush()
 
     def flush(self) -> None:
         """Write what is held in memory."""
-        self._written = time.monotonic()
         if not self._pending:
             return
         with self._book.change(counts=False) as file:
@@ -157,7 +160,7 @@ def cells_within(box: Box) -> list[tuple[int, int]]:
 
 
 def seen_cells(table: FrameTable, island: int, box: Box) -> set[tuple[int, int]]:
-    """The cells within a canvas box whose middle some painted frame has seen. Raises Unfit for too large a box."""
+    """The cells within a canvas box that some painted frame covers or touches. Raises Unfit for too large a box."""
     columns, lines = spans(box)
     if len(columns) * len(lines) > MOST_ASKED:
         raise Unfit(f"The box has more than {MOST_ASKED} cells: ask for a smaller one.")

@@ -24,9 +24,9 @@ from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.web.access import access_check, is_local
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
 from gcs_mosaic.web.api.routes import add_api
-from gcs_mosaic.web.change import Change
+from gcs_mosaic.web.change import Change, NotesChange
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
-from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.feed import Feed, News
 from gcs_mosaic.web.guard import add_headers, host_check, origin_check
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.places import Places, origin_of
@@ -84,7 +84,7 @@ def make_app(
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
     app.router.add_post(PATH, choose_vehicle)
-    add_api(app, root)
+    add_api(app, root, app[FEED])
     return app
 
 
@@ -166,15 +166,17 @@ async def live(request: web.Request) -> web.StreamResponse:
             request.protocol.streaming()
         with feed.subscribe() as subscription, suppress(ConnectionError, TimeoutError):
             await send(response, Change(last_revision(request.app[ROOT]), None))
+            if feed.notes:
+                await send(response, NotesChange(feed.notes))
             async for change in subscription.changes(HEARTBEAT_S):
                 await send(response, change)
             await say_farewell(response)
     return response
 
 
-async def send(response: web.StreamResponse, change: Change | None) -> None:
+async def send(response: web.StreamResponse, change: News | None) -> None:
     """Send one change, or a heartbeat. Raises TimeoutError and ConnectionError when the page is gone."""
-    message = ": alive\n\n" if change is None else f"data: {change.json()}\n\n"
+    message = ": alive\n\n" if change is None else change.event
     async with asyncio.timeout(SEND_S):
         await response.write(message.encode())
 

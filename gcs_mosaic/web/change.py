@@ -46,10 +46,27 @@ class Change:
         both = self.painted | earlier.painted
         return Change(self.revision, both if len(both) <= MOST_TILES else None)
 
+    @property
+    def event(self) -> str:
+        """The server-sent event."""
+        return f"data: {self.json()}\n\n"
+
     def json(self) -> str:
         """The message to a page: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
         tiles = None if self.painted is None else [[island, *tile] for island, tile in sorted(self.painted)]
         return json.dumps({"revision": self.revision, "tiles": tiles}, separators=(",", ":"))
+
+
+@dataclass(frozen=True, slots=True)
+class NotesChange:
+    """What people have added is at this revision. An event with a name, which only those hear who ask for it."""
+
+    revision: int
+
+    @property
+    def event(self) -> str:
+        """The server-sent event."""
+        return f'event: notes\ndata: {{"revision":{self.revision}}}\n\n'
 
 
 def finest(tiles: Iterable[tuple[int, Tile]]) -> Painted:

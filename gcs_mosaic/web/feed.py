@@ -8,7 +8,9 @@ from collections.abc import AsyncIterator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.web.change import Change
+from gcs_mosaic.web.change import Change, NotesChange
+
+News = Change | NotesChange
 
 
 class Feed:
@@ -16,6 +18,7 @@ class Feed:
 
     def __init__(self) -> None:
         self.revision = 0
+        self.notes = 0  # revision of what people have added
         self._lock = threading.Lock()
         self._subscriptions: set[Subscription] = set()
         self._closed = False
@@ -34,6 +37,13 @@ class Feed:
             self.revision = change.revision
             for subscription in self._subscriptions:
                 subscription.offer(change)
+
+    def tell_notes(self, revision: int) -> None:
+        """Publish a revision of what people have added to the flight. Thread-safe."""
+        with self._lock:
+            self.notes = revision
+            for subscription in self._subscriptions:
+                subscription.offer_notes(NotesChange(revision))
 
     @contextmanager
     def subscribe(self) -> Iterator[Subscription]:
@@ -61,13 +71,14 @@ class Feed:
 
 
 class Subscription:
-    """One page's subscription: holds at most one pending change."""
+    """One page's subscription: holds at most one pending change of each kind."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.closed = False
         self._loop = loop
         self._lock = threading.Lock()
         self._pending: Change | None = None
+        self._pending_notes: NotesChange | None = None
         self._news = asyncio.Event()
 
     def offer(self, change: Change) -> None:
@@ -75,26 +86,36 @@ class Subscription:
             self._pending = change.after(self._pending)
         self._wake()
 
+    def offer_notes(self, change: NotesChange) -> None:
+        with self._lock:
+            self._pending_notes = change
+        self._wake()
+
     def close(self) -> None:
         self.closed = True
         self._wake()
 
-    async def changes(self, timeout_s: float) -> AsyncIterator[Change | None]:
+    async def changes(self, timeout_s: float) -> AsyncIterator[News | None]:
         """Yields each change, and None after every `timeout_s` without one, until closed."""
         while not self.closed:
             change = await self.next(timeout_s)
             if not self.closed:
                 yield change
 
-    async def next(self, timeout_s: float) -> Change | None:
+    async def next(self, timeout_s: float) -> News | None:
         """The next change; None after `timeout_s` without one, or when closed."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 await self._news.wait()
         self._news.clear()
         with self._lock:
-            change, self._pending = self._pending, None
-        return change
+            if self._pending is not None and self._pending_notes is not None:
+                self._news.set()  # one after the other
+            if self._pending is not None:
+                change, self._pending = self._pending, None
+                return change
+            notes, self._pending_notes = self._pending_notes, None
+            return notes
 
     def _wake(self) -> None:
         with suppress(RuntimeError):  # the page's event loop may have ended already

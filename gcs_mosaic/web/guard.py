@@ -14,9 +14,10 @@ from aiohttp.typedefs import Handler, Middleware
 
 from gcs_mosaic.web.address import HttpAddress
 
+POLICY = "Content-Security-Policy"
 HEADERS = {
     # The page loads nothing from another host, and nothing inline runs.
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'none'; "
+    POLICY: "default-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -59,5 +60,6 @@ def _is_of(origin: str, host: str) -> bool:
 
 
 async def add_headers(_request: web.Request, response: web.StreamResponse) -> None:
-    """Signal handler for `on_response_prepare`."""
-    response.headers.update(HEADERS)
+    """Signal handler for `on_response_prepare`. A document of ours may bring a policy that allows it less."""
+    policy = response.headers.get(POLICY)
+    response.headers.update(HEADERS if policy is None else HEADERS | {POLICY: policy})

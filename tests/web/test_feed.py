@@ -5,8 +5,8 @@ import json
 import threading
 
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.web.change import MOST_TILES, Change, finest
-from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.change import MOST_TILES, Change, NotesChange, finest
+from gcs_mosaic.web.feed import Feed, News
 
 A, B = (0, Tile(16, 8, 8)), (0, Tile(16, 9, 8))
 
@@ -40,7 +40,7 @@ def test_slow_subscriber_gets_everything_as_one_change() -> None:
         for n in range(1, 101):
             feed.publish(n, [(0, Tile(16, n, 0))])
 
-    async def read() -> Change | None:
+    async def read() -> News | None:
         with feed.subscribe() as subscription:
             writer = threading.Thread(target=write)
             writer.start()
@@ -48,7 +48,7 @@ def test_slow_subscriber_gets_everything_as_one_change() -> None:
             return await subscription.next(5)
 
     change = asyncio.run(read())
-    assert change is not None
+    assert isinstance(change, Change)
     assert change.revision == 100
     assert change.painted == frozenset((0, Tile(16, n, 0)) for n in range(1, 101))
     assert feed.subscribers == 0
@@ -57,7 +57,7 @@ def test_slow_subscriber_gets_everything_as_one_change() -> None:
 def test_no_news_is_none_and_closing_ends_the_waiting() -> None:
     feed = Feed()
 
-    async def read() -> tuple[Change | None, bool]:
+    async def read() -> tuple[News | None, bool]:
         with feed.subscribe() as subscription:
             nothing = await subscription.next(0.01)
             asyncio.get_running_loop().call_later(0.01, feed.close)
@@ -76,3 +76,17 @@ def test_publishing_after_the_page_is_gone_does_no_harm() -> None:
     asyncio.run(subscribe_and_forget())
     feed.publish(1, [A])
     assert feed.revision == 1
+
+
+def test_tiles_and_notes_are_merged_each_for_itself() -> None:
+    feed = Feed()
+
+    async def read() -> list[object]:
+        with feed.subscribe() as subscription:
+            for revision in (1, 2):
+                feed.publish(revision, [A])
+                feed.tell_notes(10 + revision)
+            return [await subscription.next(1) for _ in range(2)] + [await subscription.next(0.01)]
+
+    assert asyncio.run(read()) == [Change(2, frozenset([A])), NotesChange(12), None]
+    assert NotesChange(12).event == 'event: notes\ndata: {"revision":12}\n\n'

@@ -1,0 +1,47 @@
+"""`gcs-mosaic export --format finds-...`: the finds of a flight as one file."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.notes.binding import GroundFollower
+from gcs_mosaic.notes.book import NotesFile
+from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
+from gcs_mosaic.notes.finds import Find, find_of
+from gcs_mosaic.notes.report import as_report
+from gcs_mosaic.notes.told import placed
+from gcs_mosaic.store.disk import DiskFull, write_beside
+from gcs_mosaic.store.folder import NOTES_NAME, find_flight
+from gcs_mosaic.views.flight_view import FlightView
+
+ENDINGS = {"geojson": "geojson", "csv": "csv", "kml": "kml", "report": "html"}
+
+
+def export_finds(flight: Path, kind: str, to: Path | None) -> str:
+    """Write all finds as geojson, csv, kml or a report, by default into the flight's folder; returns a message. Raises
+    UsageError."""
+    view = FlightView(find_flight(flight))
+    found, target = finds_in(flight), to or flight / f"finds.{ENDINGS[kind]}"
+    shown, name = placed(found, GroundFollower(view)), flight.resolve().name
+    match kind:
+        case "csv":
+            text = as_csv(shown)
+        case "report":
+            text = as_report(shown, name, view, time.time())
+        case _:
+            text = (as_geojson if kind == "geojson" else as_kml)(shown, name)
+    try:
+        write_beside(target, text.encode("utf-8"))
+    except (OSError, DiskFull) as error:
+        raise UsageError(f"{target} cannot be written ({error}); give another file with --to.") from error
+    return f"{len(found)} finds written to {target}"
+
+
+def finds_in(flight: Path) -> list[Find]:
+    """Those of a flight that were not deleted; nothing is written for it. Raises UsageError."""
+    if not (flight / NOTES_NAME).exists():
+        return []
+    with NotesFile(flight / NOTES_NAME, read_only=True) as file:
+        return [find_of(row) for row in file.rows("SELECT * FROM finds WHERE deleted = 0 ORDER BY id")]

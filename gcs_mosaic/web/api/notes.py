@@ -1,0 +1,205 @@
+"""What the handlers of finds, scale, reviews and dismissed hints share: the notes, the thread that owns them, who may write."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import logging
+import sqlite3
+from collections.abc import AsyncIterator, Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from aiohttp import web
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.notes.binding import GroundFollower
+from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.checked import LONGEST_NAME, Unfit, number_of, text_of, whole_of
+from gcs_mosaic.notes.dismissed import DismissedHints
+from gcs_mosaic.notes.finds import Finds, NoSuchNote
+from gcs_mosaic.notes.reviews import Reviews
+from gcs_mosaic.notes.scales import Scales
+from gcs_mosaic.store.disk import CannotWrite, DiskFull
+from gcs_mosaic.store.folder import NOTES_NAME
+from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.web.access import is_local
+from gcs_mosaic.web.api.common import bad, missing
+from gcs_mosaic.web.choosing import ACCESS
+from gcs_mosaic.web.feed import Feed
+
+logger = logging.getLogger(__name__)
+
+KEEP_S = 2.0  # between two looks whether the file is still there
+MOST_WAITING = 64  # requests for a disk that answers slowly
+MOST_ISLAND = 999_999
+CANNOT = (CannotWrite, OSError, UsageError, sqlite3.Error)
+
+Result = TypeVar("Result")
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class Notes:
+    """The notes of the flight that is served. All but `run` and the follower is for the thread on which `run` works."""
+
+    def __init__(self, view: FlightView, feed: Feed) -> None:
+        self.follower = GroundFollower(view)
+        self.book = NotesBook(view.root)
+        self.finds, self.scales = Finds(self.book), Scales(self.book)
+        self.reviews, self.dismissed = Reviews(self.book), DismissedHints(self.book)
+        self._feed = feed
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="notes")
+        self._waiting = 0
+
+    async def run(self, work: Callable[..., Result], *given: Any) -> Result:
+        """Work on the notes' own thread; pages are told if something has changed. Raises HTTPServiceUnavailable."""
+        if self._waiting >= MOST_WAITING:
+            raise web.HTTPServiceUnavailable(text="The disk with the notes is too slow now: nothing was changed.\n")
+        self._waiting += 1
+        try:
+            # What was begun is brought to its end, also for somebody who does not wait for it.
+            return await asyncio.shield(
+                asyncio.get_running_loop().run_in_executor(self._pool, self._done, work, *given)
+            )
+        except CANNOT as error:
+            logger.warning("the notes cannot be kept", exc_info=True)
+            raise web.HTTPServiceUnavailable(text=f"{sentence_of(error, self.book.path)}\n") from error
+        finally:
+            self._waiting -= 1
+
+    def keep(self) -> None:
+        """What has to be done now and then."""
+        try:
+            self.reviews.flush_if_due()
+            self.book.keep()
+            self._tell()
+        except CANNOT:
+            logger.info("the notes are kept in memory", exc_info=True)
+
+    def open(self) -> None:
+        """Read what an earlier process has left."""
+        try:
+            self._tell()
+        except CANNOT:
+            logger.warning("the notes cannot be read", exc_info=True)
+
+    def close(self) -> None:
+        try:
+            self.reviews.flush()
+        except CANNOT:
+            logger.warning("the last reviews cannot be written", exc_info=True)
+        self.book.close()
+
+    async def keep_for_ever(self) -> None:
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(self._pool, self.open)
+        while True:
+            await asyncio.sleep(KEEP_S)
+            await loop.run_in_executor(self._pool, self.keep)
+
+    async def end(self) -> None:
+        await asyncio.get_running_loop().run_in_executor(self._pool, self.close)
+        self._pool.shutdown(wait=False)
+
+    def _done(self, work: Callable[..., Result], *given: Any) -> Result:
+        result = work(*given)
+        self._tell()
+        return result
+
+    def _tell(self) -> None:
+        revision = self.book.revision
+        if revision != self._feed.notes:
+            self._feed.tell_notes(revision)
+
+
+NOTES = web.AppKey("notes", Notes)
+
+
+def add_notes(app: web.Application, view: FlightView, feed: Feed) -> None:
+    """Keep the notes of a flight as long as the application runs."""
+    app[NOTES] = Notes(view, feed)
+    app.cleanup_ctx.append(_kept)
+
+
+async def _kept(app: web.Application) -> AsyncIterator[None]:
+    task = asyncio.create_task(app[NOTES].keep_for_ever())
+    yield
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    await app[NOTES].end()
+
+
+def writing(handler: Handler) -> Handler:
+    """A handler that changes something: where everybody may look, only this machine may. What is unfit is told with 400."""
+
+    async def checked(request: web.Request) -> web.StreamResponse:
+        if request.app[ACCESS].is_open and not is_local(request):
+            raise web.HTTPForbidden(text="Where everybody may look, only the machine that runs gcs-mosaic may write.\n")
+        return await reading(handler)(request)
+
+    return checked
+
+
+def reading(handler: Handler) -> Handler:
+    """A handler whose refusals are told: 400 for what is unfit, 404 for what is not there."""
+
+    async def checked(request: web.Request) -> web.StreamResponse:
+        try:
+            return await handler(request)
+        except Unfit as error:
+            raise bad(str(error)) from error
+        except NoSuchNote as error:
+            raise missing("There is nothing of that number.") from error
+
+    return checked
+
+
+def told_anew(request: web.Request, document: Any) -> web.Response:
+    """A JSON answer with an ETag; 304 to whom knows it."""
+    data = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
+    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
+
+
+def who_of(told: Any) -> str:
+    """The name that a person has given. Raises Unfit."""
+    return text_of(told, "who", LONGEST_NAME, needed=True)
+
+
+def island_of(told: Any) -> int:
+    """Raises Unfit."""
+    return whole_of(told, "island", 0, MOST_ISLAND)
+
+
+def id_of(request: web.Request) -> int:
+    return int(request.match_info["id"])
+
+
+def asked_number(request: web.Request, name: str, least: float, most: float) -> float:
+    """A number of the query. Raises Unfit."""
+    try:
+        return number_of(float(request.query.get(name, "nan")), name, least, most)
+    except ValueError as error:
+        raise Unfit(f"{name}= is to be a number from {least:g} to {most:g}.") from error
+
+
+def asked_island(request: web.Request) -> int:
+    """Raises Unfit."""
+    said = request.query.get("island", "")
+    return island_of(int(said) if said.isascii() and said.isdigit() and len(said) <= 6 else None)
+
+
+def sentence_of(error: BaseException, path: Path) -> str:
+    """Why the notes cannot be written, without where things lie on this machine."""
+    if isinstance(error, DiskFull):
+        return "The disk is full: nothing was changed. Free some space, then try again."
+    if isinstance(error, CannotWrite | UsageError):
+        why = str(error).replace(str(path), NOTES_NAME).replace(str(path.parent), "the flight's folder")
+        return f"The notes cannot be kept now, and nothing was changed: {why}."
+    return f"The notes cannot be kept now, and nothing was changed ({getattr(error, 'strerror', None) or 'an error'})."
