@@ -50,7 +50,6 @@ ALLOWED = {
         "config",
         "web",
         "notes",
-        "views",
         "export",
         "check",
         "store",

@@ -3,7 +3,8 @@
 A place on the canvas means nothing for long: an adjustment moves frames, and islands that join get one canvas. What was pointed
 at is a thing in a picture, so it is bound to a pixel of a frame, and lies wherever that pixel is painted now, with lens and
 relief. Set in an original it is bound to that; set on the map, to the frame that shows the place best at that moment. Where
-islands join, their frames move, and what is bound to them goes along. Pixels are those of the frame as it is stitched.
+islands join, their frames move, and what is bound to them goes along. Pixels are those of the original, also
+where it is stitched at a half or a quarter of its size.
 
 If that frame is no longer painted the place is told as it was set, and that it does not follow.
 """
@@ -29,7 +30,7 @@ KEPT_PLACES = 8192
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Binding:
-    """Where something was set on the canvas of an island, and the frame (by name) and pixel of it that it is bound to."""
+    """Where something was set on the canvas of an island; the frame (by name) and pixel of its original it is bound to."""
 
     island: int
     x: float
@@ -55,6 +56,7 @@ class GroundFollower:
         self._view = view
         self._lock = threading.Lock()
         self._named: tuple[FrameTable | None, dict[str, PositionRecord]] = (None, {})
+        self._width = lru_cache(KEPT_PLACES)(self._original_width)
         self._place = lru_cache(KEPT_PLACES)(self._painted_place)
 
     def bound(self, island: int, x: float, y: float) -> Binding:
@@ -66,12 +68,17 @@ class GroundFollower:
         pixel = pixels_of(painted, np.array([[x, y]]))[0]
         if not np.isfinite(pixel).all():
             return Binding(island=island, x=x, y=y)
-        return Binding(island=island, x=x, y=y, frame=best.name, pixel=(float(pixel[0]), float(pixel[1])))
+        factor = self._factor(best)
+        in_original = ((float(pixel[0]) + 0.5) * factor - 0.5, (float(pixel[1]) + 0.5) * factor - 0.5)
+        return Binding(island=island, x=x, y=y, frame=best.name, pixel=in_original)
 
     def bound_to_pixel(self, number: int, x: float, y: float) -> Binding | None:
-        """A pixel of a frame (by number); None if the frame is not painted, or the pixel is not in it, or above the horizon."""
+        """A pixel of a frame's original (by number); None if that is not painted, or the pixel outside or above the horizon."""
         one = next((found for found in self._view.table().frames if found.number == number), None)
-        if one is None or not (0 <= x <= one.camera.width and 0 <= y <= one.camera.height):
+        if one is None:
+            return None
+        factor = self._factor(one)
+        if not (0 <= x <= factor * one.camera.width and 0 <= y <= factor * one.camera.height):
             return None
         place = self._place(one, x, y)
         return place and Binding(island=one.island, x=place[0], y=place[1], frame=one.name, pixel=(x, y))
@@ -94,6 +101,11 @@ class GroundFollower:
         best = min(costs, key=costs.__getitem__, default=None)
         return None if best is None or not np.isfinite(costs[best]) else table.frames[best]
 
+    def _factor(self, one: PositionRecord) -> float:
+        """Pixels of the original for one of the frame as it is painted: 1, 2 or 4."""
+        width = self._width(one.number)
+        return 1.0 if width is None else float(round(width / one.camera.width)) or 1.0
+
     def _by_name(self) -> dict[str, PositionRecord]:
         table = self._view.table()
         with self._lock:
@@ -101,12 +113,17 @@ class GroundFollower:
                 self._named = table, {one.name: one for one in table.frames}
             return self._named[1]
 
+    def _original_width(self, number: int) -> int | None:
+        frame = self._view.frame(number)
+        return None if frame is None else frame.width
+
     def _painted_place(self, one: PositionRecord, x: float, y: float) -> tuple[float, float] | None:
         """`one` is all that tells one painting of a frame from another."""
         painted = self._view.painted(one.number)
         if painted is None:
             return None
-        place = places_of(painted, np.array([[x, y]]))[0]
+        factor = self._factor(one)
+        place = places_of(painted, (np.array([[x, y]]) + 0.5) / factor - 0.5)[0]
         return (float(place[0]), float(place[1])) if np.isfinite(place).all() else None
 
 

@@ -87,16 +87,8 @@ def _crops(finds: Sequence[PlacedFind], view: FlightView) -> dict[int, bytes]:
         image = original(view, number)
         for one in those if image is not None else ():
             assert image is not None
-            found[one.find.id] = crop_of(image, _in_original(view, one, image))
+            found[one.find.id] = crop_of(image, one.find.binding.pixel or (0.0, 0.0))
     return found
-
-
-def _in_original(view: FlightView, one: PlacedFind, image: ImageBGR) -> tuple[float, float]:
-    """The pixel of the original, which is stitched at a half or a quarter of its size if the settings say so."""
-    x, y = one.find.binding.pixel or (0.0, 0.0)
-    painted = None if one.place.number is None else view.painted(one.place.number)
-    factor = 1.0 if painted is None else image.shape[1] / painted.camera.width
-    return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5
 
 
 def original(view: FlightView, number: int) -> ImageBGR | None:

@@ -11,7 +11,7 @@ APPLICATION = 0x6763736E  # PRAGMA application_id, "gcsn"
 
 PLACE = """
     island INTEGER NOT NULL, x NOT NULL, y NOT NULL, -- canvas, when it was set
-    frame, pixel_x, pixel_y -- what it is bound to: a frame's name, and a pixel of it
+    frame, pixel_x, pixel_y -- what it is bound to: a frame's name, and a pixel of its original
 """
 TABLES = f"""
 CREATE TABLE book (

@@ -1,4 +1,5 @@
-"""The page's HTTP application: a flight's output folder, read-only but for the choice of an aircraft (`choosing`).
+"""The page's HTTP application: a flight's output folder, read-only but for the choice of an aircraft
+(`choosing`) and for notes (`api/notes`), which are no part of the flight.
 
 Runs beside a live flight, which passes it a Feed, or on its own, polling mosaic.json.
 """

@@ -1,4 +1,4 @@
-"""Choosing, on the page, the aircraft that a running flight follows: the only thing that the page can change."""
+"""Choosing, on the page, the aircraft that a running flight follows: all that the page can change of a flight."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ def test_a_whole_flight_is_found_whole_and_left_alone(flight: Path) -> None:
     assert said_of(found) == ""
     assert {part.name: part.checked for part in found.parts if part.name != "tiles"} == {
         **{"ledger": 6, "originals": 6, "documents": 3},
-        **{"checkpoint": 1, "strays": 0},
+        **{"checkpoint": 1, "strays": 0, "notes": 0},
     }
     assert files_in(flight) == before
 

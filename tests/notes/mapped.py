@@ -35,6 +35,11 @@ class MappedFlight:
             ledger.record_painted(Painted(name=name, order=0, island=island, pose=pose, camera=LENS, level=16))
         self._told()
 
+    def sized(self, name: str, width: int, height: int) -> None:
+        """The original is so large, whatever it is stitched at."""
+        with Ledger(self.root / LEDGER_NAME) as ledger:
+            ledger.record_size(name, width, height)
+
     def unpaint(self, name: str) -> None:
         with Ledger(self.root / LEDGER_NAME) as ledger:
             ledger.forget_painted(name)

@@ -70,3 +70,16 @@ def test_a_pixel_of_a_frame_lies_where_it_is_painted(follower: GroundFollower) -
     assert (binding.frame, binding.x, binding.y) == ("b.jpg", *map(pytest.approx, there))
     assert follower.bound_to_pixel(2, 401.0, 50.0) is None
     assert follower.bound_to_pixel(99, 1.0, 1.0) is None
+
+
+def test_pixels_are_those_of_the_original_at_whatever_size_it_is_stitched(
+    flight: MappedFlight, follower: GroundFollower
+) -> None:
+    flight.sized("b.jpg", 4 * LENS.width, 4 * LENS.height)
+    there = canvas_from_pixels(Pose(300.0, 0.0), LENS, np.array([[100.0, 50.0]]))[0]
+    binding = sure(follower.bound_to_pixel(2, 401.5, 201.5))
+    assert (binding.x, binding.y) == pytest.approx(tuple(there))
+    back = follower.bound(0, binding.x, binding.y)
+    assert back.frame == "b.jpg"
+    assert back.pixel == pytest.approx((401.5, 201.5), abs=0.01)
+    assert follower.bound_to_pixel(2, 1601.0, 50.0) is None

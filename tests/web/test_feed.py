@@ -86,7 +86,7 @@ def test_tiles_and_notes_are_merged_each_for_itself() -> None:
             for revision in (1, 2):
                 feed.publish(revision, [A])
                 feed.tell_notes(10 + revision)
-            return [await subscription.next(1) for _ in range(2)] + [await subscription.next(0.01)]
+            return [await subscription.next(timeout_s) for timeout_s in (1, 1, 0.01)]
 
     assert asyncio.run(read()) == [Change(2, frozenset([A])), NotesChange(12), None]
     assert NotesChange(12).event == 'event: notes\ndata: {"revision":12}\n\n'

@@ -21,6 +21,7 @@ from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.web import access
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import notes as notes_module
+from gcs_mosaic.web.app import make_app
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.token import Access
@@ -92,32 +93,47 @@ def test_sent_again_it_makes_no_second_find(client: Writer) -> None:
     assert len(client.get("/finds")["finds"]) == 1
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"who": ""},
-        {"who": None},
-        {"note": "x" * 4001},
-        {"label": 3},
-        {"x": None},
-        {"x": 1e300},
-        {"island": True},
-        {"island": -1},
-        {"island": None},
-        {"frame": 99, "pixel": [1, 1]},
-        {"frame": 1, "pixel": [1]},
-        {"frame": 1, "pixel": [-1, 1]},
-    ],
-)
-def test_what_is_unfit_is_refused_in_a_sentence(client: Writer, change: dict[str, Any]) -> None:
-    status, said = client.send("POST", "/finds", {**HERE, **change})
-    assert status == 400
-    assert said.endswith(".\n")
+UNFIT: list[dict[str, Any]] = [
+    {"who": ""},
+    {"who": None},
+    {"note": "x" * 4001},
+    {"label": 3},
+    {"x": None},
+    {"x": 1e300},
+    {"island": True},
+    {"island": -1},
+    {"island": None},
+    {"frame": 99, "pixel": [1, 1]},
+    {"frame": 1, "pixel": [1]},
+    {"frame": 1, "pixel": [-1, 1]},
+]
+NO_OBJECTS = [b"", b"[]", b"{", b'{"x": NaN, "y": 1, "island": 0, "who": "a"}', b"[" * 50_000]
 
 
-@pytest.mark.parametrize("body", [b"", b"[]", b"{", b'{"x": NaN, "y": 1, "island": 0, "who": "a"}', b"[" * 50_000])
-def test_what_is_no_object_is_refused(client: Writer, body: bytes) -> None:
-    assert client.send("POST", "/finds", body)[0] == 400
+def test_what_is_unfit_is_refused_in_a_sentence(client: Writer) -> None:
+    answers = [client.send("POST", "/finds", {**HERE, **change}) for change in UNFIT]
+    assert [(status, said[-2:]) for status, said in answers] == [(400, ".\n")] * len(UNFIT)
+    assert [client.send("POST", "/finds", body)[0] for body in NO_OBJECTS] == [400] * len(NO_OBJECTS)
+    assert client.get("/finds")["finds"] == []
+
+
+def test_the_description_names_every_route(client: Writer) -> None:
+    folder = Path(notes_module.__file__).parent / "openapi"
+    app = make_app(Path(), HttpAddress("127.0.0.1", 0))
+    served = {
+        (route.resource.canonical.removeprefix(API), route.method.lower())
+        for route in app.router.routes()
+        if route.resource is not None and route.method != "HEAD"
+    }
+    for name, begins in {
+        "finds": "/finds",
+        "scale": "/scale",
+        "reviews": "/reviews",
+        "hints_dismissed": "/hints/",
+    }.items():
+        document = json.loads((folder / f"{name}.json").read_text())
+        told = {(path, method) for path, item in document["paths"].items() for method in item if method != "parameters"}
+        assert told == {one for one in served if one[0].startswith(begins)}
 
 
 def test_a_body_that_is_too_large_is_refused(client: Writer) -> None:
@@ -154,16 +170,35 @@ def test_two_pages_see_each_others_finds_within_a_second(client: Writer, flight:
         page.close()
 
 
-def test_what_another_program_writes_is_told_too(
-    client: Writer, flight: MappedFlight, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_another_program_writes_is_told_too(flight: MappedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(notes_module, "KEEP_S", 0.05)
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())
+    client = Writer(server.start())
     client.send("POST", "/finds", HERE)
-    until(lambda: client.get("/finds")["finds"], "set")
+    page = Live(client)
+    heard = [page.line() for _ in range(3)]
     other = NotesBook(flight.root)
     Finds(other).delete(1, 1, "Lou")
     other.close()
+    assert (heard[1:], page.line(), page.message()) == (
+        ["event: notes", 'data: {"revision":1}'],
+        "event: notes",
+        {"revision": 2},
+    )
     assert client.get("/finds") == {"revision": 2, "finds": []}
+    page.close()
+    server.stop()
+
+
+def test_a_file_that_is_deleted_comes_back_before_anybody_asks(
+    flight: MappedFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(notes_module, "KEEP_S", 0.05)
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())
+    Writer(server.start()).send("POST", "/finds", HERE)
+    (flight.root / NOTES_NAME).unlink()
+    until((flight.root / NOTES_NAME).exists, "written anew", 5)
+    server.stop()
 
 
 def test_a_scale_is_given_taken_back_and_given_again(client: Writer) -> None:
@@ -277,12 +312,11 @@ threading.Event().wait()
 def test_what_was_answered_with_success_outlives_a_kill(flight: MappedFlight) -> None:
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     command = [sys.executable, "-c", SERVE, str(flight.root)]
-    for made in (1, 2):
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-            assert process.stdout is not None
-            client = Writer(process.stdout.readline())
-            status, _ = client.send("POST", "/finds", HERE)
-            process.send_signal(signal.SIGKILL)
-        book = NotesBook(flight.root)
-        assert (status, len(Finds(book).all()), book.revision) == (201, made, made)
-        book.close()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        client = Writer(process.stdout.readline())
+        status, _ = client.send("POST", "/finds", HERE)
+        process.send_signal(signal.SIGKILL)
+    book = NotesBook(flight.root)
+    assert (status, len(Finds(book).all()), book.revision) == (201, 1, 1)
+    book.close()
