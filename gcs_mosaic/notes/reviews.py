@@ -32,7 +32,7 @@ FLUSH_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class ReviewedView:
     """What somebody had on the screen: a box of an island's canvas at a level of zoom, for so long."""
 
     island: int
@@ -65,7 +65,7 @@ class Reviews:
         self._pending: dict[Key, tuple[float, float]] = {}  # seconds, utc
         self._written = time.monotonic()
 
-    def report(self, look: Look) -> int:
+    def report(self, look: ReviewedView) -> int:
         """Take in a look; the number of cells whose middle it shows, 0 from too far away. Raises Unfit when there is no room."""
         cells = cells_within(look.box)
         if len(cells) > MOST_CELLS:

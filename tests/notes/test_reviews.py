@@ -7,15 +7,15 @@ import pytest
 from gcs_mosaic.notes import reviews as module
 from gcs_mosaic.notes.book import NotesBook
 from gcs_mosaic.notes.checked import Unfit
-from gcs_mosaic.notes.reviews import CELL, Look, Question, Reviews, cells_within, seen_cells
+from gcs_mosaic.notes.reviews import CELL, Question, ReviewedView, Reviews, cells_within, seen_cells
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
 from gcs_mosaic.views.flight_view import FlightView
 
 BOX: Box = (0.0, 0.0, 512.0, 256.0)
 
 
-def look(who: str, box: Box = BOX, level: int = 16, seconds: float = 1.0) -> Look:
-    return Look(0, box, level, seconds, who)
+def look(who: str, box: Box = BOX, level: int = 16, seconds: float = 1.0) -> ReviewedView:
+    return ReviewedView(0, box, level, seconds, who)
 
 
 def test_a_cell_counts_when_its_middle_was_in_view() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from aiohttp import web
 
 from gcs_mosaic.notes.checked import FURTHEST, LONGEST_NAME, Unfit, number_of, text_of, whole_of
-from gcs_mosaic.notes.reviews import CELL, CELL_LEVEL, LONGEST_LOOK_S, Look, Question, seen_cells
+from gcs_mosaic.notes.reviews import CELL, CELL_LEVEL, LONGEST_LOOK_S, Question, ReviewedView, seen_cells
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
 from gcs_mosaic.web.api.common import BASE, VIEW, body_of, in_thread
 from gcs_mosaic.web.api.notes import NOTES, asked_island, asked_number, island_of, reading, told_anew, who_of, writing
@@ -24,7 +24,7 @@ def add_routes(app: web.Application) -> None:
 async def report(request: web.Request) -> web.StreamResponse:
     """POST: what somebody had on the screen for some seconds; 202, as it is written some seconds later."""
     told, notes = await body_of(request), request.app[NOTES]
-    look = Look(
+    look = ReviewedView(
         island=island_of(told.get("island")),
         box=_box(told.get("box")),
         level=whole_of(told.get("level"), "level", 0, FINEST_LEVEL),
