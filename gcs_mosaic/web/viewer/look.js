@@ -1,5 +1,7 @@
 // How the page looks on this device: light for the sun, dark, red for the night; dark ground made lighter. Kept on the device.
 
+import { LANGUAGES, chooseLanguage, language } from "/viewer/words.js";
+
 const KEY = "gcs-mosaic look";
 const PLAIN = { theme: "system", brightness: 1, contrast: 1, gamma: 1 };
 const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -7,21 +9,14 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 export class Look {
   constructor() {
     this.chosen = { ...PLAIN, ...kept() };
-    this.box = document.getElementById("look-box");
-    this.opener = document.getElementById("look");
-    this.opener.onclick = () => this.open(this.box.hidden);
     document.getElementById("look-plain").onclick = () => this.choose({ ...PLAIN });
     for (const name of Object.keys(PLAIN)) {
       const input = document.getElementById(`look-${name}`);
       input.addEventListener("input", () => this.choose({ [name]: name === "theme" ? input.value : Number(input.value) }));
     }
     dark.addEventListener("change", () => this.apply());
+    offerLanguages(document.getElementById("language"));
     this.apply();
-  }
-
-  open(isOpen) {
-    this.box.hidden = !isOpen;
-    this.opener.setAttribute("aria-expanded", String(isOpen));
   }
 
   choose(change) {
@@ -46,6 +41,11 @@ export class Look {
     const filter = isPlain ? "none" : `${gamma === 1 ? "" : "url(#gamma)"} brightness(${brightness}) contrast(${contrast})`;
     document.documentElement.style.setProperty("--map-filter", filter);
   }
+}
+
+function offerLanguages(select) {
+  for (const [tag, name] of Object.entries(LANGUAGES)) select.append(new Option(name, tag, false, tag === language()));
+  select.onchange = () => chooseLanguage(select.value);
 }
 
 /** What was chosen on this device before; whatever else lies under that name is left aside. */

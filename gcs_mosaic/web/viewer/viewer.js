@@ -5,15 +5,19 @@ import { Lag, Live } from "/viewer/live.js";
 import { Look } from "/viewer/look.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Originals } from "/viewer/originals.js";
+import { makePanels } from "/viewer/panels.js";
 import { Placements } from "/viewer/placements.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { showStrip } from "/viewer/strip.js";
+import { loadWords } from "/viewer/words.js";
 
 const STATUS_EVERY_MS = 1000;
 const CLOCK_EVERY_MS = 1000;
 const MAP_EVERY_MS = 2000; // while changes are not told
 const LATE_S = 5; // then what was told must have been lost on the way
 
+await loadWords().catch(console.warn); // in English then
+makePanels();
 const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();

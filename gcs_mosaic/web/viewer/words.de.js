@@ -1,0 +1,10 @@
+// German.
+
+export default {
+  "Close": "Schließen",
+  "Follow newest": "Neuestem folgen",
+  "Full screen": "Vollbild",
+  "Layers": "Ebenen",
+  "Look": "Aussehen",
+  "Whole map": "Ganze Karte",
+};

@@ -1,0 +1,58 @@
+// The page's words in the language of whoever looks. English is written where it is said, and is the key to the other tables.
+
+const TABLES = { de: () => import("/viewer/words.de.js") };
+const KEY = "gcs-mosaic language";
+
+let table = {};
+
+/** The languages that there are, each in its own name. */
+export const LANGUAGES = { en: "English", de: "Deutsch" };
+
+/** The language that was chosen on this device, else the browser's, else English. */
+export function language() {
+  const kept = readKept();
+  return [kept, ...navigator.languages.map((tag) => tag.slice(0, 2))].find((tag) => tag in LANGUAGES) ?? "en";
+}
+
+/** Load the table of the language; to be awaited before anything is said. */
+export async function loadWords() {
+  const chosen = language();
+  document.documentElement.lang = chosen;
+  table = (await TABLES[chosen]?.())?.default ?? {};
+  translatePage();
+}
+
+export function chooseLanguage(tag) {
+  try {
+    localStorage.setItem(KEY, tag);
+  } catch {
+    return; // a browser that keeps nothing
+  }
+  location.reload();
+}
+
+/** A sentence in the language of whoever looks: `t("{n} of {all}", {n: 1, all: 5})`. */
+export function t(english, values = {}) {
+  return (table[english] ?? english).replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
+}
+
+/** What stands in the page itself: its texts, titles and labels. */
+function translatePage() {
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (texts.nextNode()) {
+    const node = texts.currentNode;
+    const english = node.data.trim();
+    if (english in table) node.data = node.data.replace(english, table[english]);
+  }
+  for (const name of ["aria-label", "title", "placeholder"]) {
+    for (const node of document.querySelectorAll(`[${name}]`)) node.setAttribute(name, t(node.getAttribute(name)));
+  }
+}
+
+function readKept() {
+  try {
+    return localStorage.getItem(KEY);
+  } catch {
+    return null;
+  }
+}
