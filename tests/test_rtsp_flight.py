@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from sitl.messages import CAMERA
 from sitl.stream.camera import NEEDED, StreamingCamera, python_with_gstreamer
 from sitl.world import make_world
 from tests.running import QUICK, Running, events_of, flying, frames_of, run, six_pictures
+from tests.showing import Showing
 from tests.sure import sure
 
 needs_gstreamer = pytest.mark.skipif(
@@ -27,22 +27,6 @@ EACH_S = 1.0
 PAN_PX = 16  # of 640, ten times a second
 SECRET = "s3cr3t-word"
 AUTO = QUICK + "rtsp: auto\nstream: {allowed_hosts: [127.0.0.0/8]}\n"
-
-
-class Showing(threading.Thread):
-    """Shows the camera the newest picture over and over; `step` brings the next one."""
-
-    def __init__(self, camera: StreamingCamera, pictures: list[np.ndarray]) -> None:
-        super().__init__()
-        self.camera, self.pictures, self.shown = camera, pictures, 0
-        self.over = threading.Event()
-
-    def run(self) -> None:
-        while not self.over.wait(1 / self.camera.rate):
-            self.camera.show(self.pictures[self.shown])
-
-    def step(self) -> None:
-        self.shown = min(self.shown + 1, len(self.pictures) - 1)
 
 
 class Panning(Showing):

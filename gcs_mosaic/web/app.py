@@ -7,7 +7,6 @@ Runs beside a live flight, which passes it a Feed, or on its own, polling mosaic
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import json
 import re
 from collections.abc import AsyncIterator, Callable, Coroutine
@@ -32,6 +31,7 @@ from gcs_mosaic.web.guard import add_headers, host_check, origin_check
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.places import Places, origin_of
 from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.tile_answer import tile_answer
 from gcs_mosaic.web.token import Access
 from gcs_mosaic.web.visitor import Visitor
 
@@ -135,16 +135,13 @@ async def journal(request: web.Request) -> web.StreamResponse:
 
 
 async def tile(request: web.Request) -> web.StreamResponse:
-    """One tile with its holes filled; a transparent one where nothing was seen (map libraries report a 404 as an error)."""
+    """One tile with its holes filled."""
     island, wanted = requested_tile(request)
     pool = request.app[TILE_POOL]
     encoded = await asyncio.get_running_loop().run_in_executor(pool, filled, request.app[ROOT], island, wanted)
     if encoded is None:
-        return web.FileResponse(VIEWER / "transparent.png")
-    etag = hashlib.blake2b(encoded.data, digest_size=12).hexdigest()
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(body=encoded.data, content_type=encoded.media_type, headers={"ETag": f'"{etag}"'})
+        return tile_answer(request, None)
+    return tile_answer(request, encoded.data, encoded.media_type)
 
 
 def requested_tile(request: web.Request) -> tuple[int, Tile]:

@@ -17,27 +17,37 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs_mosaic.mavlink.parser import dialect
 from sitl.messages import Capture
+from sitl.stream.camera import StreamingCamera
 from sitl.vehicle import Vehicle
 from tests.benchmarks.processes import family
 from tests.running import PROGRAM, until
+from tests.showing import Showing
+from tests.sure import sure
 
 WRONG_CLOCK = Path(__file__).parent / "wrong_clock"
 HOUR_S = 3600.0
 STARTS_S = 60.0
 FORGED_EACH_S = 0.001
 HALF_REQUESTS = 400
+SHOWN_S = 0.7  # half the time between pictures
+STREAM_BACK_S = 12.0  # until a stream that was lost is read again, at the latest: back-off, first key frame
 
 
 @dataclass
 class Soaked:
-    """A daemon that is started again whenever it is killed, and what it is given. `folder` is on the disk that gets full."""
+    """A daemon that is started again whenever it is killed, and what it is given. `folder` is on the disk that gets full.
+
+    Pictures are written to a card, or shown to a streaming camera if there is one.
+    """
 
     home: Path
     folder: Path
@@ -46,10 +56,13 @@ class Soaked:
     vehicle: Vehicle
     settings: str
     own_disk: bool  # the folder is on a small disk of its own, which may be filled
+    stream: StreamingCamera | None = None
     process: subprocess.Popen[bytes] | None = None
     link_up: bool = True
     taken: int = 0
     card: Path = field(init=False)  # where the camera writes, wherever the folder has gone
+    showing: Showing | None = None
+    streams_since: float = -inf
     busy: threading.RLock = field(default_factory=threading.RLock)
 
     def __post_init__(self) -> None:
@@ -68,13 +81,15 @@ class Soaked:
     def start(self) -> None:
         """Start the daemon, and wait until it says what it watches."""
         words = ["--mavlink", f"udp:127.0.0.1:{self.port}", "--http", f"127.0.0.1:{self.page}", "--out", str(self.out)]
+        words += ["--rtsp", self.stream.url] if self.stream else []
         path = os.pathsep.join(map(str, (WRONG_CLOCK, Path(__file__).parents[2])))
         environment = os.environ | {"PYTHONPATH": path, "WRONG_CLOCK": str(self.home / "clock")}
-        before = self.said.count("frames were there") if (self.home / "said.txt").exists() else 0
+        ready = "is connected" if self.stream else "frames were there"
+        before = self.said.count(ready) if (self.home / "said.txt").exists() else 0
         with (self.home / "said.txt").open("ab") as said:
             command = [*PROGRAM, *words, "--config", "config.yaml"]
             self.process = subprocess.Popen(command, cwd=self.home, env=environment, stderr=said)
-        until(lambda: self.said.count("frames were there") > before or not self.runs, "started", STARTS_S)
+        until(lambda: self.said.count(ready) > before or not self.runs, "started", STARTS_S)
 
     @property
     def runs(self) -> bool:
@@ -93,10 +108,32 @@ class Soaked:
         """A picture is triggered and written to the card; returns whether the trigger was sent."""
         self.taken += 1
         heard = self.link_up and self.runs
+        if self.showing is not None:
+            self.showing.pictures[0] = sure(cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR))
+            time.sleep(SHOWN_S)  # the picture has come by then
+            heard = self.link_up and self.runs and self.is_streaming
         if heard:
             self.vehicle.capture(Capture(index=self.taken, name=name, state=None))
-        self.write(name, picture)
+        if self.showing is None:
+            self.write(name, picture)
         return heard
+
+    @property
+    def is_streaming(self) -> bool:
+        """Whether the camera's server runs, and has for long enough to be found again."""
+        return self.stream is None or self.streams_since + STREAM_BACK_S < time.monotonic()
+
+    def show(self, stream: StreamingCamera, first: NDArray[np.uint8]) -> None:
+        """Fly with this camera instead of the card."""
+        stream.start()
+        self.stream, self.showing = stream, Showing(stream, [first])
+        self.showing.start()
+
+    def end_stream(self) -> None:
+        if self.showing is not None and self.stream is not None:
+            self.showing.over.set()
+            self.showing.join()
+            self.stream.kill()
 
     def write(self, name: str, data: bytes) -> None:
         with self.busy:
@@ -223,10 +260,21 @@ def half_requests(soaked: Soaked, chance: random.Random) -> Iterator[None]:
         one.close()
 
 
+def lost_stream(soaked: Soaked, chance: random.Random) -> Iterator[None]:
+    """The camera's server is killed, and started again."""
+    stream = sure(soaked.stream)
+    soaked.streams_since = inf
+    stream.kill()
+    yield
+    stream.start()
+    soaked.streams_since = time.monotonic()
+
+
 ALL: tuple[Mischief, ...] = (
     *(kill_daemon, kill_child, suspend, full_disk, lost_output, lost_card),
     *(lost_link, wrong_clock, bad_files, flood, half_requests),
 )
+OF_STREAMS: tuple[Mischief, ...] = (*(one for one in ALL if one not in (lost_card, bad_files)), lost_stream)
 
 
 def done(mischief: Mischief, soaked: Soaked, chance: random.Random, seconds: float) -> None:

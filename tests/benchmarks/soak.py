@@ -3,7 +3,7 @@
 A camera flies and the daemon maps while processes are killed, the disk gets full, folders go, the link is lost and flooded, the
 page is held, the machine sleeps and its clock jumps (`mischief`; the same seed does the same). In the end every frame must be
 accounted for once, the flight must be whole, the terminal free of tracebacks, memory and handles as before, and the map as exact
-as one that nothing happened to.
+as one that nothing happened to. With --stream the pictures come from a streaming camera, whose server is killed too.
 """
 
 from __future__ import annotations
@@ -25,18 +25,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+
 from gcs_mosaic.store.folder import LOG_NAME
 from gcs_mosaic.store.records import FrameState
 from sitl.flight import plan
 from sitl.path import Plan
+from sitl.stream.camera import StreamingCamera
 from sitl.vehicle import Vehicle
 from tests.benchmarks import mischief
-from tests.benchmarks.mischief import ALL, Mischief, Soaked
+from tests.benchmarks.mischief import ALL, OF_STREAMS, SHOWN_S, Mischief, Soaked
 from tests.benchmarks.processes import family
 from tests.ports import free_port
 from tests.running import PROGRAM, events_of, frames_of, until
+from tests.sure import sure
 
 EACH_S = 1.5  # between pictures
+SIZE = (480, 360)
 SETTINGS = "originals: {reserve_gb: 0}\nfinish_s: 300\npairing: {missing_after_s: 10}\n"
 SETTINGS += "frames: {damaged_after_s: 2}\n"
 LASTS_S, RESTS_S = (1.0, 5.0), (2.0, 6.0)
@@ -70,16 +75,20 @@ class Found:
     held_out_px: tuple[float, float] = (0.0, 0.0)  # of this flight, of an undisturbed one
 
 
-def soaked(minutes: float, seed: int, folder: Path, most: Sequence[Mischief] = ALL) -> Found:
-    """Fly for so long, with all of this at random."""
+def soaked(
+    minutes: float, seed: int, folder: Path, most: Sequence[Mischief] = ALL, stream: StreamingCamera | None = None
+) -> Found:
+    """Fly for so long, with all of this at random; with a camera that streams, if one is given."""
     chance, found, port = random.Random(seed), Found(), free_port()
     route = Plan(frames=max(12, round(minutes * 60 / EACH_S)), height=60)
-    pictures = plan("survey", (480, 360), seed=seed, route=route).pictures()
+    pictures = plan("survey", SIZE, seed=seed, route=route).pictures()
     with (
         mischief.small_disk(DISK_MB, folder / "disk") as own_disk,
         closing(Vehicle("127.0.0.1", port, ["camera"])) as vehicle,
     ):
         flown = Soaked(folder, folder / "disk", port, free_port(), vehicle, SETTINGS, own_disk)
+        if stream is not None:
+            flown.show(stream, np.zeros((stream.size[1], stream.size[0], 3), np.uint8))
         flown.start()
         try:
             over = threading.Event()
@@ -95,6 +104,7 @@ def soaked(minutes: float, seed: int, folder: Path, most: Sequence[Mischief] = A
             _judge(flown, found)
         finally:
             flown.kill()
+            flown.end_stream()
     return found
 
 
@@ -129,6 +139,9 @@ def _disturb(flown: Soaked, chance: random.Random, found: Found, until_s: float,
 def _settle(flown: Soaked, found: Found, over: threading.Event, threads: list[threading.Thread]) -> None:
     """Let the camera end, and the daemon take all that it has taken."""
     threads[1].join()
+    if flown.stream is not None:
+        time.sleep(SHOWN_S)
+        found.frames = _taken(flown)
     try:
         until(lambda: _taken(flown) >= found.frames, "every picture is taken", SETTLES_S)
         until(lambda: not _status(flown).get("frames_in_queue", 1), "every picture is stitched", SETTLES_S)
@@ -152,8 +165,12 @@ def _status(flown: Soaked) -> dict[str, dict[str, int]]:
 
 def _taken(flown: Soaked) -> int:
     with suppress(Exception):
-        return sum(name.startswith("IMG_") for name in frames_of(flown.out))
+        return sum(_is_ours(flown, name) for name in frames_of(flown.out))
     return 0
+
+
+def _is_ours(flown: Soaked, name: str) -> bool:
+    return flown.stream is not None or name.startswith("IMG_")
 
 
 def _sample(flown: Soaked, found: Found, over: threading.Event) -> None:
@@ -168,7 +185,7 @@ def _sample(flown: Soaked, found: Found, over: threading.Event) -> None:
 
 
 def _judge(flown: Soaked, found: Found) -> None:
-    frames = {name: frame for name, frame in frames_of(flown.out).items() if name.startswith("IMG_")}
+    frames = {name: frame for name, frame in frames_of(flown.out).items() if _is_ours(flown, name)}
     lost = [str(name) for name, frame in frames.items() if frame.state not in FINAL]
     if len(frames) != found.frames or lost:
         found.faults.append(f"{found.frames} frames flown, {len(frames)} in the ledger, not on the map: {lost[:9]}")
@@ -217,7 +234,8 @@ def _undisturbed(flown: Soaked) -> float:
     """The same pictures, stitched in peace."""
     peace = flown.home / "peace"
     peace.mkdir()
-    for path in flown.card.glob("IMG_*.JPG"):
+    originals = [flown.out / sure(frame.original) for frame in frames_of(flown.out).values()]
+    for path in originals if flown.stream else flown.card.glob("IMG_*.JPG"):
         shutil.copy2(path, peace)
     told = _told("stitch", peace, "--out", flown.home / "undisturbed", home=flown.home)
     assert told.returncode == 0, told.stdout
@@ -228,11 +246,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.soak")
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", nargs="+", choices=[one.__name__ for one in ALL], metavar="NAME")
+    parser.add_argument("--stream", action="store_true", help="pictures come from a streaming camera")
+    parser.add_argument(
+        "--only", nargs="+", choices=[one.__name__ for one in (*ALL, mischief.lost_stream)], metavar="NAME"
+    )
     given = parser.parse_args()
-    most = [one for one in ALL if not given.only or one.__name__ in given.only]
+    most = [one for one in (OF_STREAMS if given.stream else ALL) if not given.only or one.__name__ in given.only]
+    stream = StreamingCamera(size=SIZE, rate=5, key_every=5) if given.stream else None
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
-        found = soaked(given.minutes, given.seed, Path(folder), most)
+        found = soaked(given.minutes, given.seed, Path(folder), most, stream)
     print(f"{found.frames} frames, {found.heard} triggers sent, {sum(found.done.values())} disturbances: {found.done}")
     print(f"events: {found.events}")
     memory = [sample.resident_mb for sample in found.samples]

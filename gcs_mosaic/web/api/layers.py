@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +12,12 @@ from gcs_mosaic.views.coverage import footprint_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import LAYERS, LayerTiles, area_words, is_possible, legend
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.tile_answer import tile_answer
 
 MOST_GAPS = 200  # the largest
 TILES = web.AppKey("layer_tiles", LayerTiles)
 PLACE = "{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
 LAYER_TILE = f"{BASE}/layers/{{layer:[a-z]{{1,20}}}}/{PLACE}.png"
-NOTHING = Path(__file__).parents[1] / "viewer" / "transparent.png"
 
 
 def add_routes(app: web.Application) -> None:
@@ -35,18 +33,13 @@ async def layers(_request: web.Request) -> web.StreamResponse:
 
 
 async def layer_tile(request: web.Request) -> web.StreamResponse:
-    """GET: a tile of a layer; a transparent one where nothing was seen."""
+    """GET: a tile of a layer."""
     layer = LAYERS.get(request.match_info["layer"])
     island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
     if layer is None or not is_possible(Tile(z, x, y), FINEST_LEVEL):
         raise missing("There is no such layer or tile.")
     data = await in_thread(request, request.app[TILES].tile, layer, island, Tile(z, x, y))
-    if data is None:
-        return web.FileResponse(NOTHING)
-    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(body=data, content_type="image/png", headers={"ETag": f'"{etag}"'})
+    return tile_answer(request, data)
 
 
 async def gaps(request: web.Request) -> web.StreamResponse:
