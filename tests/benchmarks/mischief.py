@@ -114,8 +114,7 @@ class Soaked:
             heard = self.link_up and self.runs and self.is_streaming
         if heard:
             self.vehicle.capture(Capture(index=self.taken, name=name, state=None))
-        if self.showing is None:
-            self.write(name, picture)
+        self.write(name, picture)
         return heard
 
     @property
@@ -274,7 +273,11 @@ ALL: tuple[Mischief, ...] = (
     *(kill_daemon, kill_child, suspend, full_disk, lost_output, lost_card),
     *(lost_link, wrong_clock, bad_files, flood, half_requests),
 )
-OF_STREAMS: tuple[Mischief, ...] = (*(one for one in ALL if one not in (lost_card, bad_files)), lost_stream)
+# Nobody can give pictures of a stream again: whoever removes the map's folder has removed them.
+OF_STREAMS: tuple[Mischief, ...] = (
+    *(one for one in ALL if one not in (lost_card, bad_files, lost_output)),
+    lost_stream,
+)
 
 
 def done(mischief: Mischief, soaked: Soaked, chance: random.Random, seconds: float) -> None:

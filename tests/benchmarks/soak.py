@@ -38,7 +38,6 @@ from tests.benchmarks.mischief import ALL, OF_STREAMS, SHOWN_S, Mischief, Soaked
 from tests.benchmarks.processes import family
 from tests.ports import free_port
 from tests.running import PROGRAM, events_of, frames_of, until
-from tests.sure import sure
 
 EACH_S = 1.5  # between pictures
 SIZE = (480, 360)
@@ -186,7 +185,9 @@ def _sample(flown: Soaked, found: Found, over: threading.Event) -> None:
 
 def _judge(flown: Soaked, found: Found) -> None:
     frames = {name: frame for name, frame in frames_of(flown.out).items() if _is_ours(flown, name)}
-    lost = [str(name) for name, frame in frames.items() if frame.state not in FINAL]
+    # A stream that shows one picture for a second gives it twice, when somebody forges triggers.
+    final = FINAL | {FrameState.DUPLICATE} if flown.stream else FINAL
+    lost = [f"{name} {frame.state} ({frame.reason})" for name, frame in frames.items() if frame.state not in final]
     if len(frames) != found.frames or lost:
         found.faults.append(f"{found.frames} frames flown, {len(frames)} in the ledger, not on the map: {lost[:9]}")
     found.events = dict(Counter(events_of(flown.out)))
@@ -234,8 +235,7 @@ def _undisturbed(flown: Soaked) -> float:
     """The same pictures, stitched in peace."""
     peace = flown.home / "peace"
     peace.mkdir()
-    originals = [flown.out / sure(frame.original) for frame in frames_of(flown.out).values()]
-    for path in originals if flown.stream else flown.card.glob("IMG_*.JPG"):
+    for path in flown.card.glob("IMG_*.JPG"):
         shutil.copy2(path, peace)
     told = _told("stitch", peace, "--out", flown.home / "undisturbed", home=flown.home)
     assert told.returncode == 0, told.stdout
