@@ -53,7 +53,15 @@ def original(view: FlightView, number: int) -> Original:
 
 
 def picture(view: FlightView, number: int, reduction: int) -> tuple[bytes, str]:
-    """A JPEG of a frame as it is displayed on the map, reduced 1, 2 or 4 times, and its media type. Raises NoPicture.
+    """A JPEG of what `displayed` gives, and its media type. Raises NoPicture."""
+    done, data = cv2.imencode(".jpg", displayed(view, number, reduction), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if not done:
+        raise NoPicture("This frame cannot be encoded.")
+    return data.tobytes(), "image/jpeg"
+
+
+def displayed(view: FlightView, number: int, reduction: int) -> ImageBGR:
+    """A frame as it is displayed on the map, (h, w, 3), reduced 1, 2 or 4 times. Raises NoPicture.
 
     Frames that were never painted are shown as they are, if they have three bands at 8 bits.
     """
@@ -67,11 +75,7 @@ def picture(view: FlightView, number: int, reduction: int) -> tuple[bytes, str]:
     display = PLAIN if painted is None else painted.display
     if not display.fits(image):
         raise NoPicture(f"{source.name} was never painted, so how its bands are to be shown is not known.")
-    shown: ImageBGR = display.lightened(display.picture(image))
-    done, data = cv2.imencode(".jpg", np.ascontiguousarray(shown), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    if not done:
-        raise NoPicture(f"{source.name} cannot be encoded.")
-    return data.tobytes(), "image/jpeg"
+    return np.ascontiguousarray(display.lightened(display.picture(image)))
 
 
 def is_shown_as_it_is(view: FlightView, number: int, source: Original) -> bool:

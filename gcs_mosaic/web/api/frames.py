@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import asdict
 from datetime import UTC, datetime
 from urllib.parse import quote
 
 from aiohttp import web
 
+from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
 from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, bad, in_thread, missing, number
 
 CHUNK = 1 << 16  # bytes in memory for each browser that takes an original
 ISLAND = f"{BASE}/islands/{{island:[0-9]{{1,6}}}}"
+PIECES = web.AppKey("pieces", PictureTiles)
 FRAME = f"{BASE}/frames/{{frame:[0-9]{{1,9}}}}"
 
 
 def add_routes(app: web.Application) -> None:
     app.router.add_get(f"{ISLAND}/sightings", who_saw)
     app.router.add_get(f"{FRAME}/picture", shown)
+    app.router.add_get(f"{FRAME}/pieces/{{column:[0-9]{{1,4}}}}/{{row:[0-9]{{1,4}}}}.jpg", piece)
     app.router.add_get(f"{FRAME}/original", download)
+    app[PIECES] = PictureTiles()
 
 
 async def who_saw(request: web.Request) -> web.StreamResponse:
@@ -49,6 +54,23 @@ async def shown(request: web.Request) -> web.StreamResponse:
     except NoPicture as error:
         raise missing(str(error)) from error
     return web.Response(body=data, content_type=kind, headers={"ETag": f'"{etag}"'})
+
+
+async def piece(request: web.Request) -> web.StreamResponse:
+    """GET: 512 x 512 px of a frame as it is shown, at full resolution; for large ones."""
+    frame, column, row = (int(request.match_info[name]) for name in ("frame", "column", "row"))
+    source = await _source(request)
+    etag = f"{source.content_hash}-{column}-{row}"
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
+    pieces = request.app[PIECES]
+    try:
+        data = await in_thread(request, pieces.piece, request.app[VIEW], frame, column, row)
+    except NoPicture as error:
+        raise missing(str(error)) from error
+    finally:
+        asyncio.get_running_loop().call_later(KEPT_S + 1, pieces.forget)
+    return web.Response(body=data, content_type="image/jpeg", headers={"ETag": f'"{etag}"'})
 
 
 async def download(request: web.Request) -> web.StreamResponse:

@@ -3,6 +3,8 @@
 import { fetchDocument } from "/viewer/server.js";
 
 const PREVIEW = 4; // the picture is shown at a quarter of its size until it has come whole
+const LARGE = 16e6; // pixels; such a picture comes in pieces, those in view first
+const PIECE = 512; // pixels
 const CLOSEST = 3; // levels beyond pixel by pixel
 
 /** Original pixels, y down: zoom 0 shows one as a CSS pixel; the centre of the top left one is (0, 0). */
@@ -83,16 +85,21 @@ export class Originals {
     const bounds = L.latLngBounds([-0.5, -0.5], [one.height - 0.5, one.width - 0.5]);
     const path = `/api/v1/frames/${one.number}/picture`;
     const layers = L.layerGroup([L.imageOverlay(`${path}?reduction=${PREVIEW}`, bounds)]).addTo(this.map);
-    const whole = new Image();
-    whole.src = path;
-    whole.decode().then(
-      () => this.layers === layers && layers.addLayer(L.imageOverlay(path, bounds)) && this.box.setAttribute("data-sharp", one.name),
-      () => this.layers === layers && this.say(`${one.name}: the original cannot be shown.`),
-    );
+    this.box.removeAttribute("data-sharp");
+    const sharp = () => this.layers === layers && this.box.setAttribute("data-sharp", one.name);
+    const failed = () => this.layers === layers && this.say(`${one.name}: the original cannot be shown.`);
+    if (one.width * one.height > LARGE) {
+      const pieces = L.tileLayer(`/api/v1/frames/${one.number}/pieces/{x}/{y}.jpg`, {
+        bounds, tileSize: PIECE, minZoom: -1.5, minNativeZoom: 0, maxNativeZoom: 0, keepBuffer: 1,
+      });
+      layers.addLayer(pieces.on("load", sharp).on("tileerror", failed));
+    } else {
+      const whole = Object.assign(new Image(), { src: path });
+      whole.decode().then(() => this.layers === layers && layers.addLayer(L.imageOverlay(path, bounds)) && sharp(), failed);
+    }
     for (const [color, weight] of [["#000", 5], ["#ffe600", 2]]) {
       layers.addLayer(L.circleMarker([one.y, one.x], { radius: 22, color, weight, fill: false, interactive: false }));
     }
-    this.box.removeAttribute("data-sharp");
     this.layers = layers;
   }
 
