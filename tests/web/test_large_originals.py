@@ -31,7 +31,8 @@ def flown(folder: Path, width: int, height: int) -> SmallFlight:
     flight = SmallFlight(folder)
     (folder / "frames").mkdir()
     coarse = np.random.default_rng(1).integers(0, 255, (height // 4, width // 4), np.uint8)
-    data = cv2.imencode(".jpg", cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC))[1].tobytes()
+    fine = cv2.resize(cv2.cvtColor(coarse, cv2.COLOR_GRAY2BGR), (width, height), interpolation=cv2.INTER_CUBIC)
+    data = cv2.imencode(".jpg", fine)[1].tobytes()
     (folder / "frames" / NAME).write_bytes(data)
     with Ledger(folder / LEDGER_NAME) as ledger:
         ledger.record_island(0)
