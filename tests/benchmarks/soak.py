@@ -46,7 +46,7 @@ SETTINGS += "frames: {damaged_after_s: 2}\n"
 LASTS_S, RESTS_S = (1.0, 5.0), (2.0, 6.0)
 SETTLES_S = 300.0  # for the last frames once nothing happens any more
 SAMPLE_S = 2.0
-DISK_MB = 400
+DISK_MB = 200, 30  # and for each minute: originals, tiles and the rows of forged triggers
 MATCHED = 0.9  # of the triggers that were sent while the program ran: some come while it starts, or in a flood
 FINAL = {FrameState.PLACED, FrameState.COVERED}
 
@@ -82,7 +82,7 @@ def soaked(
     route = Plan(frames=max(12, round(minutes * 60 / EACH_S)), height=60)
     pictures = plan("survey", SIZE, seed=seed, route=route).pictures()
     with (
-        mischief.small_disk(DISK_MB, folder / "disk") as own_disk,
+        mischief.small_disk(round(DISK_MB[0] + DISK_MB[1] * minutes), folder / "disk") as own_disk,
         closing(Vehicle("127.0.0.1", port, ["camera"])) as vehicle,
     ):
         flown = Soaked(folder, folder / "disk", port, free_port(), vehicle, SETTINGS, own_disk)
