@@ -26,6 +26,7 @@ ALLOWED = {
     },
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
     "baseline": {"render", *STITCH - {"stitch.mosaic"}},
+    "geo": {"errors"},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
     "frames": {"stitch.arrays", "messages", "errors"},

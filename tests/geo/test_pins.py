@@ -1,0 +1,133 @@
+"""Anchors by pins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs_mosaic.geo.anchor import Anchor
+from gcs_mosaic.geo.ellipsoid import LocalPlane
+from gcs_mosaic.geo.pins import Pin, PinnedMap, Refused, anchored_by_pins
+from tests.sure import sure
+
+GSD_M, NORTH_DEG = 0.05, 30.0
+PLANE = LocalPlane(7.0, 44.5)
+TRUTH = Anchor(
+    plane=PLANE,
+    turn=GSD_M * complex(math.cos(math.radians(NORTH_DEG)), math.sin(math.radians(NORTH_DEG))),
+    shift=complex(120.0, -40.0),
+    middle=0j,
+    covariance=((0.0,) * 4,) * 4,
+)
+SPOTS = ((0.0, 0.0), (6000.0, 100.0), (5800.0, -4000.0), (-300.0, -3900.0), (2000.0, -1500.0))
+
+
+def pin(at: int, *, off: tuple[float, float] = (0.0, 0.0), sigma_m: float = 3.0) -> Pin:
+    """The pin `at`, with a coordinate that is off by metres."""
+    x, y = SPOTS[at]
+    spot = PLANE.spots(TRUTH.places(np.array([x, y]))) + off
+    longitude, latitude = map(float, PLANE.places(spot))
+    return Pin(f"pin {at}", x, y, longitude, latitude, sigma_m)
+
+
+def fitted(*pins: Pin) -> PinnedMap:
+    found = anchored_by_pins(pins)
+    assert isinstance(found, PinnedMap), found
+    return found
+
+
+def off_m(anchor: Anchor, x: float, y: float) -> float:
+    place = np.array([x, y])
+    return float(np.linalg.norm(PLANE.spots(anchor.places(place)) - PLANE.spots(TRUTH.places(place))))
+
+
+def test_exact_pins_lay_the_map_exactly() -> None:
+    found = fitted(*map(pin, range(5)))
+    assert max(off_m(found.anchor, x, y) for x, y in SPOTS) < 1e-3
+    assert found.anchor.metres_per_unit == pytest.approx(GSD_M)
+    assert found.anchor.north_deg == pytest.approx(NORTH_DEG, abs=0.01)
+    assert found.is_checked
+    assert found.misfit is None
+
+
+def test_the_way_back_to_the_canvas() -> None:
+    anchor = fitted(*map(pin, range(3))).anchor
+    places = np.array(SPOTS)
+    assert np.abs(anchor.canvas(anchor.places(places)) - places).max() < 1e-6
+
+
+def test_two_pins_fit_always_and_are_not_checked() -> None:
+    found = fitted(pin(0, off=(9.0, 0.0)), pin(1))
+    assert max(found.residuals_m) < 1e-6
+    assert not found.is_checked
+
+
+@pytest.mark.parametrize(("x", "stated_m"), [(3000.0, 5.2), (0.0, 7.35), (9000.0, 11.6)])
+def test_the_stated_error_of_two_pins(x: float, stated_m: float) -> None:
+    """In the middle, at a pin, and one distance beyond."""
+    found = fitted(pin(0), pin(1))
+    error = found.anchor.error(x, 100.0 * x / 6000.0)
+    assert (error.major_m, error.minor_m) == pytest.approx((stated_m, stated_m), rel=0.01)
+
+
+def test_the_map_s_own_bend_is_part_of_the_error() -> None:
+    pins = [pin(0), pin(1), pin(2)]
+    bent = anchored_by_pins(pins, map_error_units=100.0)
+    assert isinstance(bent, PinnedMap)
+    assert bent.anchor.error(3000.0, -2000.0).major_m > fitted(*pins).anchor.error(3000.0, -2000.0).major_m + 5.0
+
+
+def test_the_pin_that_does_not_fit_is_named() -> None:
+    found = fitted(pin(0), pin(1), pin(2, off=(60.0, 20.0)), pin(3), pin(4))
+    assert found.misfit == "pin 2"
+    assert not found.is_checked
+
+
+def test_of_three_that_do_not_fit_none_is_named() -> None:
+    found = fitted(pin(0), pin(1), pin(2, off=(60.0, 20.0)))
+    assert not found.fits
+    assert found.misfit is None
+
+
+def test_pins_with_their_usual_errors_fit() -> None:
+    """And 95 % of the stated errors hold."""
+    chance = np.random.default_rng(3)
+    fits, within = 0, 0
+    for _ in range(200):
+        found = fitted(*(pin(at, off=(chance.normal(0, 3.0), chance.normal(0, 3.0))) for at in range(5)))
+        fits += found.fits
+        within += off_m(found.anchor, 5800.0, -4000.0) <= found.anchor.error(5800.0, -4000.0).major_m
+    assert fits > 194
+    assert 0.92 <= within / 200 <= 0.98
+
+
+@pytest.mark.parametrize(
+    ("pins", "told"),
+    [
+        ([pin(0)], "another one"),
+        ([pin(0), replace(pin(1), x=0.0, y=0.0)], "same spot"),
+        ([pin(0), replace(pin(0), x=6000.0)], "apart or further"),
+        ([pin(0), replace(pin(1), longitude_deg=44.5, latitude_deg=7.0)], "exchanged"),
+        ([pin(0), replace(pin(1), longitude_deg=-173.0)], "further apart than any flight"),
+        ([pin(0), replace(pin(1), longitude_deg=7.5)], "exchanged"),
+        ([pin(0), replace(pin(1), latitude_deg=math.nan)], "further apart"),
+    ],
+)
+def test_what_is_refused_says_why(pins: list[Pin], told: str) -> None:
+    found = anchored_by_pins(pins)
+    assert isinstance(found, Refused)
+    assert told in found.reason
+
+
+def test_pins_on_both_sides_of_the_date_line() -> None:
+    plane = LocalPlane(180.0, -17.0)
+    pins = [
+        Pin(str(at), x, y, *map(float, plane.places(np.array([x, -y]) * 0.1)))
+        for at, (x, y) in enumerate([(-3000.0, 0.0), (3000.0, 0.0), (0.0, 2000.0)])
+    ]
+    anchor = fitted(*pins).anchor
+    assert anchor.metres_per_unit == pytest.approx(0.1, rel=1e-4)
+    assert sure(anchor.canvas(np.array([-179.99, -17.0])))[0] == pytest.approx(10641, rel=0.01)
