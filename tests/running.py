@@ -96,7 +96,7 @@ class Running:
 
         def holds() -> bool:
             assert self.process.poll() is None, self.said
-            return bool(true(self.status()))
+            return (self.out / "status.json").exists() and bool(true(self.status()))
 
         until(holds, f"{what}; it said: {self.said}" if self.process.poll() else what)
         return self.status()

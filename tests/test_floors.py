@@ -37,8 +37,8 @@ ALLOWED = {
         *("messages", "errors"),
     },
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
-    "notes": {"views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
-    "web": {"notes", "views", "store", "export", "render", "messages", "errors"},
+    "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
+    "web": {"geo", "notes", "views", "store", "export", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", *STITCH, "errors"},
     "app": {

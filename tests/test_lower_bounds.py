@@ -49,6 +49,7 @@ def test_every_range_has_both_ends() -> None:
     assert all(re.fullmatch(r"[\w-]+==[\d.]+", one) for one in oldest())
 
 
+@pytest.mark.timeout(900)
 def test_the_oldest_versions_do(tmp_path: Path) -> None:
     fresh.need_packages(tmp_path)
     clone = fresh.clone(tmp_path / "clone")

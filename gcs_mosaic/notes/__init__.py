@@ -1,8 +1,8 @@
-"""What people add to a flight: finds, a scale, what was reviewed, hints that were dismissed; and its exports.
+"""What people add to a flight: finds, a scale, pins, what was reviewed, hints that were dismissed; and its exports.
 
 They lie in a file of their own, `notes.sqlite`, written by whoever serves the page: the flight's ledger has one writer, and
 nothing that people do on the page may lock, slow or damage it.
 
-May import `store`, `views`, `render`, `frames`, `stitch.camera`, `stitch.arrays` and `errors`; called by `web`, `check` and
-`cli`.
+May import `store`, `views`, `geo`, `render`, `frames`, `stitch.camera`, `stitch.arrays`, `messages` and `errors`; called by
+`web`, `check` and `cli`.
 """

@@ -6,12 +6,28 @@ from collections.abc import Mapping
 
 from gcs_mosaic.store.schema import FileSchema
 
-VERSION = 1  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 2  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736E  # PRAGMA application_id, "gcsn"
 
 PLACE = """
     island INTEGER NOT NULL, x NOT NULL, y NOT NULL, -- canvas, when it was set
     frame, pixel_x, pixel_y -- what it is bound to: a frame's name, and a pixel of its original
+"""
+ANCHORING = f"""
+CREATE TABLE pins (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    deleted INTEGER NOT NULL DEFAULT 0 CHECK (deleted IN (0, 1)),
+    label TEXT NOT NULL,
+    written TEXT NOT NULL, -- the coordinate as it was given
+    longitude_deg NOT NULL, latitude_deg NOT NULL, sigma_m NOT NULL,
+    who TEXT NOT NULL, utc NOT NULL,
+    {PLACE}
+);
+CREATE TABLE anchoring (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    by_positions INTEGER NOT NULL CHECK (by_positions IN (0, 1)), -- where there are no pins
+    who TEXT NOT NULL, utc NOT NULL
+);
 """
 TABLES = f"""
 CREATE TABLE book (
@@ -53,8 +69,8 @@ CREATE TABLE reviewed (
     PRIMARY KEY (island, x, y, reviewer, level)
 ) WITHOUT ROWID;
 CREATE TABLE dismissed (hint TEXT PRIMARY KEY, who TEXT NOT NULL, utc NOT NULL) WITHOUT ROWID;
-"""
-MIGRATIONS: Mapping[int, str] = {}
+{ANCHORING}"""
+MIGRATIONS: Mapping[int, str] = {1: ANCHORING}
 
 # One file without a log beside it can also be read in a folder that cannot be written. EXTRA: as FULL, and the journal's
 # removal is synced too, so that a power cut takes back nothing that was answered with success.

@@ -8,6 +8,7 @@ All writing methods raise DiskFull when the disk is full; the ledger is then unc
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
 from dataclasses import asdict
 
@@ -31,6 +32,7 @@ from gcs_mosaic.store.records import (
     IslandRecord,
     NoticeRecord,
     PositionRecord,
+    ReportedPosition,
 )
 from gcs_mosaic.store.rows import (
     EVENT_COLUMNS,
@@ -54,6 +56,7 @@ from gcs_mosaic.store.rows import (
     pose_row,
     position_record_of,
     relief_row,
+    reported_position_of,
     support_row,
 )
 from gcs_mosaic.store.stored_text import stored
@@ -197,6 +200,11 @@ class Ledger(LedgerFile):
         """The newest estimate of every frame that has one, in order of arrival."""
         return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id"))]
 
+    def corner_deviations(self) -> list[tuple[int, float]]:
+        """Island and `corner_deviation_px` in canvas units of every frame that has one."""
+        known = "SELECT island, corner_deviation_px, log_gsd FROM estimates WHERE corner_deviation_px IS NOT NULL"
+        return [(row["island"], row["corner_deviation_px"] * math.exp(row["log_gsd"])) for row in self.rows(known)]
+
     def record_covered(self, name: str, by: str, by_from_frame: Homography) -> None:
         """Record that the frame is covered by its keyframe `by`; replaces any earlier record."""
         values = (self._frame_id(name), self._frame_id(by), homography_row(by_from_frame))
@@ -255,6 +263,15 @@ class Ledger(LedgerFile):
         )
         tables = "painted JOIN frames ON frames.id = painted.frame JOIN cameras ON cameras.id = painted.camera"
         return [position_record_of(row) for row in self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame")]
+
+    def reported_positions(self) -> list[ReportedPosition]:
+        """All positions that were told of frames, duplicate messages included, in the order in which they came."""
+        rows = self.rows(
+            "SELECT told.*, coalesce(told.frame, first.frame) AS taken FROM events AS told "
+            "LEFT JOIN events AS first ON first.id = told.duplicate_of "
+            "WHERE taken IS NOT NULL AND told.latitude_deg IS NOT NULL ORDER BY told.id"
+        )
+        return [reported_position_of(row) for row in rows]
 
     def painted_frame(self, number: int) -> Painted | None:
         """How one frame is painted, by its number (`frames.id`)."""

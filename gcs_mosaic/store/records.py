@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from gcs_mosaic.messages import TriggerEvent
+from gcs_mosaic.messages import Position, Teller, TriggerEvent
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -113,6 +113,17 @@ class PositionRecord:
     pose: Pose
     camera: Camera
     modified: float | None  # capture time if known, else the file's; seconds since 1970
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportedPosition:
+    """What one message said of where a frame was taken; for anchors of the finished map only."""
+
+    frame: int  # `frames.id`
+    teller: Teller
+    received: float  # host monotonic clock, seconds
+    source_time: float | None  # seconds on the sender's clock
+    position: Position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

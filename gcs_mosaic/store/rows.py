@@ -26,6 +26,7 @@ from gcs_mosaic.store.records import (
     FrameRecord,
     FrameState,
     PositionRecord,
+    ReportedPosition,
 )
 from gcs_mosaic.store.stored_text import restored, stored
 
@@ -77,6 +78,19 @@ def position_of(row: sqlite3.Row) -> Position | None:
     if row["latitude_deg"] is None or row["longitude_deg"] is None:
         return None
     return Position(latitude_deg=row["latitude_deg"], longitude_deg=row["longitude_deg"], altitude_m=row["altitude_m"])
+
+
+def reported_position_of(row: sqlite3.Row) -> ReportedPosition:
+    """Of an event with a position; `taken` is the frame's number."""
+    event = event_of(row)
+    assert event.position is not None, "only such events are asked for"
+    return ReportedPosition(
+        frame=row["taken"],
+        teller=event.teller,
+        received=event.received,
+        source_time=None if event.clock == "none" else event.source_time,
+        position=event.position,
+    )
 
 
 def event_record_of(row: sqlite3.Row) -> EventRecord:

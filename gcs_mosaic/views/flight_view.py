@@ -25,7 +25,7 @@ from gcs_mosaic.store.revision import last_revision
 if TYPE_CHECKING:
     from gcs_mosaic.stitch.graph.placement import Homography
     from gcs_mosaic.store.ledger import Ledger
-    from gcs_mosaic.store.records import FrameRecord, PositionRecord
+    from gcs_mosaic.store.records import FrameRecord, PositionRecord, ReportedPosition
 
 logger = logging.getLogger(__name__)
 
@@ -83,6 +83,16 @@ class FlightView:
         """What the ledger says of a frame."""
         with self._ledger() as ledger:
             return ledger.frame(number)
+
+    def reported_positions(self) -> list[ReportedPosition]:
+        """What messages said of where frames were taken. Raises UsageError."""
+        with self._ledger() as ledger:
+            return ledger.reported_positions()
+
+    def corner_deviations(self) -> list[tuple[int, float]]:
+        """Island and how uncertain a frame lies, one standard deviation in canvas units. Raises UsageError."""
+        with self._ledger() as ledger:
+            return ledger.corner_deviations()
 
     def covered_by(self, number: int) -> list[tuple[int, FrameRecord, Homography]]:
         """The frames that a painted one covers: number, record, and keyframe_from_frame in pixels as painted."""

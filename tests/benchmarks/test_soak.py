@@ -14,6 +14,7 @@ MINUTES = 2.0
 
 
 @pytest.mark.long
+@pytest.mark.timeout(900)
 @pytest.mark.skipif(sys.platform != "linux", reason="signals, /proc and mounts of Linux")
 def test_a_flight_with_everything_against_it_is_whole(tmp_path: Path) -> None:
     found = soaked(MINUTES, 1, tmp_path)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from aiohttp import web
 
+from gcs_mosaic.notes.anchoring import anchor_of
 from gcs_mosaic.notes.binding import Binding
 from gcs_mosaic.notes.checked import (
     FURTHEST,
@@ -21,6 +22,7 @@ from gcs_mosaic.notes.checked import (
 )
 from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
 from gcs_mosaic.notes.finds import Find, NewFind, Outdated
+from gcs_mosaic.notes.pins import SetPin
 from gcs_mosaic.notes.told import PlacedFind, find_document, placed
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, body_of, in_thread
 from gcs_mosaic.web.api.notes import NOTES, Notes, id_of, island_of, reading, told_anew, who_of, writing
@@ -44,8 +46,9 @@ def add_routes(app: web.Application) -> None:
 async def every(request: web.Request) -> web.StreamResponse:
     """GET: all finds where they lie now; with `?deleted=1` those that were deleted too."""
     notes, deleted = request.app[NOTES], request.query.get("deleted") == "1"
-    revision, finds = await notes.run(lambda: (notes.book.revision, notes.finds.all(deleted=deleted)))
-    shown = await in_thread(request, placed, finds, notes.follower)
+    pinned, finds = await notes.run(lambda: (notes.pinned(), notes.finds.all(deleted=deleted)))
+    revision, *laid = pinned
+    shown = await in_thread(request, _placed, notes, finds, *laid)
     return told_anew(request, {"revision": revision, "finds": [find_document(one) for one in shown]})
 
 
@@ -105,8 +108,9 @@ async def restore(request: web.Request) -> web.StreamResponse:
 async def exported(request: web.Request) -> web.StreamResponse:
     """GET: all finds as GeoJSON, CSV, KML, or a report to print."""
     notes, kind = request.app[NOTES], request.match_info["format"]
-    finds = await notes.run(notes.finds.all)
-    text = await in_thread(request, _export, request, notes, finds, kind)
+    (_, *laid), finds = await notes.run(lambda: (notes.pinned(), notes.finds.all()))
+    shown = await in_thread(request, _placed, notes, finds, *laid)
+    text = await in_thread(request, _export, request, shown, kind)
     types = {"geojson": "application/geo+json", "csv": "text/csv", "kml": "application/vnd.google-earth.kml+xml"}
     how = "inline" if kind == "html" else "attachment"
     headers = {"Content-Disposition": f'{how}; filename="finds.{kind}"'}
@@ -117,8 +121,12 @@ async def exported(request: web.Request) -> web.StreamResponse:
     return web.Response(text=text, content_type=types.get(kind, "text/html"), charset="utf-8", headers=headers)
 
 
-def _export(request: web.Request, notes: Notes, finds: list[Find], kind: str) -> str:
-    shown, flight = placed(finds, notes.follower), request.app[VIEW].root.resolve().name
+def _placed(notes: Notes, finds: Sequence[Find], pins: Sequence[SetPin], by_positions: bool) -> list[PlacedFind]:
+    return placed(finds, notes.follower, anchor_of(notes.islands(pins, by_positions)))
+
+
+def _export(request: web.Request, shown: Sequence[PlacedFind], kind: str) -> str:
+    flight = request.app[VIEW].root.resolve().name
     if kind == "csv":
         return as_csv(shown)
     if kind == "html":
@@ -174,5 +182,6 @@ async def _binding(request: web.Request, told: dict[str, Any]) -> tuple[Binding 
 
 
 async def _document(request: web.Request, find: Find) -> dict[str, Any]:
-    shown: list[PlacedFind] = await in_thread(request, placed, [find], request.app[NOTES].follower)
-    return find_document(shown[0])
+    notes = request.app[NOTES]
+    _, *laid = await notes.run(notes.pinned)
+    return find_document((await in_thread(request, _placed, notes, [find], *laid))[0])

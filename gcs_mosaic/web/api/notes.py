@@ -7,7 +7,7 @@ import hashlib
 import json
 import logging
 import sqlite3
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -16,11 +16,13 @@ from typing import Any, TypeVar
 from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.notes.anchoring import Anchoring, IslandAnchor
 from gcs_mosaic.notes.binding import GroundFollower
 from gcs_mosaic.notes.book import NotesBook
 from gcs_mosaic.notes.checked import LONGEST_NAME, Unfit, number_of, text_of, whole_of
 from gcs_mosaic.notes.dismissed import DismissedHints
 from gcs_mosaic.notes.finds import Finds, NoSuchNote
+from gcs_mosaic.notes.pins import Pins, SetPin
 from gcs_mosaic.notes.reviews import Reviews
 from gcs_mosaic.notes.scales import Scales
 from gcs_mosaic.store.disk import CannotWrite, DiskFull
@@ -43,13 +45,14 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Notes:
-    """The notes of the flight that is served. All but `run` and the follower is for the thread on which `run` works."""
+    """The notes of the flight that is served; all but `run`, `islands` and the follower for the thread on which `run` works."""
 
     def __init__(self, view: FlightView, feed: Feed) -> None:
         self.follower = GroundFollower(view)
         self.book = NotesBook(view.root)
         self.finds, self.scales = Finds(self.book), Scales(self.book)
         self.reviews, self.dismissed = Reviews(self.book), DismissedHints(self.book)
+        self.pins, self._anchoring = Pins(self.book), Anchoring(view, self.follower)
         self._feed = feed
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="notes")
         self._waiting = 0
@@ -69,6 +72,14 @@ class Notes:
             raise web.HTTPServiceUnavailable(text=f"{sentence_of(error, self.book.path)}\n") from error
         finally:
             self._waiting -= 1
+
+    def pinned(self) -> tuple[int, list[SetPin], bool]:
+        """Revision, the pins, and whether positions may lay the map."""
+        return self.book.revision, self.pins.all(), self.pins.by_positions
+
+    def islands(self, pins: Sequence[SetPin], by_positions: bool) -> Mapping[int, IslandAnchor]:
+        """How islands lie on earth, of what `pinned` tells; for any thread."""
+        return self._anchoring.islands(pins, by_positions=by_positions)
 
     def keep(self) -> None:
         """What has to be done now and then."""

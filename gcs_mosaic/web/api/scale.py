@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from aiohttp import web
 
+from gcs_mosaic.notes.anchoring import anchored
 from gcs_mosaic.notes.checked import Unfit, number_of, point_of
+from gcs_mosaic.notes.pins import SetPin
 from gcs_mosaic.notes.scales import LEAST_UNITS, KnownDistance, island_scales, metres_per_unit
 from gcs_mosaic.notes.told import place_document
 from gcs_mosaic.web.api.common import BASE, answer, body_of, in_thread
@@ -26,8 +29,8 @@ def add_routes(app: web.Application) -> None:
 async def every(request: web.Request) -> web.StreamResponse:
     """GET: metres of a canvas unit for each island, and the distances that were given."""
     notes = request.app[NOTES]
-    revision, known = await notes.run(lambda: (notes.book.revision, notes.scales.all()))
-    return told_anew(request, {"revision": revision, **await in_thread(request, _documents, notes, known)})
+    (revision, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
+    return told_anew(request, {"revision": revision, **await in_thread(request, _documents, notes, known, *laid)})
 
 
 async def create(request: web.Request) -> web.StreamResponse:
@@ -59,8 +62,10 @@ async def _set_deleted(request: web.Request, *, deleted: bool) -> web.StreamResp
     return answer(await in_thread(request, _known, notes, known))
 
 
-def _documents(notes: Notes, known: list[KnownDistance]) -> dict[str, Any]:
-    scales = island_scales(known, notes.follower.place)
+def _documents(
+    notes: Notes, known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
+) -> dict[str, Any]:
+    scales = island_scales(known, notes.follower.place, anchored(notes.islands(pins, by_positions)))
     islands = [
         {"island": one.island, "metres_per_unit": one.metres_per_unit, "source": one.source, "scale": one.scale}
         for one in scales.values()
