@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import takewhile
 
+from gcs_mosaic.messages import Teller
 from gcs_mosaic.triggers.credibility import Credibility
 from gcs_mosaic.triggers.delay import UsualDelay
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State
@@ -11,12 +12,20 @@ from gcs_mosaic.triggers.outcomes import How
 from gcs_mosaic.triggers.sequence_offsets import Learnt
 from gcs_mosaic.triggers.settings import PairingSettings
 
+NAMED_EARLY_S = (
+    10.0  # a message that names a file may come so much later than the file: it is asked for again when it is lost
+)
 _CLEARLY = 0.6  # as a share of half the time between two shots
 
 
 def lag(event: PendingEvent, frame: PendingFrame) -> float:
     """Seconds from the shot to the arrival of the file."""
     return frame.frame.received - event.moment
+
+
+def _came_before(event: PendingEvent, frame: PendingFrame) -> bool:
+    """Whether the file was there before the picture can have been taken; what was there at the start has no such time."""
+    return frame.fresh and lag(event, frame) < -NAMED_EARLY_S
 
 
 class FrameSearch:
@@ -32,22 +41,49 @@ class FrameSearch:
         """The usual delay, by the most credible source."""
         return self.sources.delay
 
+    def rank(self, event: PendingEvent) -> int:
+        """That of the most credible of those who told the event: 0 doubtful, 1 unknown, 2 proved true."""
+        return max(map(self.sources.rank, event.tellers), default=1)
+
     def is_doubtful(self, event: PendingEvent) -> bool:
-        """Whether the event's source is."""
-        return self.sources.is_doubtful(event.event.teller)
+        """Whether all are who told it."""
+        return self.rank(event) == 0
 
     def named(self, event: PendingEvent) -> PendingFrame | None:
-        """The frame that the event names, unless already matched by name."""
+        """The frame that the event names, unless already matched by name, or with an event that is more credible."""
         if event.how is How.NAME:
             return None
-        keys = [*event.hints, *(("folded", hint.casefold()) for hint in event.hints)]
+        believed = [hint for teller, hint in event.hints if self._is_believed(event, teller)]
+        keys = [*believed, *(("folded", hint.casefold()) for hint in believed)]
         frames = (frame for key in keys for frame in self._frames.under(key))
-        return next((frame for frame in frames if not frame.event or frame.event.how is not How.NAME), None)
+        return next((frame for frame in frames if self._may_be_named(event, frame)), None)
 
     def naming(self, frame: PendingFrame) -> PendingEvent | None:
+        """The event that names the frame, unless already matched by name; the more credible comes first."""
         name = frame.frame.path.name
-        events = (event for key in (name, ("folded", name.casefold())) for event in self._events.under(key))
-        return next((event for event in events if event.state is not State.FAILED and event.how is not How.NAME), None)
+        folded = name.casefold()
+        events = {event: None for key in (name, ("folded", folded)) for event in self._events.under(key)}
+        meant = [
+            event
+            for event in events
+            if event.state is not State.FAILED
+            if event.how is not How.NAME and not _came_before(event, frame)
+            if any(hint.casefold() == folded and self._is_believed(event, teller) for teller, hint in event.hints)
+        ]
+        return max(meant, key=self.rank, default=None)  # the first of equals
+
+    def may_fail(self, event: PendingEvent, teller: Teller) -> bool:
+        """Whether `teller` may say that the shot brought no picture: who told it first, or nobody more credible disagrees."""
+        return teller == event.tellers[0] or self._is_believed(event, teller)
+
+    def _is_believed(self, event: PendingEvent, teller: Teller) -> bool:
+        """Whether nobody who told the event is more credible."""
+        return 0 < self.sources.rank(teller) >= self.rank(event)
+
+    def _may_be_named(self, event: PendingEvent, frame: PendingFrame) -> bool:
+        if _came_before(event, frame):
+            return False
+        return not frame.event or (frame.event.how is not How.NAME and self.rank(event) >= self.rank(frame.event))
 
     def numbered(self, event: PendingEvent) -> PendingFrame | None:
         """The orphan whose file number agrees with one of the event's counters."""
@@ -85,9 +121,9 @@ class FrameSearch:
         return min(events, key=lambda event: (self.is_doubtful(event), abs(lag(event, frame) - usual)), default=None)
 
     def better_than_doubtful(self, frame: PendingFrame) -> PendingEvent | None:
-        """The credible open event to which a frame belongs that a doubtful one has, other than by name."""
+        """The credible open event to which a frame belongs that a doubtful one has."""
         held = frame.event
-        if held is None or held.how not in (How.TIME, How.SEQUENCE) or not self.is_doubtful(held):
+        if held is None or held.how is How.ASKED or not self.is_doubtful(held):
             return None
         frame.event = None  # as if it were free
         found = self.event_by_time(frame)

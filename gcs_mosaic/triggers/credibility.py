@@ -62,10 +62,15 @@ class Credibility:
         best = self._agreement_of(self._best) if self._best is not None else 0.0
         return best >= _KNOWN and self._agreement_of(teller) < _SHARE * best
 
+    def rank(self, teller: Teller) -> int:
+        """0: doubtful, 2: its shots have proved true, 1: nothing is known."""
+        if self.is_doubtful(teller):
+            return 0
+        return 2 if self._agreement_of(teller) >= _KNOWN else 1
+
     def credible(self) -> frozenset[Teller]:
         """The sources whose shots have proved true."""
-        known = (one for one, agreement in self._agreement.items() if agreement >= _KNOWN)
-        return frozenset(one for one in known if not self.is_doubtful(one))
+        return frozenset(one for one in self._agreement if self.rank(one) == 2)
 
     def _goes_on(self, teller: Teller) -> bool:
         """Whether it still announces shots, while others do; files that came after its last say nothing about it."""

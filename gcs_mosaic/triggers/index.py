@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Generic, TypeAlias, TypeVar
 
-from gcs_mosaic.messages import Frame, TriggerEvent
+from gcs_mosaic.messages import Frame, Teller, TriggerEvent
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.outcomes import How
 
@@ -25,7 +25,7 @@ class State(Enum):
 
 @dataclass(slots=True, eq=False)
 class PendingEvent:
-    """An event; `counts` has the counters of all its sources, `moment` is its time on the host's monotonic clock."""
+    """An event; `counts` and `hints` (file names) are of all that told it, `moment` is its time on the host's monotonic clock."""
 
     id: int
     event: TriggerEvent
@@ -35,7 +35,8 @@ class PendingEvent:
     frame: PendingFrame | None = None
     how: How | None = None
     counts: list[Count] = field(default_factory=list)
-    hints: list[str] = field(default_factory=list)
+    hints: list[tuple[Teller, str]] = field(default_factory=list)
+    tellers: list[Teller] = field(default_factory=list)
 
     @property
     def open(self) -> bool:

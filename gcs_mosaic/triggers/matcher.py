@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import islice
 
 from gcs_mosaic.messages import CaptureResult, Frame, Teller, TriggerEvent
-from gcs_mosaic.triggers.candidates import FrameSearch
+from gcs_mosaic.triggers.candidates import FrameSearch, lag
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State, number_in
 from gcs_mosaic.triggers.outcomes import EventCounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
@@ -49,7 +49,11 @@ class Pairing:
         """A more authoritative message about a known shot; the message itself counts as a duplicate."""
         self._duplicates += 1
         held = next(self._events.under(("id", event_id)), None)
-        return list(self._look_at(held, event)) if held else []
+        if held is None:
+            return []
+        if event.result is not CaptureResult.FAILED:
+            self._search.sources.shot(event.teller, held.moment)
+        return list(self._look_at(held, event))
 
     def duplicate(self) -> None:
         """A message without new information."""
@@ -110,6 +114,8 @@ class Pairing:
         if held.state is State.FAILED:  # one source's failure is final, whatever another source reports
             return
         if event.result is CaptureResult.FAILED:
+            if not self._search.may_fail(held, event.teller):
+                return
             yield from self._release(held)
             self._move(held, State.FAILED)
             yield Failed(held.id, event)
@@ -118,21 +124,22 @@ class Pairing:
 
     def _note(self, held: PendingEvent, event: TriggerEvent) -> None:
         held.event = event
+        held.tellers.append(event.teller)
         if event.sequence is not None:
             stream = StreamKey(event.vehicle, event.component, event.camera, event.source)
             held.counts.append((stream, event.sequence))
             self._events.put(held, [(stream, event.sequence)])
         if event.file_hint:
-            held.hints.append(event.file_hint)
+            held.hints.append((event.teller, event.file_hint))
             self._events.put(held, [event.file_hint, ("folded", event.file_hint.casefold())])
 
-    def _find_frame(self, held: PendingEvent) -> Iterator[Outcome]:
+    def _find_frame(self, held: PendingEvent, *, by_time: bool = True) -> Iterator[Outcome]:
         if frame := self._search.named(held):
             yield from self._match(held, frame, How.NAME)
         elif held.open:
             if frame := self._search.numbered(held):
                 yield from self._match(held, frame, How.SEQUENCE)
-            elif frame := self._search.frame_by_time(held):
+            elif by_time and (frame := self._search.frame_by_time(held)):
                 yield from self._match(held, frame, How.TIME)
 
     def _find_event(self, held: PendingFrame) -> Iterator[Outcome]:
@@ -166,7 +173,8 @@ class Pairing:
             if event.open:
                 yield from self._match(event, frame, How.SEQUENCE)
         for event in [event for event in self._events.oldest_first() if event.open]:
-            yield from self._find_frame(event)
+            # By times only recent ones can find one: looking through all frames for each event would take seconds.
+            yield from self._find_frame(event, by_time=lag(event, held) <= self._settings.window_s)
 
     def _take_back(self) -> Iterator[Outcome]:
         """Give to credible events the frames that doubtful ones took before they were doubted."""

@@ -118,3 +118,72 @@ def test_judging_a_crowd_costs_little() -> None:
     for k in range(10):
         pairing.frame(frame(k, 12 + k), 12 + k)
     assert (time.perf_counter() - start) / 10 < 1.0
+
+
+def names_ahead(count: int, components: int) -> list[TriggerEvent]:
+    """Names of files that are still to come, told at once."""
+    return [
+        replace(event(0.1 + k / 100, 9000 + k, FORGED, 2 + k % components), file_hint=f"DSC{500 + k:05d}.jpg")
+        for k in range(1, count + 1)
+    ]
+
+
+@pytest.mark.parametrize("components", [1, 40])
+def test_forged_names_do_not_drag_real_shots_away(components: int) -> None:
+    assert Flight(40, names_ahead(40, components)).right >= 38
+
+
+def failures(count: int) -> list[tuple[int, TriggerEvent]]:
+    """For each real shot a message that it brought no picture, by somebody else."""
+    return [(k, replace(event(0.5 * k + 0.1, k, FORGED, 66), result=CaptureResult.FAILED)) for k in range(1, count + 1)]
+
+
+def flown_with(forged: list[tuple[int, TriggerEvent]], count: int = 40) -> dict[int, str]:
+    """Real shots, told to be the same as forged messages; by number of the shot the file that it ended with."""
+    pairing, ended = Pairing(), dict[int, str]()
+    happenings: list[tuple[float, int, TriggerEvent | Frame]] = [
+        (0.5 * k, k, event(0.5 * k, k)) for k in range(1, count + 1)
+    ]
+    happenings += [(one.received, k, one) for k, one in forged]
+    happenings += [(0.5 * k + 0.3, k, frame(500 + k, 0.5 * k + 0.3)) for k in range(1, count + 1)]
+    for now, k, one in sorted(happenings, key=lambda happening: happening[:2]):
+        if isinstance(one, Frame):
+            outcomes = pairing.frame(one, now)
+        elif one.sender == REAL:
+            outcomes = pairing.event(k, one, now, now)
+        else:
+            outcomes = pairing.improve(k, one, now)
+        for outcome in outcomes:
+            if isinstance(outcome, Matched):
+                ended[outcome.event_id] = outcome.frame.name
+            elif isinstance(outcome, Unmatched):
+                ended.pop(outcome.event_id, None)
+    return ended
+
+
+def right_of(ended: dict[int, str]) -> int:
+    return sum(name == f"DSC{500 + k:05d}.jpg" for k, name in ended.items())
+
+
+def test_forged_failures_of_real_shots_are_not_believed_once_the_real_source_is_known() -> None:
+    assert right_of(flown_with(failures(40))) >= 35
+
+
+def test_a_camera_that_fails_is_believed() -> None:
+    """It tells all shots, the autopilot too; its seventh brings no picture."""
+    told = [
+        (k, replace(event(0.5 * k + 0.05, k, "10.0.0.1:2", 100), source=Source.IMAGE_CAPTURED_BY_CAMERA))
+        for k in range(1, 21)
+    ]
+    told[6] = (7, replace(told[6][1], result=CaptureResult.FAILED))
+    assert 7 not in flown_with(told, 20)
+
+
+def test_a_flight_whose_files_come_after_it_is_still_named() -> None:
+    """The camera names them in flight; they are brought in an hour later, in any order."""
+    pairing = Pairing()
+    for k in range(30):
+        pairing.event(k, replace(event(2.0 * k, k), file_hint=f"DSC{500 + k:05d}.jpg"), 2.0 * k, 2.0 * k)
+    matched = [one for k in reversed(range(30)) for one in pairing.frame(frame(500 + k, 3600.0 - k), 3600.0 - k)]
+    pairs = {one.event_id: one.frame.name for one in matched if isinstance(one, Matched)}
+    assert pairs == {k: f"DSC{500 + k:05d}.jpg" for k in range(30)}
