@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -22,6 +23,11 @@ from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
 REPORT_EACH_S = 1.0
 AGAIN_S = 0.08  # delay of the scan after one that found a new or changed file: most are complete by then
 AGAIN_SHARE, LOOKING_SHARE = 0.2, 0.1  # maximum shares of time for such scans and for all others
+
+SLICE_S = 1.0  # of reading files, before it is looked whether newer ones have come
+AGAIN_AFTER_FAILURE_S = 2.0
+
+logger = logging.getLogger(__name__)
 
 Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
 
@@ -58,10 +64,15 @@ def watch(
 def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event) -> Iterator[Item]:
     yield from made
     while not stop.is_set():
-        for item in watched.poll(time.monotonic()):
-            yield item
-            if stop.is_set():
-                return
+        try:
+            for item in watched.poll(time.monotonic()):
+                yield item
+                if stop.is_set():
+                    return
+        except Exception as error:
+            logger.exception("a look at the watched folder has failed")
+            yield from watched.failed(error)
+            stop.wait(AGAIN_AFTER_FAILURE_S)
         stop.wait(watched.look_again_s)
 
 
@@ -92,6 +103,7 @@ class FolderWatch:
         self._scanned: float | None = None  # when the last scan began
         self._before = NOTHING_TAKEN if taken is None else taken
         self._versions = {name: one.version for name, one in self._before.items()}
+        self._has_left = False  # some that were ready wait for the next scan
         self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
         self._said: set[str] = set()
         self._unread: set[Path] = set()  # files that cannot be read now
@@ -115,11 +127,27 @@ class FolderWatch:
         self._forget_vanished(found)
         yield from self._presence(found)
         yield from self._remarks(found)
-        for look in sorted(ready, key=lambda look: (look.modified_ns, look.name)):
-            yield from self._take(look, now)
+        yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
         if self._polls == 2:
             yield self._first_look()
         yield from self._report(len(found.images), now)
+
+    def failed(self, error: Exception) -> Iterator[Notice]:
+        """No failure ends the watching; each kind is said once."""
+        text = f"{self._folder} could not be looked at ({type(error).__name__}); it is looked at again"
+        yield from self._once("error", text)
+
+    def _take_all(self, ready: list[Look], now: float) -> Iterator[Item]:
+        """Of many, as when a card is copied, some: what comes while the flight goes on is not to wait for all of them."""
+        until = time.monotonic() + SLICE_S
+        if self._has_left:
+            ready = ready[-1:] + ready[:-1]  # the newest first
+        for at, look in enumerate(ready):
+            if at and time.monotonic() > until:
+                self._has_left, self.look_again_s = True, 0.0
+                return
+            yield from self._take(look, now)
+        self._has_left = False
 
     def _wait_s(self, took_s: float, *, changed: bool) -> float:
         poll_s = self._settings.poll_s

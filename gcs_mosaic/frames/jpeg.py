@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
-_PREFIX, _END, _SCAN = 0xFF, 0xD9, 0xDA
+_END, _SCAN = 0xD9, 0xDA
 _FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOFn, which contain the size
 _PROGRESSIVE = {0xC2, 0xC6, 0xCA, 0xCE}
-# Fill bytes, and markers without a segment (restart markers among them), in any number, up to the marker of a segment.
-_NEXT_MARKER = re.compile(rb"[^\xff\x01\xd0-\xd7]")
+# The marker of a segment, after fill bytes, padding (which decoders skip) and markers without a segment, in any number.
+_NEXT_MARKER = re.compile(rb"\xff+([^\x00\xff\x01\xd0-\xd7])")
 # In entropy-coded data 0xFF is followed by zero, a restart marker or a fill byte; anything else ends the scan.
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 MOST_SEGMENTS = 100_000  # thermal cameras put 10 MB of data into some hundred
@@ -61,9 +61,7 @@ def _marker(data: bytes, position: int) -> tuple[int, int]:
     found = _NEXT_MARKER.search(data, position)
     if not found:
         raise StructureError(f"truncated: it ends after {len(data)} bytes")
-    if found.start() == position or data[found.start() - 1] != _PREFIX or not found[0][0]:
-        raise StructureError(f"damaged: no JPEG marker at byte {found.start()}")
-    return found[0][0], found.end()
+    return found[1][0], found.end()
 
 
 def _components_of_scan(data: bytes, content: int) -> set[int]:

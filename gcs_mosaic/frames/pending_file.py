@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 import re
+import stat
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +25,11 @@ PASSING = {
     )
     if hasattr(errno, name)
 }
+CANNOT_READ = "cannot be read"
 UNREAD_AFTER_S = 60.0  # then such a file is told as damaged; it is looked at again all the same
+# A TIFF whose room was taken before it is written ends in zeros until it is whole; a black border too, so it is only waited for.
+EMPTY_END, EMPTY_END_S = 512, 5.0  # bytes, seconds without a change
+HOPELESS = 20  # times the usual pause between two looks at a file that has been told as damaged, and does not change
 _VERSIONED = re.compile(r"(.+)#(\d+)", re.DOTALL)
 
 
@@ -41,11 +47,12 @@ class Candidate:
     settings: FolderSettings
     content: str | None = None
     appeared: Pause | None = None  # between which two scans the newest change happened
-    _signature: tuple[int, int] | None = None
+    _signature: tuple[int, ...] | None = None
     _settled: bool = False  # nothing to do until the signature changes
     _broken_since: float | None = None
     _reported: bool = False
     _check_at: float = 0.0
+    _unchanged_since: float = 0.0
 
     @property
     def worth_keeping(self) -> bool:
@@ -64,6 +71,7 @@ class Candidate:
         """Whether to read the file now: unchanged since the last scan, and not known to be done."""
         if look.signature != self._signature:
             self._signature, self._settled, self._broken_since, self._check_at = look.signature, False, None, now
+            self._unchanged_since = now
             return False
         return not self._settled and now >= self._check_at
 
@@ -79,6 +87,9 @@ class Candidate:
             return told or data
         if isinstance(data, NotWhole):
             return self._broken(versioned(look.name, version), data.reason, now, self.settings.damaged_after_s)
+        if not any(data[-EMPTY_END:]) and now - self._unchanged_since < EMPTY_END_S:
+            self._check_at = now + EMPTY_END_S / 10
+            return None
         self._settled, self._reported = True, False
         taken_before, self.content = self.content, content_hash(data)
         if self.content == taken_before:
@@ -87,7 +98,9 @@ class Candidate:
 
     def _broken(self, name: str, reason: str, now: float, patience_s: float) -> DamagedFile | None:
         since = self._broken_since = now if self._broken_since is None else self._broken_since
-        self._check_at = now + min((now - since) / 2, self.settings.recheck_longest_s)
+        is_hopeless = self._reported and not reason.startswith(CANNOT_READ)
+        longest_s = self.settings.recheck_longest_s * (HOPELESS if is_hopeless else 1)
+        self._check_at = now + min((now - since) / 2, longest_s)
         if self._reported or now - since < patience_s:
             return None
         self._reported = True
@@ -100,18 +113,27 @@ def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | Unrea
     if look.size > settings.max_file_bytes:
         return NotWhole(f"{look.size} bytes, more than the limit of {settings.max_file_bytes}")
     try:
-        data = look.path.read_bytes()
+        data = bytes_of(look.path)
+        if len(data) != look.size:
+            return None
+        whole = is_whole(data, settings.max_pixels)
+        return whole if isinstance(whole, NotWhole) else data
     except FileNotFoundError:
         return None
     except MemoryError:
-        return Unread("cannot be read (not enough memory)")
+        return Unread(f"{CANNOT_READ} (not enough memory)")
     except OSError as error:
-        reason = f"cannot be read ({error.strerror})"
+        reason = f"{CANNOT_READ} ({error.strerror})"
         return Unread(reason) if error.errno in PASSING else NotWhole(reason)
-    if len(data) != look.size:
-        return None
-    whole = is_whole(data, settings.max_pixels)
-    return whole if isinstance(whole, NotWhole) else data
+
+
+def bytes_of(path: Path) -> bytes:
+    """A regular file's content. What has become a pipe or a device since the scan would block for ever: raises OSError."""
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    with os.fdopen(os.open(path, flags), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "not a regular file")
+        return file.read()
 
 
 def versioned(name: str, version: int) -> str:

@@ -22,11 +22,13 @@ class Look:
     name: str
     size: int
     modified_ns: int
+    changed_ns: int = 0  # of its entry, where the system has that
+    inode: int = 0
 
     @property
-    def signature(self) -> tuple[int, int]:
-        """Changes when the file does."""
-        return self.size, self.modified_ns
+    def signature(self) -> tuple[int, ...]:
+        """Changes when the file does, also where another of the same size takes its place within the clock's coarseness."""
+        return self.size, self.modified_ns, self.changed_ns, self.inode
 
 
 @dataclass(slots=True)
@@ -61,10 +63,10 @@ def scan(folder: Path) -> Scan:
     for entry in _entries(folder, found):
         name = shown_name(Path(entry.path).relative_to(folder))
         suffix = Path(entry.name).suffix.lower()
-        if entry.is_symlink():
+        if _is_link(entry, found):
             found.links.add(name)
         elif suffix not in IMAGE_SUFFIXES:
-            found.strangers.add(suffix)
+            found.strangers.add(shown_name(Path(suffix)) if suffix else "")
         elif look := _look(entry, name, found):
             found.images.append(look)
     return found
@@ -99,6 +101,14 @@ def _listing(folder: str, found: Scan) -> list[os.DirEntry[str]]:
     return [] if any(entry.name == _LEDGER for entry in entries) else entries
 
 
+def _is_link(entry: os.DirEntry[str], found: Scan) -> bool:
+    try:
+        return entry.is_symlink()
+    except OSError as error:
+        found.pass_over(entry.path, error)
+        return False
+
+
 def _is_folder(entry: os.DirEntry[str], found: Scan) -> bool:
     try:
         return entry.is_dir(follow_symlinks=False)
@@ -115,4 +125,11 @@ def _look(entry: os.DirEntry[str], name: str, found: Scan) -> Look | None:
         return None
     if not stat.S_ISREG(status.st_mode):  # reading a pipe would block for ever
         return None
-    return Look(Path(entry.path), name, status.st_size, status.st_mtime_ns)
+    return Look(
+        Path(entry.path),
+        name,
+        status.st_size,
+        status.st_mtime_ns,
+        status.st_ctime_ns,
+        0 if os.name == "nt" else status.st_ino,
+    )

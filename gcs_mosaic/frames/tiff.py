@@ -18,6 +18,7 @@ _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 1
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
 _MOST_DIRECTORIES = 64  # pages and overviews
 _MOST_ENTRIES = 4096  # of a directory: cameras write a hundred
+_MOST_NUMBERS = 65_536  # of a field of samples
 _MOST_PIECES = 1_000_000  # of all pages: 400 megapixels in tiles of 32 x 32 are 0.4 million
 
 
@@ -111,6 +112,8 @@ def _directory(data: bytes, layout: _Layout, start: int) -> tuple[dict[int, list
         tag, kind = unpack(layout.order + "HH", data, at)
         values_at, count = _place(data, layout, at + 4, _WIDTHS.get(kind, 0))
         if tag in _WANTED and kind in _LETTERS and tag not in fields:
+            if count > (_MOST_NUMBERS if tag in _NUMBERS else _MOST_PIECES):
+                raise StructureError(f"damaged: a TIFF field of {count} numbers")
             fields[tag] = list(unpack(f"{layout.order}{count}{_LETTERS[kind]}", data, values_at))
     return fields, following
 

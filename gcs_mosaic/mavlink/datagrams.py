@@ -27,6 +27,28 @@ _STAMPS = (64, 35)
 _TIMESPEC = struct.Struct("=qq")  # seconds since 1970, nanoseconds
 
 
+# What a network tells of packets sent before (ICMP), or is short of for a moment: as if nothing had come (accept(2) of Linux).
+PASSING = {
+    getattr(errno, name)
+    for name in (
+        *("EAGAIN", "EINTR", "ECONNREFUSED", "ECONNRESET", "EHOSTUNREACH", "EHOSTDOWN", "ENETUNREACH", "ENETDOWN"),
+        *(
+            "ENONET",
+            "EPROTO",
+            "ENOPROTOOPT",
+            "EOPNOTSUPP",
+            "ENOBUFS",
+            "ENOMEM",
+            "EMSGSIZE",
+            "ETIMEDOUT",
+            "EACCES",
+            "EPERM",
+        ),
+    )
+    if hasattr(errno, name)
+}
+
+
 class Datagram(NamedTuple):
     """One datagram, its sender (host, port), and when it arrived (monotonic seconds)."""
 
@@ -125,7 +147,7 @@ class DatagramReader:
         self._header.name_length, self._header.control_length = ctypes.sizeof(_Address), _CONTROL
         size = library.recvmsg(self._socket.fileno(), ctypes.byref(self._header), socket.MSG_DONTWAIT)
         if size < 0:
-            if ctypes.get_errno() in (errno.EAGAIN, errno.EINTR, errno.ECONNREFUSED):
+            if ctypes.get_errno() in PASSING:
                 return None
             raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
         sender = ".".join(map(str, self._address.host)), socket.ntohs(self._address.port)
@@ -146,6 +168,10 @@ class DatagramReader:
             data, control, _, sender = self._socket.recvmsg(_LARGEST, _CONTROL)
         except (BlockingIOError, ConnectionError):  # Windows reports a peer's closed port here
             return None
+        except OSError as error:
+            if error.errno in PASSING:
+                return None
+            raise
         stamps = (_stamp_in(*one) for one in control)
         return data, (sender[0], sender[1]), next((stamp for stamp in stamps if stamp is not None), None)
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Generator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from gcs_mosaic.mavlink.address import LinkAddress
+from gcs_mosaic.mavlink.address import LinkAddress, connection_string
 from gcs_mosaic.mavlink.channels import Channel, UdpChannel, open_channel
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.monitor import NO_REFUSALS, Listener
@@ -20,6 +21,11 @@ from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import LinkReport, Notice, StreamOffer, TriggerEvent
+
+logger = logging.getLogger(__name__)
+
+AGAIN_S = 1.0  # after a failure
+MOST_SAID = 8  # kinds of failures
 
 Items: TypeAlias = Generator[TriggerEvent | StreamOffer | Notice | LinkReport, None, None]
 
@@ -47,7 +53,7 @@ def triggers(
     listener = Listener(address, settings, choice, now, time.time() - now, trust)
     if isinstance(channel, UdpChannel):
         channel.skips = listener.skips
-    link = _Link(channel, listener, recording or Recording(), signing, speaker)
+    link = _Link(channel, listener, recording or Recording(), signing, speaker, connection_string(address))
     listening = link.listen(stop, settings.poll_s)
     next(listening)  # only a generator that has started runs its cleanup, and releases the port, on close
     return listening
@@ -62,7 +68,9 @@ class _Link:
     recording: Recording
     signing: Signing | None
     speaker: Speaker | None
+    name: str
     sent: int = 0  # packets
+    said: set[str] = field(default_factory=set)  # kinds of failures
 
     def listen(self, stop: threading.Event, poll_s: float) -> Items:
         with closing(self.channel):
@@ -70,13 +78,29 @@ class _Link:
             yield greeting  # consumed by `triggers`, to start the generator
             yield greeting
             while not stop.is_set() and not self.channel.ended:
-                for arrival in self.channel.read(poll_s):
-                    yield from (arrival,) if isinstance(arrival, Notice) else self._hear(arrival)
-                yield from self.recording.flush(time.monotonic())
-                if self.speaker:
-                    self._speak(self.speaker)
-                yield from self._look()
+                try:
+                    yield from self._listen_once(poll_s)
+                except Exception as error:
+                    logger.exception("a link has failed")
+                    yield from self._failed(error)
+                    stop.wait(AGAIN_S)
             yield from self.listener.farewell(time.monotonic())
+
+    def _listen_once(self, poll_s: float) -> Items:
+        for arrival in self.channel.read(poll_s):
+            yield from (arrival,) if isinstance(arrival, Notice) else self._hear(arrival)
+        yield from self.recording.flush(time.monotonic())
+        if self.speaker:
+            self._speak(self.speaker)
+        yield from self._look()
+
+    def _failed(self, error: Exception) -> Items:
+        """No failure ends a link: what came with it is lost, and it is listened to again. Said once for each kind."""
+        kind = f"{type(error).__name__} {getattr(error, 'errno', None) or ''}".strip()
+        if kind not in self.said and len(self.said) < MOST_SAID:
+            self.said.add(kind)
+            text = f"{self.name} has failed ({kind}); it is listened to again"
+            yield Notice(source=self.name, level="error", text=text)
 
     def _hear(self, arrival: Arrival) -> Items:
         self.recording.record(arrival)

@@ -20,6 +20,8 @@ _SIGNED = 1
 _SIGNATURE = 13
 _LONGEST_PACKET = 280
 
+MOST_FAILED = 256  # corrupt packets of a chunk: 4 KB of noise have 32 bytes that begin one
+
 _parser = dialect.MAVLink(None)  # keeps no state from one packet to the next
 
 
@@ -28,7 +30,8 @@ class PacketReader:
 
     After a corrupt packet the parser resynchronises one byte further on. pymavlink's own parser would drop as many bytes
     as the corrupt header claims, and good packets with them. `datagrams`: a datagram that starts with a whole packet does
-    not continue the previous one. `admits` decides on every intact packet.
+    not continue the previous one. `admits` decides on every intact packet. Of one chunk so many beginnings are tried at most:
+    each costs a checksum, and a chunk of nothing else would hold up the link for a second.
     """
 
     def __init__(self, *, datagrams: bool, admits: Callable[[bytes], bool] | None = None) -> None:
@@ -40,7 +43,7 @@ class PacketReader:
         """The messages completed by `data`; corrupt packets and those of other dialects are skipped."""
         buffer = data if self._begins_afresh(data) else self._rest + data
         self.skipped_bytes += len(self._rest) + len(data) - len(buffer)
-        messages, position, used = [], 0, 0
+        messages, position, used, failed = list[MavMessage](), 0, 0, 0
         while marker := MARKERS.search(buffer, position):
             position = marker.start()
             end = position + packet_length(buffer, position)
@@ -51,6 +54,9 @@ class PacketReader:
                 used += end - position
                 if self._admits is None or self._admits(buffer[position:end]):
                     messages.append(message)
+            elif (failed := failed + 1) > MOST_FAILED:
+                marker = None
+                break
             position = end if message else position + 1
         self._rest = buffer[position:] if marker else b""
         self.skipped_bytes += len(buffer) - len(self._rest) - used

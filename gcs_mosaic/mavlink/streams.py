@@ -25,6 +25,8 @@ _CHUNK = 4096
 _MOST_HELD = 1 << 22  # bytes of a pause that are read at once; more than the kernel holds
 _KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # s, s, probes: a dead peer is found after 25 s
 
+_SILENT_S = 5.0  # five heartbeats: after that another client takes a server's place
+
 Mode = Literal["rb", "rwb"]
 Opener = Callable[[], io.RawIOBase | None]
 """Opens the stream; None without a peer yet, OSError if it cannot be opened now."""
@@ -50,6 +52,7 @@ class StreamChannel:
         self._brought, self._hangs_up = False, False  # this connection delivered data; the previous one did not
         self._skipped_before = 0  # bytes, on earlier connections
         self._looked = time.monotonic()  # when it was last seen whether there is anything to read
+        self._heard = self._looked  # the last message, or the connection itself
         self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
 
     @property
@@ -59,6 +62,8 @@ class StreamChannel:
     def read(self, timeout_s: float) -> list[Arrival | Notice]:
         if self._stream is None:
             return self._reopened(timeout_s)
+        if isinstance(self._open, TcpServer) and self._open.is_called() and self._is_silent():
+            return self._lost("nothing has come from it, and another calls")
         ready = select.select([self._stream], [], [], timeout_s)[0]
         looked, self._looked = self._looked, time.monotonic()
         if not ready:
@@ -71,6 +76,8 @@ class StreamChannel:
         if not data:
             return self._lost("the other side has closed it")
         messages = self._reader.feed(data)
+        if messages:
+            self._heard = self._looked
         if stalled:
             return [*self._works(), *spread(messages, len(data), looked, self._looked)]
         return [*self._works(), *(Arrival(message, self._looked) for message in messages)]
@@ -131,7 +138,11 @@ class StreamChannel:
         self._skipped_before += self._reader.skipped_bytes
         self._reader, self._unsent = PacketReader(datagrams=False, admits=self._admits), b""
         self.working, self._brought, self._looked = True, False, time.monotonic()
+        self._heard = self._looked
         return [] if self._hangs_up else [self._connected()]
+
+    def _is_silent(self) -> bool:
+        return time.monotonic() - self._heard > _SILENT_S
 
     def _works(self) -> list[Arrival | Notice]:
         """Data has arrived: reset the back-off and report the connection if that is still due."""
@@ -197,7 +208,7 @@ def notice_when_gone(connection: socket.socket) -> None:
 
 
 class TcpServer:
-    """Accepts one client at a time; binds the port at once, so that an unusable one is reported at the start."""
+    """Accepts one client at a time, another once that one is silent; binds the port at once: an unusable one is told early."""
 
     def __init__(self, address: LinkAddress, settings: LinkSettings, mode: Mode = "rb") -> None:
         self._mode: Mode = mode
@@ -212,6 +223,10 @@ class TcpServer:
         with connection:
             notice_when_gone(connection)
             return connection.makefile(self._mode, buffering=0)
+
+    def is_called(self) -> bool:
+        """Whether another client waits."""
+        return bool(select.select([self._listener], [], [], 0.0)[0])
 
     def close(self) -> None:
         self._listener.close()

@@ -18,7 +18,7 @@ from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.app.resuming import checkpoints_of, saved_flight
-from gcs_mosaic.app.unread import AGAIN_S, UnreadFrames
+from gcs_mosaic.app.unread import AGAIN_S, MOST_TRIES, UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -131,6 +131,17 @@ def test_a_frame_that_cannot_be_read_waits_until_it_can(tmp_path: Path) -> None:
     assert unread.add(UndecodableFrame(one, "cannot be read (Input/output error)"), 9.0)
     assert [failed.frame for failed in unread.rest()] == [one]
     assert len(unread) == 0
+
+
+def test_a_frame_whose_process_was_ended_is_tried_again_some_times() -> None:
+    """It may be innocent; or what brings the machine down."""
+    unread, one = UnreadFrames(lambda frame: frame), frame("a.jpg")
+    failed = UndecodableFrame(one, "could not be decoded: the process for it was ended twice (SIGKILL)")
+    tries = 0
+    while unread.add(failed, 10.0 * tries):
+        tries += 1
+        assert list(unread.readable(10.0 * tries)) == [one]
+    assert tries == MOST_TRIES
 
 
 def test_a_frame_is_found_where_it_came_from(coming: list[DecodedFrame], tmp_path: Path) -> None:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 from gcs_mosaic.app.stream_requests import asking
+from gcs_mosaic.frames.rtsp import source
+from gcs_mosaic.frames.rtsp.address import AUTO, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
+from gcs_mosaic.frames.rtsp.receiver import Receiver
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
+from gcs_mosaic.frames.rtsp.ring_buffer import Ring
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer
 from gcs_mosaic.triggers.shots import CameraMessage, Shots, ShotSettings
 from tests.factories import trigger_event
@@ -46,3 +52,26 @@ def test_where_the_aircraft_says_that_its_stream_is_is_passed_on() -> None:
 def test_requests_of_a_stream_that_hangs_do_not_fill_the_memory() -> None:
     requests = Requests()
     assert sum(requests.put(Ask(0.0)) for _ in range(5000)) == len(list(requests.drain())) < 5000
+
+
+def told(address: str, *urls: str) -> list[str]:
+    """What is said of streams that somebody on the link offers."""
+    stop = threading.Event()
+    settings = StreamSettings(allowed_hosts=("127.0.0.1",))
+    given = None if address == AUTO else parse_stream(address)
+    listening = source.Stream(given, Receiver(Ring(1.0, 1 << 20), settings, stop), Requests(), settings)
+    return [notice.text for url in urls for notice in listening.hear(Offer(url))]
+
+
+def test_streams_that_are_offered_again_and_again_are_not_said_again_and_again() -> None:
+    forged = [f"rtsp://192.0.2.{k % 200}/x" for k in range(5000)]
+    assert len(told(AUTO, *forged)) <= 8
+
+
+def test_an_address_that_the_operator_gave_stays() -> None:
+    assert told("rtsp://127.0.0.1:1/mine", "rtsp://127.0.0.1:2/other") == []
+    assert told(AUTO, "rtsp://127.0.0.1:2/other") == ["the aircraft's stream is rtsp://127.0.0.1:2/other"]
+
+
+def test_streams_are_not_changed_all_the_time() -> None:
+    assert len(told(AUTO, *(f"rtsp://127.0.0.1:{port}/x" for port in range(2, 50)))) == 1

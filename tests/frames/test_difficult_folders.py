@@ -6,18 +6,23 @@ import errno
 import os
 import shutil
 import subprocess
+import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from gcs_mosaic.frames import directory, pending_file
 from gcs_mosaic.frames import pending_file as candidate
 from gcs_mosaic.frames.directory import FolderWatch, Item
-from gcs_mosaic.frames.integrity import NotWhole
-from gcs_mosaic.frames.scan import Look
+from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.pending_file import read_whole
+from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.frames.structure import Whole
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport
-from tests.frames.image_files import encoded, picture, with_thumbnail
+from tests.frames.image_files import encoded, many_bands, picture, with_thumbnail
 
 JPEG, OTHER = with_thumbnail(encoded(".jpg")), encoded(".jpg", picture(seed=1))
 MOST_S = 5.0  # for a look at 10,000 files on a busy machine: a fortieth of that is usual
@@ -98,7 +103,7 @@ def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(
 ) -> None:
     card.put("a.jpg")
     card.put("b.jpg", OTHER)
-    read = Path.read_bytes
+    read = pending_file.bytes_of
 
     def refuse(path: Path) -> bytes:
         if path.name == "a.jpg":
@@ -106,7 +111,7 @@ def test_a_file_that_cannot_be_read_is_reported_once_and_taken_when_it_can(
         return read(path)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Path, "read_bytes", refuse)
+        patched.setattr(pending_file, "bytes_of", refuse)
         items = card.look(60)
     assert [item.name for item in items if isinstance(item, Frame)] == ["b.jpg"]
     reported = [item for item in items if isinstance(item, DamagedFile)]
@@ -121,14 +126,14 @@ def test_a_file_that_cannot_be_read_for_a_passing_reason_is_not_damaged_and_take
     for name in "abc":
         card.put(f"{name}.jpg", encoded(".jpg", picture(seed=ord(name))))
     reasons = [errno.EIO, errno.EMFILE]
-    read = Path.read_bytes
+    read = pending_file.bytes_of
 
     def fail(path: Path) -> bytes:
         if reasons and path.name == "a.jpg":
             raise OSError(reasons[0], os.strerror(reasons[0]))
         return read(path)
 
-    monkeypatch.setattr(Path, "read_bytes", fail)
+    monkeypatch.setattr(pending_file, "bytes_of", fail)
     items = card.look(60)
     assert [item.name for item in items if isinstance(item, Frame)] == ["b.jpg", "c.jpg"]
     assert not [item for item in items if isinstance(item, DamagedFile)]
@@ -239,3 +244,83 @@ def test_the_source_tells_how_it_is_in_one_place(card: Card, tmp_path: Path) -> 
 
 def reports(items: list[Item]) -> list[SourceReport]:
     return [item for item in items if isinstance(item, SourceReport)]
+
+
+def test_a_tiff_with_an_empty_end_is_waited_for_and_taken(card: Card) -> None:
+    """Its room may have been taken before it is written; or its border is black."""
+    whole = many_bands(3, kind=np.uint8)  # its directory comes first
+    begun = whole[: len(whole) // 2].ljust(len(whole), b"\0")
+    assert isinstance(is_whole(begun), Whole)
+    path = card.put("a.tiff", begun)
+    assert card.names(8) == []
+    path.write_bytes(whole)
+    assert card.names(8) == ["a.tiff"]
+    card.put("black.tiff", begun)
+    assert card.names(30) == ["black.tiff"]
+
+
+def test_a_version_of_the_same_size_and_time_is_a_new_frame(card: Card) -> None:
+    """The clock of the card's file system has steps of two seconds."""
+    path = card.put("a.jpg", JPEG)
+    assert card.names() == ["a.jpg"]
+    times = path.stat().st_mtime_ns
+    other = JPEG[:-40] + bytes(byte ^ 1 if byte < 0xFE else byte for byte in JPEG[-40:-2]) + JPEG[-2:]
+    assert len(other) == len(JPEG)
+    path.write_bytes(other)
+    os.utime(path, ns=(times, times))
+    assert card.names() == ["a.jpg#2"]
+
+
+def test_a_file_that_becomes_a_pipe_holds_up_nothing(card: Card) -> None:
+    path = card.put("a.jpg")
+    card.look(1)
+    (look,) = scan(card.folder).images
+    path.unlink()
+    os.mkfifo(path)
+    assert isinstance(read_whole(look, FolderSettings()), NotWhole)
+
+
+def test_no_failure_ends_the_watching(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.jpg").write_bytes(JPEG)
+    failures: list[BaseException] = [RuntimeError("something unforeseen"), MemoryError()]
+
+    def failing(folder: Path) -> Scan:
+        if failures:
+            raise failures.pop()
+        return scan(folder)
+
+    monkeypatch.setattr(directory, "scan", failing)
+    monkeypatch.setattr(directory, "AGAIN_AFTER_FAILURE_S", 0.01)
+    stop = threading.Event()
+    items = directory.watch(tmp_path, stop)
+    said = list[str]()
+    for item in items:
+        if isinstance(item, Notice):
+            said.append(item.text)
+        if isinstance(item, Frame):
+            stop.set()
+            break
+    assert [text for text in said if "looked at again" in text] == [
+        f"{tmp_path} could not be looked at ({kind}); it is looked at again" for kind in ("MemoryError", "RuntimeError")
+    ]
+
+
+def test_what_comes_in_flight_does_not_wait_for_a_whole_card(card: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(directory, "SLICE_S", 0.0)
+    for number in range(20):
+        path = card.put(f"{number:02d}.jpg", encoded(".jpg", picture(seed=number)))
+        os.utime(path, (1e9 + number,) * 2)
+    card.watch = FolderWatch(card.folder, FolderSettings(from_age_s=1e12), time.time())
+    assert card.names(3) == ["00.jpg", "19.jpg"]
+    card.put("new.jpg", OTHER)
+    names = card.names(3)
+    assert "new.jpg" in names
+    assert len(names) <= 3
+    assert len(card.names(40)) == 21 - 2 - len(names)
+
+
+def test_a_suffix_cannot_steer_the_terminal(card: Card) -> None:
+    card.put("a.\x1b[2J")
+    said = [item.text for item in card.look() if isinstance(item, Notice)]
+    assert not any("\x1b" in text for text in said)
+    assert any("[2j" in text for text in said)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import time
+import tracemalloc
 import zlib
 from typing import Any
 
@@ -211,3 +212,37 @@ def three_scans() -> bytes:
     frame = struct.pack(">BHHB", 8, 120, 160, 3) + b"".join(bytes([number, 0x11, 0]) for number in (1, 2, 3))
     scans = [segment(0xDA, bytes([1, number, 0, 0, 63, 0])) + b"data" for number in (1, 2, 3)]
     return b"\xff\xd8" + segment(0xC0, frame) + b"".join(scans) + b"\xff\xd9"
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("tag", [258, 273, 279, 339])
+def test_a_tiff_that_counts_millions_costs_no_memory(order: str, tag: int) -> None:
+    """24 MB that claim as many numbers in a field; unpacked they would be a gigabyte."""
+    count = 24_000_000
+    fields = [(256, 4, 1, 16), (257, 4, 1, 2), (tag, 1, count, 200)]
+    head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(order + "I", 8)
+    entries = b"".join(struct.pack(order + "HHII", *field) for field in fields)
+    data = (head + struct.pack(order + "H", len(fields)) + entries + bytes(4)).ljust(200, b"\0") + bytes(count)
+    tracemalloc.start()
+    assert isinstance(is_whole(data), NotWhole)
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("padding", [b"\0\0\0", b"\0" * 70_000, b"maker", b"\xff\0\xff"])
+def test_padding_between_segments_is_passed_over_as_decoders_do(padding: bytes) -> None:
+    plain = encoded(".jpg")
+    tables = plain.index(b"\xff\xdb")
+    padded = plain[:tables] + padding + plain[tables:]
+    assert cv2.imdecode(np.frombuffer(padded, np.uint8), cv2.IMREAD_COLOR) is not None
+    assert is_whole(padded) == is_whole(plain)
+
+
+@given(st.sampled_from(ALL), st.data())
+def test_heads_that_were_tampered_with_cost_neither_time_nor_an_exception(data: bytes, drawn: st.DataObject) -> None:
+    tampered = bytearray(data)
+    for _ in range(drawn.draw(st.integers(1, 8))):
+        tampered[drawn.draw(st.integers(0, min(len(data) - 1, 400)))] = drawn.draw(st.integers(0, 255))
+    began = time.perf_counter()
+    is_whole(bytes(tampered))
+    assert time.perf_counter() - began < 2.0

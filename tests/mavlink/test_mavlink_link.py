@@ -1,14 +1,19 @@
 from __future__ import annotations
 
+import errno
+import os
 import socket
 import threading
 import time
 from collections.abc import Iterator
+from typing import Never
 
 import pytest
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.mavlink import link
 from gcs_mosaic.mavlink.address import parse_address
+from gcs_mosaic.mavlink.datagrams import Datagram, DatagramReader
 from gcs_mosaic.mavlink.link import triggers
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.messages import Notice, TriggerEvent
@@ -75,3 +80,30 @@ def test_a_link_says_what_it_hears_and_when_it_hears_nothing(vehicle: Vehicle) -
 def test_a_taken_port_is_refused_by_the_call_itself(vehicle: Vehicle) -> None:
     with pytest.raises(UsageError, match=f"UDP port {vehicle.port} is taken"):
         triggers(parse_address(f"udp:127.0.0.1:{vehicle.port}"), threading.Event())
+
+
+def test_no_failure_ends_a_link(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "AGAIN_S", 0.01)
+    failures, read = [RuntimeError("unforeseen"), OSError(113, "No route to host"), RuntimeError()], DatagramReader.read
+
+    def failing(self: DatagramReader, timeout_s: float) -> list[Datagram]:
+        if failures:
+            raise failures.pop(0)
+        return read(self, timeout_s)
+
+    monkeypatch.setattr(DatagramReader, "read", failing)
+    said = [vehicle.next_notice("has failed").text.partition(" has failed ")[2] for _ in range(2)]
+    assert said == ["(RuntimeError); it is listened to again", "(OSError 113); it is listened to again"]
+    vehicle.send(packet(trigger(1)))
+    assert vehicle.next_event().sequence == 1
+
+
+@pytest.mark.parametrize("error", [errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ECONNREFUSED])
+def test_what_the_network_says_of_packets_sent_before_is_no_failure(error: int) -> None:
+    class Told(socket.socket):
+        def recvmsg(self, *_: object) -> Never:
+            raise OSError(error, os.strerror(error))
+
+    with Told(socket.AF_INET6, socket.SOCK_DGRAM) as bound:
+        bound.bind(("::1", 0))
+        assert DatagramReader(bound).read(0.01) == []

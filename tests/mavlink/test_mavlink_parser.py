@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import random
+import time
 from itertools import pairwise
 
 from hypothesis import given
@@ -71,3 +72,14 @@ def test_three_hundred_kilobytes_of_mutated_packets_do_no_harm() -> None:
         mutated[dice.randrange(len(mutated))] = dice.randrange(256)
         reader.feed(bytes(mutated)[: dice.randrange(1, len(mutated) + 1)])
     assert names(reader, LONG * 3)[-2:] == ["CAMERA_IMAGE_CAPTURED"] * 2
+
+
+def test_a_datagram_of_nothing_but_beginnings_costs_little() -> None:
+    """65,507 bytes that may each begin a packet; told as a multiple of as many bytes of true packets."""
+    true = LONG * (65_507 // len(LONG))
+    times = {}
+    for name, data in (("true", true), ("false", b"\xfe" * 65_507), ("false 2", b"\xfd\xff\x00" * 21_835)):
+        began = time.perf_counter()
+        PacketReader(datagrams=True).feed(data)
+        times[name] = time.perf_counter() - began
+    assert max(times["false"], times["false 2"]) < 3 * times["true"]

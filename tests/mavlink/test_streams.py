@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.mavlink import streams
 from gcs_mosaic.mavlink.address import LinkAddress, parse_address
 from gcs_mosaic.mavlink.link import Items, triggers
 from gcs_mosaic.mavlink.received import Arrival
@@ -169,3 +170,17 @@ def test_a_serial_device_that_was_unplugged_is_read_again_when_it_is_back(tmp_pa
             heard += channel.read(QUICK.poll_s)
     assert [item.text.split()[2] for item in heard if isinstance(item, Notice)] == ["connected", "lost"] * 2
     channel.close()
+
+
+def test_a_client_that_says_nothing_gives_its_place_to_another(
+    listen: Callable[[str], Items], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(streams, "_SILENT_S", 0.1)
+    port = free_port()
+    heard = listen(f"tcpin:127.0.0.1:{port}")
+    with socket.create_connection(("127.0.0.1", port)):
+        said(heard, "is connected")
+        with socket.create_connection(("127.0.0.1", port)) as other:
+            said(heard, "another calls")
+            other.sendall(packet(trigger(7)))
+            assert sequence(heard) == 7

@@ -10,6 +10,7 @@ DRIFT = 1e-4  # seconds per second; quartz is accurate to 20-50 ppm
 SETTLED_S = 0.5  # cameras first send buffered images in a burst; after that, arrivals are a reliable clock
 _REPORTS = 15  # of the camera's own times: a single one may be off by one image interval
 _FEWEST_REPORTS = 3
+_STEP_S = 2.0  # by which no arrival is later than another: one of the clocks was set in between
 # A camera with a set clock appears slightly late. One with an unset clock is off by years, or at least minutes.
 _BELIEVED_S = (-0.02, 1.0)
 
@@ -27,7 +28,7 @@ class CaptureClock:
         self._offset = math.inf  # minimum of arrival minus image time
         self._updated = began
         self._camera: deque[float] = deque(maxlen=_REPORTS)  # camera's time of day minus image time
-        self._lateness = math.inf  # minimum of arrival minus capture, by the two clocks
+        self._latenesses: deque[float] = deque(maxlen=_REPORTS)  # arrival minus capture, by the two clocks
         self._monotonic_minus_utc = 0.0
 
     def note(self, picture_s: float, arrival: float, arrival_utc: float, camera_utc: float | None = None) -> None:
@@ -38,7 +39,12 @@ class CaptureClock:
         if camera_utc is not None:
             self._monotonic_minus_utc = arrival - arrival_utc
             self._camera.append(camera_utc - picture_s)
-            self._lateness = min(self._lateness, arrival_utc - camera_utc)
+            lateness = arrival_utc - camera_utc
+            if self._latenesses and abs(lateness - self._latenesses[-1]) > _STEP_S:  # one of the clocks was set
+                self._latenesses.clear()
+                self._camera.clear()
+                self._camera.append(camera_utc - picture_s)
+            self._latenesses.append(lateness)
 
     def moment(self, picture_s: float) -> float:
         """The best current estimate of the image's capture time."""
@@ -50,7 +56,7 @@ class CaptureClock:
     def believes_the_camera(self) -> bool:
         """Whether the camera sends the time of day, and its clock is set."""
         low, high = _BELIEVED_S
-        return len(self._camera) >= _FEWEST_REPORTS and low <= self._lateness <= high
+        return len(self._camera) >= _FEWEST_REPORTS and low <= min(self._latenesses) <= high
 
     def is_settled(self, now: float) -> bool:
         """Whether the estimates are reliable."""

@@ -40,7 +40,8 @@ class ViewMotion:
 
 def _reduced(grey: ImageGrey) -> ImageGrey:
     scale = min(1.0, _WIDTH / grey.shape[1])
-    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+    size = max(1, round(scale * grey.shape[1])), max(1, round(scale * grey.shape[0]))
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _motion(before: ImageGrey, now: ImageGrey) -> NDArray[np.float64] | None:

@@ -33,8 +33,8 @@ class Requests:
         return True
 
     def drain(self) -> Iterator[Ask | Offer]:
-        """Requests since the last call."""
-        while True:
+        """Requests since the last call; those that come meanwhile are left for the next one."""
+        for _ in range(self._queue.qsize()):
             try:
                 yield self._queue.get_nowait()
             except queue.Empty:

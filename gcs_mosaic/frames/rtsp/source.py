@@ -30,6 +30,8 @@ Item: TypeAlias = Frame | Notice | SourceReport
 _LOOK_S = 0.05  # longest wait for an image between checks for triggers
 _REPORT_S = 1.0
 _MB = 1_000_000
+MOST_SAID = 8  # addresses that were offered in vain
+OFFER_EACH_S = 10.0  # another stream is taken at most so often: each costs a connection
 
 
 def stream(
@@ -51,7 +53,7 @@ def stream(
             "--rtsp needs PyAV, which is not installed: pip install 'gcs-mosaic[rtsp]' brings it."
         ) from None
     receiver = Receiver(Ring(settings.ring_s, settings.ring_mb * _MB), settings, stop)
-    return _Stream(given, receiver, requests, settings).items(stop)
+    return Stream(given, receiver, requests, settings).items(stop)
 
 
 def stream_name(address: str) -> str:
@@ -59,7 +61,9 @@ def stream_name(address: str) -> str:
     return AUTO if address == AUTO else parse_stream(address).shown
 
 
-class _Stream:
+class Stream:
+    """A stream that is listened to: what is asked of it, what it gives, what is said of it."""
+
     def __init__(
         self, address: StreamAddress | None, receiver: Receiver, requests: Requests, settings: StreamSettings
     ) -> None:
@@ -70,6 +74,9 @@ class _Stream:
         self._names: Counter[str] = Counter()
         self._taken = self._unanswered = 0
         self._said_cut_short = False
+        self._is_given = address is not None
+        self._said: set[str] = set()
+        self._next_offer = 0.0  # monotonic seconds
         self._reported: tuple[SourceReport, float] | None = None
 
     def items(self, stop: threading.Event) -> Iterator[Item]:
@@ -97,28 +104,40 @@ class _Stream:
             if isinstance(request, Ask):
                 self._picker.ask(request, now)
             else:
-                yield from self._hear(request)
+                yield from self.hear(request)
         pictures = self._ring.pictures()
         if pictures and not pictures[-1].damaged and pictures[-1].clock.is_settled(now):
             moment = self._wishes.moment(pictures[-1])
             if moment is not None:
                 self._picker.ask(Ask(moment), now)
 
-    def _hear(self, offer: Offer) -> Iterator[Notice]:
-        """The aircraft announces a stream address: accepted only if it is on the allow-list."""
+    def hear(self, offer: Offer) -> Iterator[Notice]:
+        """The aircraft announces a stream address: accepted if none was given, and only if it is on the allow-list."""
+        if self._is_given:
+            return
         try:
             address = parse_stream(offer.url)
         except UsageError:
-            yield _notice("warning", "the aircraft tells of a stream whose address is not understood")
+            yield from self._say_once("the aircraft tells of a stream whose address is not understood")
             return
         if address == self._address:
             return
         if not is_allowed(address.host, self._settings.allowed_hosts):
-            yield _notice("warning", f"{address.shown}, of which the aircraft tells, is not in stream: allowed_hosts")
+            text = f"{address.shown}, of which the aircraft tells, is not in stream: allowed_hosts"
+            yield from self._say_once(text)
             return
+        if time.monotonic() < self._next_offer:
+            return
+        self._next_offer = time.monotonic() + OFFER_EACH_S
         self._address = address
         self._receiver.use(address)
         yield _notice("info", f"the aircraft's stream is {address.shown}")
+
+    def _say_once(self, text: str) -> Iterator[Notice]:
+        """What somebody on the link can have said as often as they like."""
+        if text not in self._said and len(self._said) < MOST_SAID:
+            self._said.add(text)
+            yield _notice("warning", text)
 
     def _drain_notices(self) -> Iterator[Notice]:
         while not self._receiver.notices.empty():

@@ -42,6 +42,16 @@ def test_a_camera_whose_clock_is_set_is_believed() -> None:
     assert clock.moment(500.0 + 1.0) == pytest.approx(1.0, abs=0.001)
 
 
+@pytest.mark.parametrize("step_s", [-3600.0, -3.0, 3.0, 3600.0])
+def test_a_camera_is_believed_again_after_the_host_s_clock_was_set(step_s: float) -> None:
+    """It was a little off before, by less than the step, and is right after it."""
+    clock = heard([0.4] * 20, camera_off_s=step_s)
+    for k in range(20, 40):
+        clock.note(500.0 + k / 10, k / 10 + 0.4, k / 10 + 0.4 + UTC_OF_ZERO + step_s, k / 10 + UTC_OF_ZERO + step_s)
+    assert clock.believes_the_camera
+    assert clock.moment(500.0 + 3.0) == pytest.approx(3.0, abs=0.001)
+
+
 def test_one_report_that_is_a_picture_off_changes_nothing() -> None:
     clock = heard([0.4] * 20, camera_off_s=0.0)
     clock.note(502.0, 2.4, 2.4 + UTC_OF_ZERO, 2.1 + UTC_OF_ZERO)
