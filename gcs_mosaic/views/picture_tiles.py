@@ -28,12 +28,16 @@ class PictureTiles:
         """A JPEG of at most SIDE x SIDE px, counted from the top left. Raises NoPicture."""
         image = self._picture(view, number)
         piece = image[row * SIDE : (row + 1) * SIDE, column * SIDE : (column + 1) * SIDE]
-        if not piece.size:
-            raise NoPicture("The frame does not reach there.")
-        done, data = cv2.imencode(".jpg", np.ascontiguousarray(piece), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-        if not done:
-            raise NoPicture("This piece cannot be encoded.")
-        return data.tobytes()
+        return _jpeg(piece)
+
+    def crop(self, view: FlightView, number: int, x: float, y: float, side: int) -> bytes:
+        """A JPEG of the square of `side` px about a pixel of the original, moved to lie within it. Raises NoPicture."""
+        image = self._picture(view, number)
+        height, width = image.shape[:2]
+        left, top = (
+            min(max(round(at) - side // 2, 0), max(size - side, 0)) for at, size in ((x, width), (y, height))
+        )
+        return _jpeg(image[top : top + side, left : left + side])
 
     def forget(self) -> None:
         """Let go of the kept picture if nobody has asked for it lately."""
@@ -49,3 +53,12 @@ class PictureTiles:
                 self._kept = None
                 self._kept = content_hash, displayed(view, number, 1)
             return self._kept[1]
+
+
+def _jpeg(piece: ImageBGR) -> bytes:
+    if not piece.size:
+        raise NoPicture("The frame does not reach there.")
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(piece), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if not done:
+        raise NoPicture("This piece cannot be encoded.")
+    return data.tobytes()

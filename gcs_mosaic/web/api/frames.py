@@ -14,6 +14,8 @@ from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, Original, is_shown_
 from gcs_mosaic.views.sightings import Sighting, sightings
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, bad, in_thread, missing, number
 
+LARGEST_CROP = 1024  # px
+CROP_KEPT_S = 3600  # by the browser: a frame's content does not change
 CHUNK = 1 << 16  # bytes in memory for each browser that takes an original
 ISLAND = f"{BASE}/islands/{{island:[0-9]{{1,6}}}}"
 PIECES = web.AppKey("pieces", PictureTiles)
@@ -24,6 +26,7 @@ def add_routes(app: web.Application) -> None:
     app.router.add_get(f"{ISLAND}/sightings", who_saw)
     app.router.add_get(f"{FRAME}/picture", shown)
     app.router.add_get(f"{FRAME}/pieces/{{column:[0-9]{{1,4}}}}/{{row:[0-9]{{1,4}}}}.jpg", piece)
+    app.router.add_get(f"{FRAME}/crop.jpg", crop)
     app.router.add_get(f"{FRAME}/original", download)
     app[PIECES] = PictureTiles()
 
@@ -71,6 +74,25 @@ async def piece(request: web.Request) -> web.StreamResponse:
     finally:
         asyncio.get_running_loop().call_later(KEPT_S + 1, pieces.forget)
     return web.Response(body=data, content_type="image/jpeg", headers={"ETag": f'"{etag}"'})
+
+
+async def crop(request: web.Request) -> web.StreamResponse:
+    """GET ?x=&y=&side=: the square about a pixel of a frame as it is shown, at full resolution."""
+    frame, x, y = int(request.match_info["frame"]), number(request, "x"), number(request, "y")
+    side = int(number(request, "side", least=16, most=LARGEST_CROP))
+    source = await _source(request)
+    etag = f"{source.content_hash}-{x:.0f}-{y:.0f}-{side}"
+    headers = {"ETag": f'"{etag}"', "Cache-Control": f"private, max-age={CROP_KEPT_S}"}
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers=headers)
+    pieces = request.app[PIECES]
+    try:
+        data = await in_thread(request, pieces.crop, request.app[VIEW], frame, x, y, side)
+    except NoPicture as error:
+        raise missing(str(error)) from error
+    finally:
+        asyncio.get_running_loop().call_later(KEPT_S + 1, pieces.forget)
+    return web.Response(body=data, content_type="image/jpeg", headers=headers)
 
 
 async def download(request: web.Request) -> web.StreamResponse:

@@ -7,9 +7,9 @@ export class Live {
   isOpen = false;
   hasEnded = false; // the server has said farewell, and has not come back
 
-  /** `onEnded`: the server says farewell; what it has can be read for two more seconds. */
-  constructor(onChange, onEnded) {
-    Object.assign(this, { onChange, onEnded });
+  /** `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds. */
+  constructor(onChange, onEnded, onNotes) {
+    Object.assign(this, { onChange, onEnded, onNotes });
     this.retryMs = FIRST_RETRY_MS;
     this.listen();
   }
@@ -18,6 +18,7 @@ export class Live {
     this.source = new EventSource("/live");
     this.source.onopen = () => Object.assign(this, { isOpen: true, hasEnded: false, retryMs: FIRST_RETRY_MS });
     this.source.onmessage = (message) => this.onChange(JSON.parse(message.data));
+    this.source.addEventListener("notes", () => this.onNotes?.());
     this.source.addEventListener("ended", () => this.end());
     this.source.onerror = () => {
       this.isOpen = false;

@@ -1,6 +1,7 @@
 // A place on the map -> the original frames that saw it, one after another, each opened at that very spot.
 
 import { fetchDocument } from "/viewer/server.js";
+import { t } from "/viewer/words.js";
 
 const PREVIEW = 4; // the picture is shown at a quarter of its size until it has come whole
 const LARGE = 16e6; // pixels; such a picture comes in pieces, those in view first
@@ -22,6 +23,8 @@ export class Originals {
     press("originals-next", () => this.step(1));
     press("originals-previous", () => this.step(-1));
     press("originals-blink", () => this.show(this.before));
+    press("originals-mark", () => this.mark());
+    this.onMark = null; // called with { frame, pixel } of what is in the middle
     document.addEventListener("keydown", (event) => this.key(event));
     this.followSwipes(document.getElementById("originals-head"));
   }
@@ -30,9 +33,9 @@ export class Originals {
     return !this.box.hidden;
   }
 
-  /** Ask who saw a place on an island's canvas. */
-  async ask(island, x, y) {
-    this.say("Asking …");
+  /** Ask who saw a place on an island's canvas; the frame of the number `first` is shown first, else the best. */
+  async ask(island, x, y, first) {
+    this.say(t("Asking …"));
     this.box.hidden = false;
     try {
       const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}`);
@@ -40,17 +43,17 @@ export class Originals {
     } catch {
       this.found = [];
       this.clear();
-      this.say("No answer: ask again once the connection is back.");
+      this.say(t("No answer: ask again once the connection is back."));
       return;
     }
     if (!this.found.length) {
       this.clear();
-      this.say("No frame saw this place.");
+      this.say(t("No frame saw this place."));
       return;
     }
-    this.at = this.before = 0;
+    this.at = this.before = Math.max(0, this.found.findIndex(({ number }) => number === first));
     this.begin();
-    this.show(0);
+    this.show(this.at);
   }
 
   begin() {
@@ -61,6 +64,15 @@ export class Originals {
     });
     L.control.zoom({ position: "bottomright" }).addTo(this.map);
     new ResizeObserver(() => this.map?.invalidateSize({ animate: false })).observe(this.map.getContainer());
+  }
+
+  /** What is in the middle of the picture is a find. */
+  mark() {
+    if (!this.shown) return;
+    const { lat, lng } = this.map.getCenter();
+    const { number } = this.shown;
+    this.close();
+    this.onMark?.({ frame: number, pixel: [lng, lat] });
   }
 
   step(by) {
@@ -87,7 +99,7 @@ export class Originals {
     const layers = L.layerGroup([L.imageOverlay(`${path}?reduction=${PREVIEW}`, bounds)]).addTo(this.map);
     this.box.removeAttribute("data-sharp");
     const sharp = () => this.layers === layers && this.box.setAttribute("data-sharp", one.name);
-    const failed = () => this.layers === layers && this.say(`${one.name}: the original cannot be shown.`);
+    const failed = () => this.layers === layers && this.say(t("{name}: the original cannot be shown.", { name: one.name }));
     if (one.width * one.height > LARGE) {
       const pieces = L.tileLayer(`/api/v1/frames/${one.number}/pieces/{x}/{y}.jpg`, {
         bounds, tileSize: PIECE, minZoom: -1.5, minNativeZoom: 0, maxNativeZoom: 0, keepBuffer: 1,
@@ -105,7 +117,7 @@ export class Originals {
 
   tell(one, index) {
     const when = one.time ? `, ${new Date(one.time).toLocaleString("en-GB")}` : "";
-    this.say(`${index + 1} of ${this.found.length}: ${one.name}${when}${one.covered ? ", not painted" : ""}`);
+    this.say(`${t("{n} of {all}", { n: index + 1, all: this.found.length })}: ${one.name}${when}${one.covered ? `, ${t("not painted")}` : ""}`);
     const link = document.getElementById("originals-download");
     link.href = `/api/v1/frames/${one.number}/original`;
     link.download = one.name.split("/").pop();

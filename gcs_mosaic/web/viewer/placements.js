@@ -2,11 +2,13 @@
 
 import { outlineOf } from "/viewer/outline.js";
 import { fetchDocument, fetchLines } from "/viewer/server.js";
+import { t } from "/viewer/words.js";
 
 export class Placements {
   constructor() {
     this.revision = 0;
     this.places = new Map(); // entries of frames that have a place, by name
+    this.absent = new Map(); // { name, reason } of those that are not on the map
     this.newest = null;
   }
 
@@ -17,6 +19,7 @@ export class Placements {
       const all = await fetchDocument("/placements.json");
       if (all) {
         this.places.clear();
+        this.absent.clear();
         this.revision = 0;
         this.take(all);
       }
@@ -27,8 +30,14 @@ export class Placements {
   }
 
   take({ revision, newest, frames, covered = [], waiting, rejected }) {
-    for (const { name } of [...waiting, ...rejected]) this.places.delete(name);
-    for (const frame of [...frames, ...covered]) this.places.set(frame.name, frame);
+    for (const { name, reason = t("waits: nothing that it shows is on the map yet") } of [...waiting, ...rejected]) {
+      this.places.delete(name);
+      this.absent.set(name, { name, reason });
+    }
+    for (const frame of [...frames, ...covered]) {
+      this.places.set(frame.name, frame);
+      this.absent.delete(frame.name);
+    }
     Object.assign(this, { revision, newest });
   }
 

@@ -1,12 +1,20 @@
 // The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
 
 import { AircraftChoice } from "/viewer/aircraft.js";
+import { Anchors } from "/viewer/anchors.js";
+import { Finds } from "/viewer/finds.js";
+import { FlightPath } from "/viewer/flightpath.js";
+import { Islands } from "/viewer/islands.js";
 import { Lag, Live } from "/viewer/live.js";
 import { Look } from "/viewer/look.js";
 import { MosaicMap } from "/viewer/map.js";
+import { Measure } from "/viewer/measure.js";
+import { Novelty } from "/viewer/novelty.js";
 import { Originals } from "/viewer/originals.js";
 import { makePanels } from "/viewer/panels.js";
 import { Placements } from "/viewer/placements.js";
+import { Pointing } from "/viewer/pointing.js";
+import { Reviews } from "/viewer/reviews.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { showStrip } from "/viewer/strip.js";
 import { loadWords } from "/viewer/words.js";
@@ -24,12 +32,22 @@ const placements = new Placements();
 const originals = new Originals();
 new Look();
 document.getElementById("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
-map.onPlace = (island, x, y) => originals.ask(island, x, y);
+const pointing = new Pointing(map, (island, x, y) => originals.ask(island, x, y));
+const finds = new Finds(map, pointing, (find) => originals.ask(find.island, find.x, find.y, find.frame?.number));
+const measure = new Measure(map, pointing);
+const anchors = new Anchors(map, pointing);
+const reviews = new Reviews(map);
+const islands = new Islands(map);
+const flightPath = new FlightPath(map, placements);
+const novelty = new Novelty(map);
+originals.onMark = (place) => finds.begin(place);
+const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
 const aircraft = new AircraftChoice(document.getElementById("aircraft"), document.getElementById("answer"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
+let notesAt; // the map's revision at which the notes were read
 
 /** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {
@@ -44,9 +62,17 @@ async function readMap() {
       Object.assign(known, { mosaic: mosaic ?? known.mosaic, newestFrame: placements.newestFrame() });
       map.show(known.mosaic, known.newestFrame, (island) => placements.boundsOf(island));
       show();
+      readNotes(known.mosaic?.revision);
     });
   }
   reading = false;
+}
+
+/** Ask for what people have added, and where it lies now: when something was added, and when the map has moved. */
+async function readNotes(revision) {
+  if (revision !== undefined && revision === notesAt) return;
+  notesAt = revision;
+  for (const one of noted) await one.read();
 }
 
 /** A daemon that was started again may write another flight: nothing on this page is true of it. */
@@ -71,12 +97,14 @@ async function askStatus() {
 const live = new Live(
   (change) => {
     map.tilesChanged(change.revision, change.tiles);
+    if (change.tiles) novelty.painted(change.tiles);
     readMap();
   },
   () => {
     readMap();
     askStatus();
   },
+  () => readNotes(),
 );
 
 /** Ask for what nobody tells: the map must not stand still in silence. */
@@ -97,6 +125,9 @@ function lagSeconds() {
 function show() {
   map.setAway(connection.lostForSeconds() > 0);
   aircraft.show(known.status);
+  for (const one of noted) one.follow();
+  islands.show();
+  flightPath.show();
   showStrip({ ...known, hasEnded: live.hasEnded }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
 }
 

@@ -1,0 +1,140 @@
+// Anchors: pins that say what coordinate a place has, and the coordinate under the cursor with its error.
+
+import { send, trying } from "/viewer/api.js";
+import { openPanel } from "/viewer/panels.js";
+import { fetchDocument } from "/viewer/server.js";
+import { t } from "/viewer/words.js";
+
+const ASK_EVERY_MS = 250; // the coordinate under a moving cursor
+const NOTATIONS = ["decimal", "dms", "utm", "mgrs"];
+
+export class Anchors {
+  constructor(map, pointing) {
+    Object.assign(this, { map, pointing, answer: null, pins: L.layerGroup().addTo(map.map) });
+    for (const name of ["set", "form", "list", "told", "said", "positions", "go", "notation"]) this[name] = document.getElementById(`anchors-${name}`);
+    this.place = document.getElementById("coordinate");
+    this.tool = { button: this.set, said: "Click a place whose coordinate you know.", place: (island, x, y) => this.begin({ island, x, y }) };
+    this.set.onclick = () => this.pointing.take(this.tool);
+    this.form.onsubmit = (event) => this.save(event);
+    this.go.onsubmit = (event) => this.goTo(event);
+    document.getElementById("anchors-cancel").onclick = () => (this.form.hidden = true);
+    this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
+    for (const name of NOTATIONS) this.notation.append(new Option(name.toUpperCase(), name));
+    map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
+  }
+
+  async read() {
+    const answer = await fetchDocument("/api/v1/anchors").catch(() => null);
+    if (!answer) return;
+    this.answer = answer;
+    this.show();
+  }
+
+  show() {
+    this.positions.checked = this.answer.by_positions;
+    this.list.replaceChildren(...this.answer.pins.map((pin) => this.row(pin)));
+    this.drawn = this.map.layer?.island;
+    const laid = this.laid();
+    this.told.textContent = sentence(laid);
+    this.place.hidden = !laid?.anchor;
+    this.showNorth(laid?.anchor);
+    this.pins.clearLayers();
+    for (const pin of this.answer.pins.filter(({ island }) => island === this.drawn)) {
+      const marker = L.marker([pin.y, pin.x], { icon: L.divIcon({ className: "pin", html: "", iconSize: [32, 32] }), title: nameOf(pin), keyboard: false });
+      this.pins.addLayer(marker);
+      marker.getElement().textContent = "+";
+    }
+  }
+
+  laid() {
+    return this.answer?.islands.find(({ island }) => island === this.map.layer?.island);
+  }
+
+  follow() {
+    if (this.answer && this.map.layer && this.drawn !== this.map.layer.island) this.show();
+  }
+
+  showNorth(anchor) {
+    const arrow = document.getElementById("north");
+    arrow.hidden = !anchor;
+    if (anchor) arrow.style.rotate = `${anchor.north_deg}deg`;
+  }
+
+  row(pin) {
+    const laid = this.answer.islands.find((one) => one.pins?.includes(pin.id));
+    const residual = laid?.residuals_m?.[laid.pins.indexOf(pin.id)];
+    const off = residual !== undefined && laid.pins.length > 2 ? `, ${t("{m} m off", { m: residual.toFixed(1) })}` : "";
+    const drop = Object.assign(document.createElement("button"), { type: "button", textContent: t("Delete"), ariaLabel: `${t("Delete")}: ${nameOf(pin)}` });
+    drop.onclick = () => trying(this.said, () => send("DELETE", `/pins/${pin.id}`)).then(() => this.read());
+    const item = document.createElement("li");
+    const text = document.createElement("span");
+    text.textContent = `${nameOf(pin)}: ${pin.written || `${pin.latitude}, ${pin.longitude}`} ± ${pin.sigma_m} m${off}`;
+    if (laid?.misfit === nameOf(pin)) text.className = "misfit";
+    item.append(text, drop);
+    return item;
+  }
+
+  begin(place) {
+    this.pointing.release();
+    openPanel("anchors");
+    this.newPlace = place;
+    this.form.hidden = false;
+    this.form.elements.coordinate.focus();
+  }
+
+  async save(event) {
+    event.preventDefault();
+    const { coordinate, sigma, label } = this.form.elements;
+    const body = { ...this.newPlace, coordinate: coordinate.value, sigma_m: Number(sigma.value.replace(",", ".")) || 3, label: label.value };
+    if (!(await trying(this.said, () => send("POST", "/pins", body)))) return;
+    this.form.reset();
+    this.form.hidden = true;
+    await this.read();
+  }
+
+  async goTo(event) {
+    event.preventDefault();
+    const at = this.go.elements.at.value;
+    const answer = await trying(this.said, async () => {
+      const response = await fetch(`/api/v1/canvas?at=${encodeURIComponent(at)}`);
+      if (!response.ok) throw new Error((await response.text()).trim());
+      return response.json();
+    });
+    const place = answer?.places.find(({ island }) => island === this.map.layer?.island) ?? answer?.places[0];
+    if (answer && !place) this.said.textContent = t("No island with an anchor reaches there.");
+    if (!place) return;
+    if (this.map.layer?.island !== place.island) this.map.chooseIsland(place.island);
+    this.map.setMode("free");
+    this.map.map.setView([place.y, place.x], this.map.map.getZoom(), { animate: false });
+  }
+
+  /** What is under the cursor, a few times a second at most. */
+  ask(latlng) {
+    if (!this.laid()?.anchor) return;
+    this.wanted = latlng;
+    this.timer ??= setTimeout(() => this.answerCursor(), ASK_EVERY_MS);
+  }
+
+  async answerCursor() {
+    const { lng, lat } = this.wanted;
+    const answer = await fetchDocument(`/api/v1/coordinates?island=${this.map.layer.island}&x=${lng}&y=${lat}`).catch(() => null);
+    this.timer = undefined;
+    const found = answer?.place;
+    if (found) this.place.textContent = `${found[this.notation.value] ?? found.decimal} ± ${Math.ceil(found.error_m)} m (95 %)`;
+  }
+}
+
+function sentence(laid) {
+  if (!laid) return t("This island has no anchor: set two pins or more.");
+  if (laid.refused) return laid.refused;
+  const error = Math.ceil(laid.anchor.middle.error_m);
+  if (laid.by === "positions") return t("Laid by {n} positions of the aircraft: ± {m} m (95 %) in the middle.", { n: laid.shots, m: error });
+  if (laid.misfit) return t("{name} does not fit the other pins: check it, or delete it.", { name: laid.misfit });
+  if (!laid.fits) return t("The three pins do not fit each other: set a fourth to find out which is wrong.");
+  if (!laid.checked) return t("Laid by two pins, unchecked: ± {m} m (95 %) in the middle. A third pin checks them.", { m: error });
+  return t("Laid by {n} pins that fit: ± {m} m (95 %) in the middle.", { n: laid.pins.length, m: error });
+}
+
+function nameOf(pin) {
+  return pin.label || `pin ${pin.id}`;
+}

@@ -1,0 +1,44 @@
+// Writing to the server: what people add to the flight. Who does is asked once, and kept on this device.
+
+const TIMEOUT_MS = 8000;
+const KEY = "gcs-mosaic who";
+
+/** The answer to a request that changes something. Throws an Error with the server's own sentence. */
+export async function send(method, path, body = {}) {
+  const response = await fetch(`/api/v1${path}`, {
+    method,
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify({ ...body, who: who() }),
+    signal: AbortSignal.timeout(TIMEOUT_MS),
+  });
+  if (response.ok || response.status === 409) return Object.assign(await response.json(), { isOutdated: response.status === 409 });
+  throw new Error((await response.text()).trim() || `${response.status}`);
+}
+
+/** The name under which this device adds things. */
+export function who() {
+  try {
+    return localStorage.getItem(KEY) || "operator";
+  } catch {
+    return "operator"; // a browser that keeps nothing
+  }
+}
+
+export function setWho(name) {
+  try {
+    localStorage.setItem(KEY, name.trim());
+  } catch {
+    // it holds until the page is closed
+  }
+}
+
+/** Run something that writes; what goes wrong is said in an element. */
+export async function trying(said, action) {
+  said.textContent = "";
+  try {
+    return await action();
+  } catch (error) {
+    said.textContent = error.message;
+    return null;
+  }
+}

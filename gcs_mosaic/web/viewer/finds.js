@@ -1,0 +1,149 @@
+// Finds: markers with a note, who and when, on the map and in a list; shared by all open pages.
+
+import { send, setWho, trying, who } from "/viewer/api.js";
+import { openPanel } from "/viewer/panels.js";
+import { fetchDocument } from "/viewer/server.js";
+import { t } from "/viewer/words.js";
+
+const CROP = 240; // px of the original
+const element = (tag, properties = {}, ...children) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+};
+
+export class Finds {
+  /** `showOriginal(find)`: opens what the find was seen in. */
+  constructor(map, pointing, showOriginal) {
+    Object.assign(this, { map, pointing, showOriginal, finds: [], pins: L.layerGroup().addTo(map.map) });
+    for (const name of ["form", "list", "undo", "said", "who", "mark"]) this[name] = document.getElementById(`finds-${name}`);
+    this.tool = { button: this.mark, said: "Click where the find is.", place: (island, x, y) => this.begin({ island, x, y }) };
+    this.who.value = who();
+    this.who.onchange = () => setWho(this.who.value);
+    this.mark.onclick = () => this.pointing.take(this.tool);
+    this.form.onsubmit = (event) => this.save(event);
+    document.getElementById("finds-cancel").onclick = () => this.endForm();
+    this.undo.querySelector("button").onclick = () => this.restore();
+  }
+
+  /** Ask where they lie now, and what is new. */
+  async read() {
+    const answer = await fetchDocument("/api/v1/finds").catch(() => null); // those that are shown stay
+    if (!answer) return;
+    this.finds = answer.finds;
+    this.show();
+  }
+
+  show() {
+    this.drawMarkers();
+    const focused = document.activeElement?.dataset?.find;
+    this.list.replaceChildren(...[...this.finds].reverse().map((find) => this.row(find)));
+    if (focused) this.list.querySelector(`[data-find="${focused}"]`)?.focus();
+    document.getElementById("open-finds").textContent = this.finds.length ? `${t("Finds")}: ${this.finds.length}` : t("Finds");
+  }
+
+  drawMarkers() {
+    const island = this.map.layer?.island;
+    this.drawn = island;
+    this.pins.clearLayers();
+    for (const find of this.finds.filter((one) => one.island === island)) {
+      const icon = L.divIcon({ className: "find", html: "", iconSize: [44, 44] });
+      const marker = L.marker([find.y, find.x], { icon, title: nameOf(find), alt: nameOf(find), keyboard: true }).on("click", () => this.open(find));
+      this.pins.addLayer(marker);
+      marker.getElement().textContent = find.id;
+    }
+  }
+
+  /** Markers are those of the island in view. */
+  follow() {
+    if (this.map.layer && this.drawn !== this.map.layer.island) this.drawMarkers();
+  }
+
+  row(find) {
+    const { frame } = find;
+    const picture = frame?.number == null ? [] : [element("img", {
+      src: `/api/v1/frames/${frame.number}/crop.jpg?x=${Math.round(frame.pixel[0])}&y=${Math.round(frame.pixel[1])}&side=${CROP}`,
+      alt: "", loading: "lazy", width: 96, height: 96,
+    })];
+    const where = find.geo ? `${find.geo.latitude.toFixed(6)}, ${find.geo.longitude.toFixed(6)} ± ${Math.ceil(find.geo.error_m)} m` : "";
+    const when = new Date(find.created_utc * 1000).toLocaleTimeString();
+    const text = element("div", {}, element("b", { textContent: `${find.id}. ${nameOf(find)}` }), element("p", { textContent: find.note }),
+      element("small", { textContent: `${find.who}, ${when}${where && `, ${where}`}${find.follows ? "" : `, ${t("does not follow the map")}`}` }));
+    const button = (label, action) => element("button", { type: "button", textContent: t(label), ariaLabel: `${t(label)}: ${nameOf(find)}`, onclick: action });
+    const go = button("Show", () => this.goTo(find));
+    go.dataset.find = find.id;
+    return element("li", {}, ...picture, text, element("div", { className: "row" }, go, button("Original", () => this.open(find)),
+      button("Edit", () => this.edit(find)), button("Delete", () => this.remove(find))));
+  }
+
+  goTo(find) {
+    if (this.map.layer?.island !== find.island) this.map.chooseIsland(find.island);
+    this.map.setMode("free");
+    this.map.map.setView([find.y, find.x], Math.max(this.map.map.getZoom(), 16), { animate: false });
+  }
+
+  open(find) {
+    this.goTo(find);
+    this.showOriginal(find);
+  }
+
+  /** A form for a new find at a place: { island, x, y } or { frame, pixel }. */
+  begin(place) {
+    this.pointing.release();
+    openPanel("finds");
+    Object.assign(this, { place, edited: null, key: crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}` });
+    this.fill({ label: "", kind: "", note: "" });
+  }
+
+  edit(find) {
+    Object.assign(this, { place: null, edited: find });
+    this.fill(find);
+  }
+
+  fill(find) {
+    for (const name of ["label", "kind", "note"]) this.form.elements[name].value = find[name];
+    this.form.hidden = false;
+    this.form.elements.label.focus();
+  }
+
+  endForm() {
+    this.form.hidden = true;
+    Object.assign(this, { place: null, edited: null });
+    this.mark.focus();
+  }
+
+  async save(event) {
+    event.preventDefault();
+    const texts = Object.fromEntries(["label", "kind", "note"].map((name) => [name, this.form.elements[name].value]));
+    const { edited } = this;
+    const answer = await trying(this.said, () => (edited
+      ? send("PATCH", `/finds/${edited.id}`, { ...texts, revision: edited.revision })
+      : send("POST", "/finds", { ...texts, ...this.place, key: this.key })));
+    if (answer?.isOutdated) {
+      this.said.textContent = t("Somebody else has changed it meanwhile: look at it, then save again.");
+      this.edited = answer;
+    } else if (answer) this.endForm();
+    await this.read();
+  }
+
+  async remove(find) {
+    const answer = await trying(this.said, () => send("DELETE", `/finds/${find.id}`, { revision: find.revision }));
+    if (answer && !answer.isOutdated) {
+      this.deleted = answer;
+      this.undo.querySelector("span").textContent = t("{name} is deleted.", { name: nameOf(find) });
+      this.undo.hidden = false;
+      this.undo.querySelector("button").focus();
+    }
+    await this.read();
+  }
+
+  async restore() {
+    const { id, revision } = this.deleted;
+    if (await trying(this.said, () => send("POST", `/finds/${id}/restore`, { revision }))) this.undo.hidden = true;
+    await this.read();
+  }
+}
+
+function nameOf(find) {
+  return find.label || find.kind || t("Find");
+}

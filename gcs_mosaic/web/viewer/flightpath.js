@@ -1,0 +1,118 @@
+// Where the camera was, and the outlines of the frames; those that are not on the map, with the reason; and the flight played again.
+
+import { outlineOf } from "/viewer/outline.js";
+import { Veil } from "/viewer/veil.js";
+import { t } from "/viewer/words.js";
+
+const NAMES = new Intl.Collator("en", { numeric: true });
+const SOON_MS = 2000; // between two drawings while the flight goes on
+const PATH = [["#000", 5], ["#56b4e9", 2]];
+
+export class FlightPath {
+  /** `placements`: where frames lie; `onTime(seconds | null)` is called when the slider is moved. */
+  constructor(map, placements) {
+    Object.assign(this, { map, placements, lines: L.layerGroup().addTo(map.map), until: Infinity, showsPath: false, showsOutlines: false });
+    this.renderer = L.canvas({ padding: 0.3 });
+    this.veil = new Veil(); // over what was not seen yet
+    for (const name of ["path", "outlines", "slider", "time", "absent", "play"]) this[name] = document.getElementById(`flight-${name}`);
+    this.path.onclick = () => this.toggle("showsPath", this.path);
+    this.outlines.onclick = () => this.toggle("showsOutlines", this.outlines);
+    this.slider.oninput = () => this.moveTo(Number(this.slider.value));
+    this.play.onclick = () => this.togglePlay();
+    document.getElementById("flight").addEventListener("opened", () => this.show());
+    document.getElementById("flight").addEventListener("closed", () => this.moveTo(Number(this.slider.max)));
+  }
+
+  toggle(what, button) {
+    this[what] = !this[what];
+    button.setAttribute("aria-pressed", String(this[what]));
+    this.draw();
+  }
+
+  /** All frames that have a place, in the order of their names, which cameras count up. */
+  frames() {
+    if (this.ordered?.revision !== this.placements.revision) {
+      const placed = [...this.placements.places.values()].filter((one) => one.canvas_from_frame);
+      this.ordered = { revision: this.placements.revision, frames: placed.sort((one, other) => NAMES.compare(one.name, other.name)) };
+    }
+    return this.ordered.frames;
+  }
+
+  show() {
+    if (document.getElementById("flight").hidden && !this.showsPath && !this.showsOutlines) return;
+    if (Date.now() - (this.drawnAt ?? 0) < SOON_MS && this.drawnRevision !== undefined) return;
+    const wasNewest = this.slider.value === this.slider.max;
+    const frames = this.frames();
+    this.slider.max = String(frames.length);
+    if (wasNewest || this.slider.value > frames.length) this.slider.value = String(frames.length);
+    this.showAbsent();
+    this.moveTo(Number(this.slider.value));
+  }
+
+  /** Show the flight as it was when `count` frames had been taken. */
+  moveTo(count) {
+    const frames = this.frames();
+    this.count = count;
+    const isPast = count < frames.length;
+    this.time.textContent = isPast ? t("After {n} of {all} frames: {name}", { n: count, all: frames.length, name: frames[count - 1]?.name ?? "" }) : t("All {all} frames", { all: frames.length });
+    this.draw();
+  }
+
+  togglePlay() {
+    if (this.playing) {
+      clearInterval(this.playing);
+      this.playing = null;
+    } else {
+      if (this.slider.value === this.slider.max) this.slider.value = "0";
+      const step = Math.max(1, Math.round(this.slider.max / 150));
+      this.playing = setInterval(() => {
+        this.slider.value = String(Math.min(Number(this.slider.value) + step, Number(this.slider.max)));
+        this.moveTo(Number(this.slider.value));
+        if (this.slider.value === this.slider.max) this.togglePlay();
+      }, 200);
+    }
+    this.play.setAttribute("aria-pressed", String(Boolean(this.playing)));
+  }
+
+  draw() {
+    Object.assign(this, { drawnAt: Date.now(), drawnRevision: this.placements.revision });
+    this.lines.clearLayers();
+    const frames = this.frames();
+    const isPast = this.count !== undefined && this.count < frames.length && !document.getElementById("flight").hidden;
+    const until = isPast ? this.count : frames.length;
+    const here = (one) => one.island === this.map.layer?.island;
+    const shown = frames.slice(0, until).filter(here);
+    this.veil.remove();
+    if (isPast) {
+      this.veil.show(frames.slice(until).filter(here).map(outlineOf).filter(Boolean), shown.map(outlineOf).filter(Boolean));
+      this.veil.addTo(this.map.map);
+    }
+    if (this.showsOutlines || isPast) for (const frame of shown.slice(this.showsOutlines ? 0 : -1)) this.outline(frame, frame === shown.at(-1));
+    if (!this.showsPath) return;
+    const middles = shown.map(middleOf).filter(Boolean);
+    for (const [color, weight] of PATH) this.lines.addLayer(L.polyline(middles, { renderer: this.renderer, color, weight, interactive: false }));
+  }
+
+  outline(frame, isNewest) {
+    const corners = outlineOf(frame);
+    if (corners) this.lines.addLayer(L.polygon(corners, { renderer: this.renderer, color: isNewest ? "#ffe600" : "#fff", weight: isNewest ? 4 : 1, fill: false, interactive: false }));
+  }
+
+  /** Frames that are not on the map, by their reasons. */
+  showAbsent() {
+    const items = [...this.placements.absent.values()].slice(-200).reverse().map(({ name, reason }) => {
+      const item = document.createElement("li");
+      item.textContent = `${name}: ${reason}`;
+      return item;
+    });
+    const title = document.getElementById("flight-absent-title");
+    title.textContent = items.length ? t("Not on the map: {n}", { n: this.placements.absent.size }) : t("All frames are on the map.");
+    this.absent.replaceChildren(...items);
+  }
+}
+
+/** The middle of a frame's outline, [y, x]; null where it reaches beyond the horizon. */
+function middleOf(frame) {
+  const corners = outlineOf(frame);
+  return corners && [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
+}
