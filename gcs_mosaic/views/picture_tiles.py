@@ -34,9 +34,7 @@ class PictureTiles:
         """A JPEG of the square of `side` px about a pixel of the original, moved to lie within it. Raises NoPicture."""
         image = self._picture(view, number)
         height, width = image.shape[:2]
-        left, top = (
-            min(max(round(at) - side // 2, 0), max(size - side, 0)) for at, size in ((x, width), (y, height))
-        )
+        left, top = (min(max(round(at) - side // 2, 0), max(size - side, 0)) for at, size in ((x, width), (y, height)))
         return _jpeg(image[top : top + side, left : left + side])
 
     def forget(self) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
 from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
@@ -45,6 +46,7 @@ HEARTBEAT_S = 15.0  # keeps NAT entries alive, and detects pages that are gone
 SEND_S = 20.0  # send timeout, after which a page is gone
 FAREWELL_S = 2.0  # for open pages to read the end of the flight
 POLL_S = 1.0  # polling interval of mosaic.json without a feed
+SMALL_BYTES = 1 << 20  # of a document that is answered from memory
 CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 
@@ -104,9 +106,26 @@ async def page(_request: web.Request) -> web.StreamResponse:
 async def document(request: web.Request) -> web.StreamResponse:
     """One of the JSON documents, as on disk."""
     path = request.app[ROOT] / request.path.lstrip("/")
-    if not path.is_file():
-        raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n")
-    return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
+    try:
+        small = await asyncio.to_thread(small_document, path)
+    except OSError:
+        raise web.HTTPNotFound(text=f"{path.name} is not written yet.\n") from None
+    if small is None:
+        return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
+    data, etag = small
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
+    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
+
+
+def small_document(path: Path) -> tuple[bytes, str] | None:
+    """Content and entity tag of a document, None for a large one. A file that is sent while the connection is reset would stay
+    open until it is collected. Raises OSError."""
+    with path.open("rb") as file:
+        found = os.fstat(file.fileno())
+        if found.st_size > SMALL_BYTES:
+            return None
+        return file.read(), f"{found.st_mtime_ns:x}-{found.st_size:x}"
 
 
 async def status(request: web.Request) -> web.StreamResponse:

@@ -10,42 +10,18 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.render.painted import Painted
-from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose
-from gcs_mosaic.store.folder import LEDGER_NAME
-from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
-from tests.factories import frame
 from tests.sure import sure
 from tests.web.browser import CHROMIUM, open_browser
-from tests.web.small_flight import MIDDLE, RED, SmallFlight
+from tests.web.seen_flight import HOLE, seen_flight
+from tests.web.small_flight import MIDDLE, SmallFlight
 from tests.web.test_app import Client
-
-CAMERA = Camera(240, 180, focal=1.3)
-HOLE = (2, 1)
 
 
 @pytest.fixture
 def flight(tmp_path: Path) -> SmallFlight:
-    """Five by four frames with one left out."""
-    flight = SmallFlight(tmp_path)
-    with Ledger(tmp_path / LEDGER_NAME) as ledger:
-        ledger.record_island(0)
-        for column, row in np.ndindex(5, 4):
-            if (column, row) == HOLE:
-                continue
-            name = f"{column}{row}.jpg"
-            pose = Pose(column * 200.0, row * 150.0)
-            ledger.record_frame(frame(name, modified=1.7e9))
-            ledger.record_painted(Painted(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
-            flight.place(name, column * 200.0, row * 150.0)
-    flight.paint(Tile(16, MIDDLE, MIDDLE), RED)
-    flight.islands = [IslandEntry(id=0, bounds=(-256, -256, 1024, 768), minzoom=13, maxzoom=16, frames=19)]
-    flight.write()
-    return flight
+    return seen_flight(tmp_path)
 
 
 @pytest.fixture

@@ -167,7 +167,7 @@ export class MosaicMap {
 
   look(bounds) {
     this.movedByUs = true;
-    this.map.fitBounds(bounds, { animate: false, padding: [12, 12] });
+    this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [besideTools(), 12], paddingBottomRight: [12, 12] });
     this.movedByUs = false;
   }
 
@@ -190,6 +190,12 @@ export class MosaicMap {
     // Exchanging the options would close the list under the user's finger.
     if (document.activeElement !== select) select.replaceChildren(...options);
   }
+}
+
+/** CSS pixels on the left that the tools stand on, where they stand below each other; what is looked at is not under them. */
+function besideTools() {
+  const { offsetWidth, offsetHeight } = document.getElementById("tools");
+  return offsetHeight > offsetWidth ? offsetWidth : 12;
 }
 
 /** What is painted within an island's tiles; all of them while that is not known. */

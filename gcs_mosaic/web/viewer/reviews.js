@@ -87,8 +87,13 @@ export class Reviews {
       const bounds = [corner, [corner[0] + cell.units, corner[1] + cell.units]];
       this.shade.addLayer(L.rectangle(bounds, { renderer, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
     }
-    const all = reviewed.length + missing.length;
-    this.told.textContent = all ? t("{share} % of the ground in view was reviewed.", { share: Math.round((100 * reviewed.length) / all) }) : "";
+    const [left, top, right, bottom] = this.box();
+    const isInView = ([x, y]) => {
+      const [across, down] = [x, y].map((index) => cell.units * (index + 0.5) - 2 ** 23);
+      return across > left && across < right && down > top && down < bottom;
+    };
+    const [done, open] = [reviewed, missing].map((cells) => cells.filter(isInView).length);
+    this.told.textContent = done + open ? t("{share} % of the ground in view was reviewed.", { share: Math.round((100 * done) / (done + open)) }) : "";
     const names = [t("anybody"), ...reviewers.map(({ who: name }) => name)];
     if (this.whose.options.length === names.length) return;
     const chosen = this.whose.value;

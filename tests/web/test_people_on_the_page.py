@@ -1,0 +1,207 @@
+"""What people add on the page, in a real browser: finds, a scale, lengths, reviews, pins; islands and the flight played again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gcs_mosaic.store.manifest import IslandEntry
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.server import WebServer
+from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.seen_flight import seen_flight
+from tests.web.small_flight import SmallFlight
+from tests.web.test_notes_api import Writer
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+SIZES = [(400, 800), (1024, 768), (1280, 800), (1920, 1080)]
+PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> SmallFlight:
+    return seen_flight(tmp_path)
+
+
+@pytest.fixture
+def url(flight: SmallFlight, page: Page) -> Iterator[str]:
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0))
+    yield server.start()
+    page.open("about:blank")
+    server.stop()
+
+
+class Person:
+    """Somebody at the page, who clicks and types."""
+
+    def __init__(self, page: Page, url: str, size: tuple[int, int] = (1280, 800)) -> None:
+        self.page = page
+        page.resize(*size)
+        page.open(url)
+        page.wait_for("document.querySelectorAll('.leaflet-tile-loaded img').length > 0")
+
+    def press(self, id_: str) -> None:
+        assert self.page.evaluate(f"document.getElementById('{id_}').getClientRects().length") > 0, id_
+        self.page.evaluate(f"document.getElementById('{id_}').click()")
+
+    def click(self, x: float, y: float) -> None:
+        for kind in ("mousePressed", "mouseReleased"):
+            self.page.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def type(self, form: str, **texts: str) -> None:
+        for name, text in texts.items():
+            field = f"document.getElementById('{form}').elements.{name}"
+            self.page.evaluate(f"{field}.value = {json.dumps(text)}")
+        self.page.evaluate(f"document.getElementById('{form}').requestSubmit()")
+
+    def text(self, id_: str) -> str:
+        return str(self.page.evaluate(f"document.getElementById('{id_}').innerText"))
+
+    def sees(self, id_: str, text: str) -> None:
+        self.page.wait_for(f"document.getElementById('{id_}').innerText.includes({json.dumps(text)})")
+
+
+def test_a_find_is_marked_edited_deleted_and_brought_back(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-finds")
+    someone.press("finds-mark")
+    someone.sees("hint", "Click where the find is.")
+    someone.click(500, 400)
+    page.wait_for("!document.getElementById('finds-form').hidden")
+    someone.type("finds-form", label="<b>Blue</b> jacket", kind="clothing", note="by the creek")
+    someone.sees("finds-list", "<b>Blue</b> jacket")  # as text
+    assert someone.text("open-finds") == "Finds: 1"
+    middle = "(({x, y, width}) => [x + width / 2, y + width / 2])"
+    marker = page.evaluate(f"{middle}(document.querySelector('.find').getBoundingClientRect())")
+    assert marker == pytest.approx([500, 400], abs=2)
+    page.evaluate("[...document.querySelectorAll('#finds-list button')].find((b) => b.textContent === 'Edit').click()")
+    someone.type("finds-form", label="Red jacket")
+    someone.sees("finds-list", "Red jacket")
+    page.evaluate(
+        "[...document.querySelectorAll('#finds-list button')].find((b) => b.textContent === 'Delete').click()"
+    )
+    page.wait_for("document.querySelectorAll('.find').length === 0")
+    page.evaluate("document.querySelector('#finds-undo button').click()")
+    someone.sees("finds-list", "Red jacket")
+    Writer(url).send("POST", "/finds", {"island": 0, "x": 90, "y": 90, "label": "from another page", "who": "Ann"})
+    someone.sees("finds-list", "from another page")
+    assert page.complaints == []
+
+
+def test_lengths_a_scale_and_a_person_s_size(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-measure")
+    assert "No scale is known" in someone.text("measure-known")
+    someone.press("measure-line")
+    for x in (400, 500):
+        someone.click(x, 300)
+    pixels = float(someone.text("measure-told").split()[0])
+    someone.press("measure-scale")
+    for x in (400, 500):
+        someone.click(x, 300)
+    someone.type("measure-metres", metres="50")
+    someone.sees("measure-known", f"{5000 / pixels:.3g}"[:3])
+    someone.press("measure-line")
+    for x in (400, 500):
+        someone.click(x, 300)
+    someone.sees("measure-told", "50 m")
+    assert someone.text("scale-bar").endswith(" m")
+    someone.press("measure-person")
+    silhouette = page.evaluate("document.getElementById('person').getBoundingClientRect().height")
+    assert silhouette == pytest.approx(1.75 * 100 / 50, abs=0.6)  # 100 px on the screen were 50 m
+    assert page.complaints == []
+
+
+def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-reviews")
+    someone.press("reviews-show")
+    someone.sees("reviews-told", "0 % of the ground")
+    for _ in range(8):
+        page.evaluate("document.querySelector('.leaflet-control-zoom-in').click()")
+    someone.sees("reviews-told", "100 % of the ground")
+    reviewers = Writer(url).get("/reviews?island=0&left=0&top=0&right=9&bottom=9&level=0")["reviewers"]
+    assert [one["who"] for one in reviewers] == ["operator"]
+
+
+def test_pins_lay_the_map_and_the_cursor_tells_its_coordinate(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-anchors")
+    for x, y, coordinate in ((300, 300, "44.5, 7.0"), (700, 300, "44.5, 7.003"), (300, 600, "44.4984, 7.0")):
+        someone.press("anchors-set")
+        someone.click(x, y)
+        someone.type("anchors-form", coordinate=coordinate)
+        page.wait_for("document.getElementById('anchors-form').hidden")
+    someone.sees("anchors-told", "Laid by 3 pins that fit")
+    page.command("Input.dispatchMouseEvent", type="mouseMoved", x=300, y=300)
+    someone.sees("coordinate", "44.5")
+    someone.press("anchors-set")
+    someone.click(500, 400)
+    someone.type("anchors-form", coordinate="somewhere")
+    someone.sees("anchors-said", "is no coordinate that is understood")
+    assert page.complaints == []
+
+
+def test_islands_stand_side_by_side_and_the_flight_is_played_again(page: Page, url: str, flight: SmallFlight) -> None:
+    flight.islands.append(IslandEntry(id=3, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=1))
+    flight.write()
+    someone = Person(page, url)
+    someone.press("open-islands")
+    someone.sees("islands-list", "Island 3: 1 frame")
+    page.evaluate("document.querySelector('[data-island=\"3\"]').click()")
+    page.wait_for("document.getElementById('island').value === '3'")
+    page.evaluate("document.querySelector('[data-island=\"0\"]').click()")
+    someone.press("open-flight")
+    someone.press("flight-path")
+    page.evaluate(
+        "((s) => { s.value = 7; s.dispatchEvent(new Event('input')) })(document.getElementById('flight-slider'))"
+    )
+    someone.sees("flight-time", "After 7 of 19 frames: 12.jpg")
+    page.wait_for("document.querySelectorAll('canvas.veil').length === 1")
+    page.evaluate("document.getElementById('side-close').click()")
+    page.wait_for("document.querySelectorAll('canvas.veil').length === 0")
+    assert page.complaints == []
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_everything_can_be_reached_with_a_finger_and_the_map_stays_large(
+    page: Page, url: str, size: tuple[int, int]
+) -> None:
+    someone = Person(page, url, size)
+    share = page.evaluate(
+        "(({width, height}) => width * height / ((innerWidth) * document.querySelector('main').offsetHeight))"
+        "(document.getElementById('map').getBoundingClientRect())"
+    )
+    assert share >= 0.7
+    for panel in PANELS:
+        someone.press(f"open-{panel}")
+        small: list[Any] = page.evaluate(
+            "[...document.querySelectorAll('button, select, input, textarea, #side a, summary')].filter((one) => {"
+            " const { width, height } = one.getBoundingClientRect();"
+            " return width && Math.min(width, height) < 43.5 && one.type !== 'range'; }).map((one) => one.outerHTML)"
+        )
+        assert small == []
+        wide = page.evaluate("document.documentElement.scrollWidth > innerWidth")
+        assert not wide
+
+
+def test_the_page_speaks_german(page: Page, url: str) -> None:
+    Person(page, url)
+    page.evaluate("localStorage.setItem('gcs-mosaic language', 'de')")
+    try:
+        someone = Person(page, url)
+        assert someone.text("open-finds") == "Funde"
+        someone.press("open-measure")
+        someone.sees("measure-known", "Von dieser Insel ist kein Maßstab bekannt")
+    finally:
+        page.evaluate("localStorage.removeItem('gcs-mosaic language')")
