@@ -259,7 +259,8 @@ class Ledger(LedgerFile):
         """Every painted frame and how it lies, without relief and looks, in order of arrival. Quick: 100,000 take a second."""
         columns = (
             f'frame, frames.name, island, "order", level, {POSE_COLUMNS}, frames.modified, cameras.width AS camera_width, '
-            f"cameras.height AS camera_height, {LENS_COLUMNS}"
+            f"cameras.height AS camera_height, {LENS_COLUMNS}, "
+            "(SELECT corner_deviation_px FROM estimates WHERE estimates.frame = painted.frame) AS deviation"
         )
         tables = "painted JOIN frames ON frames.id = painted.frame JOIN cameras ON cameras.id = painted.camera"
         return [position_record_of(row) for row in self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame")]

@@ -113,6 +113,7 @@ class PositionRecord:
     pose: Pose
     camera: Camera
     modified: float | None  # capture time if known, else the file's; seconds since 1970
+    corner_deviation_px: float | None = None  # as in `Estimate`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

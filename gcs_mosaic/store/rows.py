@@ -236,6 +236,7 @@ def position_record_of(row: sqlite3.Row) -> PositionRecord:
         pose=pose_of(row),
         camera=camera_of(row),
         modified=row["modified"],
+        corner_deviation_px=row["deviation"],
     )
 
 

@@ -47,12 +47,16 @@ class Grid:
 @dataclass(frozen=True, slots=True)
 class Coverage:
     """What was seen of each cell (rows, columns): the number of frames, the finest ground resolution (canvas units per pixel of
-    the picture that was stitched; infinite where nobody looked) and the newest time (seconds since 1970; NaN)."""
+    the picture that was stitched; infinite where nobody looked), the newest time (seconds since 1970; NaN), the least angle from
+    straight down (degrees; infinite) and the least stated deviation (one standard deviation of a frame's worst corner, canvas
+    units; infinite where that is not known)."""
 
     grid: Grid
     looks: NDArray[np.uint16]
     finest: FloatImage
     newest: Array
+    steepest: FloatImage
+    surest: FloatImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,7 @@ def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
     looks = np.zeros((grid.rows, grid.columns), np.uint16)
     finest = np.full(looks.shape, np.inf, np.float32)
     newest = np.full(looks.shape, np.nan)
+    steepest, surest = finest.copy(), finest.copy()
     for index in frames:
         found = _cells_of(grid, table.outlines[index])
         if found is None:
@@ -76,11 +81,14 @@ def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
         window, inside = found
         one = table.frames[index]
         looks[window][inside] += 1
-        near = finest[window]
-        near[inside] = np.minimum(near[inside], np.exp(one.pose.log_gsd))
+        gsd = np.exp(one.pose.log_gsd)
+        tilt = np.degrees(np.arccos(np.cos(one.pose.pitch) * np.cos(one.pose.roll)))
+        deviation = np.inf if one.corner_deviation_px is None else one.corner_deviation_px * gsd
+        for values, value in ((finest, gsd), (steepest, tilt), (surest, deviation)):
+            values[window][inside] = np.minimum(values[window][inside], value)
         if one.modified is not None:
             newest[window][inside] = np.fmax(newest[window][inside], one.modified)
-    return Coverage(grid, looks, finest, newest)
+    return Coverage(grid, looks, finest, newest, steepest, surest)
 
 
 def gaps_in(coverage: Coverage, footprint: float) -> list[Gap]:

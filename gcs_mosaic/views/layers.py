@@ -54,12 +54,33 @@ def _of_age(seen: Coverage, _usual: float) -> Array:
     return np.asarray(1 - np.log2(minutes) / 7)
 
 
+def _of_angle(seen: Coverage, _usual: float) -> Array:
+    """From 45 degrees on things hide what is behind them as far as they are tall."""
+    return np.asarray(1 - seen.steepest / 45, np.float64)
+
+
+def _of_confidence(seen: Coverage, usual: float) -> Array:
+    """By octaves of pixels: a pixel is exact, 32 are not. It knows the noise of matches only. What is not known is the worst."""
+    with np.errstate(divide="ignore"):
+        octaves = np.log2(np.maximum(seen.surest / usual, 1.0)) / 5
+    return np.asarray(1 - np.minimum(octaves, 1.0), np.float64)
+
+
 LAYERS = {
     layer.name: layer
     for layer in (
         MapLayer("looks", "Number of looks", "1", "6 or more", cv2.COLORMAP_VIRIDIS, _of_looks),
         MapLayer(
             "resolution", "How finely it was seen", "half as fine", "finest", cv2.COLORMAP_CIVIDIS, _of_resolution
+        ),
+        MapLayer("angle", "How steeply it was seen", "45°", "straight down", cv2.COLORMAP_CIVIDIS, _of_angle),
+        MapLayer(
+            "confidence",
+            "How exactly it lies, by the matches",
+            "32 px or more",
+            "1 px",
+            cv2.COLORMAP_VIRIDIS,
+            _of_confidence,
         ),
         MapLayer("age", "Last look", "two hours ago", "a minute ago", cv2.COLORMAP_CIVIDIS, _of_age),
     )
@@ -109,7 +130,8 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     down = np.floor((rows - whole.grid.top) / whole.grid.cell).astype(int)
     known = ((down >= 0) & (down < whole.grid.rows))[:, None] & ((across >= 0) & (across < whole.grid.columns))
     at = np.ix_(down.clip(0, whole.grid.rows - 1), across.clip(0, whole.grid.columns - 1))
-    return Coverage(grid, np.where(known, whole.looks[at], 0).astype(np.uint16), whole.finest[at], whole.newest[at])
+    looks = np.where(known, whole.looks[at], 0).astype(np.uint16)
+    return Coverage(grid, looks, whole.finest[at], whole.newest[at], whole.steepest[at], whole.surest[at])
 
 
 def _encoded(layer: MapLayer, seen: Coverage, usual: float) -> bytes | None:

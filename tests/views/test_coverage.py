@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,3 +88,13 @@ def test_a_tile_s_cells_lie_on_the_tile() -> None:
     box = tile_box(Tile(14, 8192, 8192))
     grid = Grid(box[0], box[1], (box[2] - box[0]) / 64, 64, 64)
     assert grid.box == pytest.approx(box)
+
+
+def test_the_steepest_and_the_surest_look_are_told_for_each_cell() -> None:
+    poses = [Pose(0, 0, pitch=0.5), Pose(0, 0, pitch=0.1, roll=0.2)]
+    flat = table(poses)
+    sure = [replace(one, corner_deviation_px=px) for one, px in zip(flat.frames, (3.0, None), strict=True)]
+    found = seen_on(Grid(-100, -50, 10.0, 20, 10), table_of(1, sure), [0, 1])
+    assert found.steepest[5, 10] == pytest.approx(np.degrees(np.arccos(np.cos(0.1) * np.cos(0.2))))
+    assert found.surest[5, 10] == pytest.approx(3.0)
+    assert np.isinf(seen_on(Grid(-100, -50, 10.0, 20, 10), table_of(1, sure), [1]).surest).all()

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import axe_core_python
 import pytest
 
 from gcs_mosaic.store.manifest import IslandEntry
@@ -19,6 +20,12 @@ from tests.web.test_notes_api import Writer
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 SIZES = [(400, 800), (1024, 768), (1280, 800), (1920, 1080)]
+AXE = Path(axe_core_python.__file__).parent / "axe.min.js"
+RULES = "{ runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'] }"
+VIOLATIONS = f"""axe.run(document, {RULES}).then(({{ violations, passes }}) => {{
+  const told = violations.map(({{ id, nodes }}) => ({{ id, nodes: nodes.slice(0, 3).map(({{ html, any }}) => [html, any[0]?.message]) }}));
+  return passes.length < 10 ? [...told, {{ id: "too little was looked at" }}] : told;
+}})"""
 PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"]
 
 
@@ -205,3 +212,43 @@ def test_the_page_speaks_german(page: Page, url: str) -> None:
         someone.sees("measure-known", "Von dieser Insel ist kein Maßstab bekannt")
     finally:
         page.evaluate("localStorage.removeItem('gcs-mosaic language')")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark", "night"])
+def test_nothing_hinders_who_sees_hears_or_moves_otherwise(page: Page, url: str, theme: str) -> None:
+    """WCAG 2.1 AA as far as axe-core can tell, with each panel open, a find and a pin on the map, and the sheet of keys."""
+    writer = Writer(url)
+    writer.send("POST", "/finds", {"island": 0, "x": 90, "y": 90, "label": "a tent", "who": "Ann"})
+    writer.send("POST", "/pins", {"island": 0, "x": 90, "y": 90, "coordinate": "44.5, 7.1", "who": "Ann"})
+    someone = Person(page, url)
+    page.evaluate(AXE.read_text("utf-8") + "; true")
+    someone.press("open-look")
+    page.evaluate(f"document.getElementById('look-theme').value = '{theme}'")
+    page.evaluate("document.getElementById('look-theme').dispatchEvent(new Event('input'))")
+    found: dict[str, Any] = {}
+    for panel in [*PANELS, "help"]:
+        someone.press(f"open-{panel}")
+        for violation in page.evaluate(VIOLATIONS):
+            found[violation["id"]] = violation
+    page.evaluate("document.getElementById('help').close()")
+    page.evaluate("localStorage.removeItem('gcs-mosaic look')")
+    assert found == {}
+
+
+def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
+    someone = Person(page, url)
+
+    def key(name: str) -> None:
+        page.command("Input.dispatchKeyEvent", type="keyDown", key=name, text=name if len(name) == 1 else "")
+
+    key("?")
+    page.wait_for("document.getElementById('help').open")
+    someone.press("help-close")
+    key("3")
+    page.wait_for("!document.getElementById('measure').hidden")
+    key("m")
+    someone.sees("hint", "Click where the find is.")
+    key("Escape")
+    page.wait_for("document.getElementById('hint').hidden")
+    key("n")
+    page.wait_for("document.getElementById('newest').getAttribute('aria-pressed') === 'true'")

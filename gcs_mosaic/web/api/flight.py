@@ -2,21 +2,49 @@
 
 from __future__ import annotations
 
+import json
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
 
 from aiohttp import web
 
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread
+from gcs_mosaic.web.api.notes import told_anew
+
+DESCRIPTIONS = Path(__file__).parent / "openapi"
 
 
 def add_routes(app: web.Application) -> None:
     app.router.add_get(BASE, about)
+    app.router.add_get(f"{BASE}/openapi.json", description)
 
 
 async def about(request: web.Request) -> web.StreamResponse:
     """GET: the API's version, the program's, and what the flight has come to."""
     table = await in_thread(request, request.app[VIEW].table)
     return answer({"api": 1, "program": _program(), "revision": table.revision, "frames": len(table.frames)})
+
+
+async def description(request: web.Request) -> web.StreamResponse:
+    """GET: this API, as OpenAPI 3.1."""
+    return told_anew(request, await in_thread(request, openapi))
+
+
+def openapi() -> dict[str, Any]:
+    """The files beside this one, as one document."""
+    document: dict[str, Any] = {
+        "openapi": "3.1.0",
+        "info": {"title": "gcs-mosaic", "version": "1", "description": "Canvas places are those of an island."},
+        "servers": [{"url": BASE}],
+        "paths": {},
+        "components": {"schemas": {}},
+    }
+    for path in sorted(DESCRIPTIONS.glob("*.json")):
+        part = json.loads(path.read_text("utf-8"))
+        document["paths"] |= part["paths"]
+        document["components"]["schemas"] |= part.get("components", {}).get("schemas", {})
+    return document
 
 
 def _program() -> str:

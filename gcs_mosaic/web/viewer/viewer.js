@@ -5,6 +5,7 @@ import { Anchors } from "/viewer/anchors.js";
 import { Finds } from "/viewer/finds.js";
 import { FlightPath } from "/viewer/flightpath.js";
 import { Islands } from "/viewer/islands.js";
+import { listenForKeys } from "/viewer/keys.js";
 import { Lag, Live } from "/viewer/live.js";
 import { Look } from "/viewer/look.js";
 import { MosaicMap } from "/viewer/map.js";
@@ -26,6 +27,7 @@ const LATE_S = 5; // then what was told must have been lost on the way
 
 await loadWords().catch(console.warn); // in English then
 makePanels();
+listenForKeys();
 const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();

@@ -1,0 +1,51 @@
+// Keys for the hand that does not hold the tablet, and a sheet that tells them.
+
+import { openPanel } from "/viewer/panels.js";
+import { t } from "/viewer/words.js";
+
+const PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"];
+
+const press = (id) => document.getElementById(id).click();
+const KEYS = [
+  ["?", "This sheet", () => showSheet()],
+  ["m", "Mark a find", () => press("finds-mark")],
+  ["a", "Whole map", () => press("all")],
+  ["n", "Follow newest", () => press("newest")],
+  ["g", "Gaps", () => press("gaps")],
+  ["l", "Length", () => {
+    openPanel("measure");
+    press("measure-line");
+  }],
+  ["f", "Full screen", () => press("full")],
+  ["1 … 8", "Layers, Finds, Measure, Review, Anchor, Islands, Flight, Look", null],
+  ["+  −", "Nearer, farther", null],
+  ["← ↑ → ↓", "Move the map; step through originals", null],
+  ["b", "Blink between two originals", null],
+  ["Esc", "End what was begun, close what is open", null],
+];
+
+export function listenForKeys() {
+  const sheet = document.getElementById("help");
+  const list = document.getElementById("help-keys");
+  for (const [key, said] of KEYS) {
+    const [term, words] = ["dt", "dd"].map((tag) => document.createElement(tag));
+    term.append(Object.assign(document.createElement("kbd"), { textContent: key }));
+    words.textContent = t(said);
+    list.append(term, words);
+  }
+  document.getElementById("help-close").onclick = () => sheet.close();
+  document.getElementById("open-help").onclick = showSheet;
+  document.addEventListener("keydown", onKey);
+}
+
+function onKey({ key, target, ctrlKey, altKey, metaKey }) {
+  const isTyping = target.matches?.("input:not([type=range], [type=checkbox]), textarea, select");
+  if (ctrlKey || altKey || metaKey || isTyping || document.getElementById("help").open) return;
+  const panel = /^[1-8]$/.test(key) && PANELS[key - 1];
+  if (panel) press(`open-${panel}`);
+  else if (document.getElementById("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();
+}
+
+function showSheet() {
+  document.getElementById("help").showModal();
+}
