@@ -23,7 +23,8 @@ SIZES = [(400, 800), (1024, 768), (1280, 800), (1920, 1080)]
 AXE = Path(axe_core_python.__file__).parent / "axe.min.js"
 RULES = "{ runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'] }"
 VIOLATIONS = f"""axe.run(document, {RULES}).then(({{ violations, passes }}) => {{
-  const told = violations.map(({{ id, nodes }}) => ({{ id, nodes: nodes.slice(0, 3).map(({{ html, any }}) => [html, any[0]?.message]) }}));
+  const where = (nodes) => nodes.slice(0, 3).map(({{ html, any }}) => [html, any[0]?.message]);
+  const told = violations.map(({{ id, nodes }}) => ({{ id, nodes: where(nodes) }}));
   return passes.length < 10 ? [...told, {{ id: "too little was looked at" }}] : told;
 }})"""
 PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"]
