@@ -84,6 +84,7 @@ def make_app(
         app.router.add_get(f"/{name}", document)
     app.router.add_get(f"/{STATUS}", status)
     app.router.add_get(f"/{JOURNAL_NAME}", journal)
+    app.router.add_get("/sw.js", worker)
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
     app.router.add_post(PATH, choose_vehicle)
@@ -101,6 +102,11 @@ async def note_request(request: web.Request, handler: Handler) -> web.StreamResp
 
 async def page(_request: web.Request) -> web.StreamResponse:
     return web.FileResponse(VIEWER / "index.html")
+
+
+async def worker(_request: web.Request) -> web.StreamResponse:
+    """The page's service worker, which may answer for everything only if it lies at the root."""
+    return web.FileResponse(VIEWER / "sw.js")
 
 
 async def document(request: web.Request) -> web.StreamResponse:

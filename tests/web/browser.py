@@ -45,6 +45,7 @@ class Page:
         self.complaints: list[str] = []
         for domain in ("Page", "Network", "Runtime", "Log"):
             self.command(f"{domain}.enable")
+        self.keep_nothing()
 
     def command(self, method: str, **parameters: object) -> dict[str, Any]:
         return self._runner.run(asyncio.wait_for(self._command(method, parameters), ANSWER_S))
@@ -67,6 +68,10 @@ class Page:
                 self.complaints.append(str(message["params"]["exceptionDetails"]))
             case "Log.entryAdded" if message["params"]["entry"]["source"] == "security":
                 self.complaints.append(message["params"]["entry"]["text"])
+
+    def keep_nothing(self, *, nothing: bool = True) -> None:
+        """Whether the page is without its service worker, which answers for a server that is away."""
+        self.command("Network.setBypassServiceWorker", bypass=nothing)
 
     def open(self, url: str) -> None:
         """Go to `url` and wait until the document is there."""

@@ -13,6 +13,7 @@ import pytest
 from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
+from tests.ports import free_port
 from tests.web.browser import CHROMIUM, Page, open_browser
 from tests.web.seen_flight import seen_flight
 from tests.web.small_flight import SmallFlight
@@ -27,6 +28,7 @@ VIOLATIONS = f"""axe.run(document, {RULES}).then(({{ violations, passes }}) => {
   const told = violations.map(({{ id, nodes }}) => ({{ id, nodes: where(nodes) }}));
   return passes.length < 10 ? [...told, {{ id: "too little was looked at" }}] : told;
 }})"""
+SHOWN_TILES = "[...document.querySelectorAll('.leaflet-tile-loaded img')].filter((one) => one.naturalWidth).length"
 PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"]
 
 
@@ -253,3 +255,30 @@ def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     page.wait_for("document.getElementById('hint').hidden")
     key("n")
     page.wait_for("document.getElementById('newest').getAttribute('aria-pressed') === 'true'")
+
+
+def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: Path) -> None:
+    """Also after a reload; it is told as lost, and is the living map again when the server is back."""
+    flight = seen_flight(tmp_path)
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", free_port()))
+    url = server.start()
+    page.keep_nothing(nothing=False)
+    try:
+        Person(page, url)
+        page.wait_for("navigator.serviceWorker.controller !== null")
+        someone = Person(page, url)  # by way of the worker now
+        page.wait_for("caches.open('gcs-mosaic 1').then((kept) => kept.match('/mosaic.json')).then(Boolean)")
+        server.stop()
+        page.open("about:blank")
+        page.open(url)
+        page.wait_for(f"{SHOWN_TILES} > 0", 20)
+        page.wait_for("!document.getElementById('alarm').hidden", 20)
+        server = WebServer(flight.root, HttpAddress("127.0.0.1", int(url.rstrip("/").rpartition(":")[2])))
+        server.start()
+        page.wait_for("document.getElementById('alarm').hidden", 20)
+        assert someone.text("open-finds") == "Finds"
+    finally:
+        page.keep_nothing()
+        page.open("about:blank")
+        server.stop()
+    assert page.complaints == []

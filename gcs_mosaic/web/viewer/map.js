@@ -1,5 +1,6 @@
 // The map of one island: which one, which part of it, and the newest frame's outline.
 
+import { isOutOfKept } from "/viewer/kept.js";
 import { Layers } from "/viewer/layers.js";
 import { outlineOf } from "/viewer/outline.js";
 import { LiveTiles, affectedBy } from "/viewer/tiles.js";
@@ -209,7 +210,7 @@ function paintedBounds(tiles, painted) {
 }
 
 function mosaicTile(island, { z, x, y }, revision) {
-  return `/tiles/${island}/${z}/${x}/${y}?r=${revision}`;
+  return `/tiles/${island}/${z}/${x}/${y}?r=${revision}${isOutOfKept() ? "&kept" : ""}`;
 }
 
 function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) {

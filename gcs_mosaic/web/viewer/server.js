@@ -1,8 +1,12 @@
 // Talking to the server, and knowing when we no longer do.
 
+import { noteSource } from "/viewer/kept.js";
+
 const TIMEOUT_MS = 4000;
 const LOST_AFTER_MS = 5000;
 
+let wasAnswered = false; // by the server, not out of what was kept
+let sawKept = false; // since the last attempt began
 let clockOffsetMs = 0; // server's clock minus this device's: a tablet's clock may be minutes off
 
 /** The moment on the server's clock, ms since 1970. */
@@ -28,7 +32,9 @@ export async function fetchLines(path) {
 
 async function answerTo(path) {
   const response = await fetch(path, { signal: AbortSignal.timeout(TIMEOUT_MS) });
-  const date = Date.parse(response.headers.get("Date"));
+  if (noteSource(response, wasAnswered)) sawKept = true;
+  else wasAnswered = true;
+  const date = sawKept ? NaN : Date.parse(response.headers.get("Date"));
   // The header has whole seconds; half a second is the best guess of the rest.
   if (!Number.isNaN(date)) clockOffsetMs = date + 500 - Date.now();
   if (response.status === 404) return null;
@@ -44,7 +50,9 @@ export class Connection {
   /** Run something that talks to the server; a failure only shows in `lostForSeconds`. */
   async attempt(action) {
     try {
+      sawKept = false;
       await action();
+      if (sawKept) return; // what was kept tells nothing of the server
       this.lastAnswer = Date.now();
       this.isRefused = false;
     } catch (error) {

@@ -5,6 +5,7 @@ import { Anchors } from "/viewer/anchors.js";
 import { Finds } from "/viewer/finds.js";
 import { FlightPath } from "/viewer/flightpath.js";
 import { Islands } from "/viewer/islands.js";
+import { forget, keep } from "/viewer/kept.js";
 import { listenForKeys } from "/viewer/keys.js";
 import { Lag, Live } from "/viewer/live.js";
 import { Look } from "/viewer/look.js";
@@ -79,7 +80,9 @@ async function readNotes(revision) {
 
 /** A daemon that was started again may write another flight: nothing on this page is true of it. */
 function startAfreshForAnotherFlight(mosaic) {
-  if (known.mosaic && mosaic && known.mosaic.flight !== mosaic.flight) location.reload();
+  if (!known.mosaic || !mosaic || known.mosaic.flight === mosaic.flight) return;
+  forget();
+  location.reload();
 }
 
 async function readStatus() {
@@ -133,6 +136,7 @@ function show() {
   showStrip({ ...known, hasEnded: live.hasEnded }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
 }
 
+keep();
 readMap();
 readStatus();
 pollMap();

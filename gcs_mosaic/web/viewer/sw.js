@@ -1,0 +1,69 @@
+// Keeps the page, its documents and the tiles that were shown, and answers with them when the server does not. Newest first: what
+// is kept is only told when nothing else comes, and says of itself that it was kept.
+
+const NAME = "gcs-mosaic 1";
+const MOST_TILES = 6000; // about 200 MB
+const LOOK_EVERY = 300; // tiles between two looks whether there are too many
+const ANSWER_MS = 4000;
+const DOCUMENTS = /^\/(status\.json|mosaic\.json|placements\.json|api\/v1\/(layers|finds|scale|anchors))$/;
+const PAGE = /^\/(viewer\/.*)?$/;
+const JOURNAL = "/placements.jsonl";
+const TILE = /^\/tiles\//;
+
+let stored = 0;
+
+self.addEventListener("install", () => self.skipWaiting());
+self.addEventListener("activate", (event) => event.waitUntil(takeOver()));
+self.addEventListener("message", ({ data }) => data === "forget" && caches.delete(NAME));
+self.addEventListener("fetch", (event) => {
+  const { method, url } = event.request;
+  const { origin, pathname, searchParams } = new URL(url);
+  if (method !== "GET" || origin !== location.origin) return;
+  if (TILE.test(pathname)) event.respondWith(searchParams.has("kept") ? kept(pathname) : tile(event));
+  else if (pathname === JOURNAL) event.respondWith(fetch(event.request).catch(nothingNew));
+  else if (DOCUMENTS.test(pathname) || PAGE.test(pathname)) event.respondWith(newest(event.request, pathname));
+});
+
+async function takeOver() {
+  for (const name of await caches.keys()) if (name !== NAME) await caches.delete(name);
+  await self.clients.claim();
+}
+
+/** What the server says, else what it said last. */
+async function newest(request, pathname) {
+  try {
+    const response = await fetch(request.url, { signal: AbortSignal.timeout(ANSWER_MS), headers: request.headers });
+    if (response.ok && response.status === 200) (await caches.open(NAME)).put(pathname, response.clone());
+    return response;
+  } catch (error) {
+    const found = await (await caches.open(NAME)).match(pathname);
+    if (!found && DOCUMENTS.test(pathname)) return nothingNew(); // as if it were not written yet
+    if (!found) throw error;
+    const headers = new Headers(found.headers);
+    headers.set("X-Kept", "1");
+    return new Response(found.body, { status: 200, headers });
+  }
+}
+
+/** The journal is of a living flight: the page then reads the whole list, which is kept. */
+function nothingNew() {
+  return new Response("", { status: 404, headers: { "X-Kept": "1" } });
+}
+
+async function tile(event) {
+  const response = await fetch(event.request);
+  if (response.status === 200) event.waitUntil(store(new URL(event.request.url).pathname, response.clone()));
+  return response;
+}
+
+async function kept(pathname) {
+  return (await (await caches.open(NAME)).match(pathname)) ?? Response.error();
+}
+
+async function store(pathname, response) {
+  const cache = await caches.open(NAME);
+  await cache.put(pathname, response);
+  if (++stored % LOOK_EVERY) return;
+  const tiles = (await cache.keys()).filter(({ url }) => TILE.test(new URL(url).pathname));
+  for (const one of tiles.slice(0, Math.max(0, tiles.length - MOST_TILES))) await cache.delete(one);
+}
