@@ -34,7 +34,8 @@ class FlightPage:
         self._keeper: PageKeeper | None = None
         if address is not None:
             self._access = access_to(address, config.web, folder, flights_of(Path(config.out)))
-            self._keeper = PageKeeper(PageTask(root=folder, address=address, access=self._access, settings=config.web))
+            task = PageTask(root=folder, address=address, access=self._access, settings=config.web, hints=config.hints)
+            self._keeper = PageKeeper(task)
 
     def wait(self) -> list[Notice]:
         """Wait until it is served; returns what to say of it. Raises UsageError if it cannot be."""

@@ -18,7 +18,7 @@ from types import FrameType
 from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
-from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, readers_of, web_settings_of
+from gcs_mosaic.cli.options import DEFAULT_OUT, hint_settings_of, listening_of, parse, readers_of, web_settings_of
 from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
@@ -102,7 +102,7 @@ def serve(given: argparse.Namespace) -> None:
     stop = threading.Event()
     _end_on_signals(stop, stop)
     restrict(readers_of(given))
-    serve_until(stop, find_flight(given.flight), given.http, web_settings_of(given))
+    serve_until(stop, find_flight(given.flight), given.http, web_settings_of(given), hint_settings_of(given))
 
 
 def status(given: argparse.Namespace) -> None:

@@ -12,6 +12,7 @@ from typing import Any, NoReturn, TypeVar, get_args
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.store.permissions import UMASKS, Readers
@@ -95,6 +96,13 @@ def web_settings_of(given: argparse.Namespace) -> WebSettings:
     """The page's settings of the settings file; the others are not looked at."""
     said = read_settings(given.config).get("web", {}) if given.config else {}
     settings: WebSettings = from_mapping(WebSettings, said, f"{given.config}: web")
+    return settings
+
+
+def hint_settings_of(given: argparse.Namespace) -> HintSettings:
+    """The settings of hints in the settings file; the others are not looked at."""
+    said = read_settings(given.config).get("hints", {}) if given.config else {}
+    settings: HintSettings = from_mapping(HintSettings, said, f"{given.config}: hints")
     return settings
 
 

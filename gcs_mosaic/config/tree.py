@@ -13,6 +13,7 @@ from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.stitch.features.detectors import FeatureKind
@@ -41,6 +42,7 @@ class Config(Listening):
     resume_h: float = 6.0  # hours since its last frame or event for which a flight is the same one
     http: str | None = "127.0.0.1:8470"  # address of the page; null for none
     web: WebSettings = field(default_factory=WebSettings)
+    hints: HintSettings = field(default_factory=HintSettings)
     method: Method = "adjusted"  # paper: the paper's method, for comparison; fails on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
     # record received packets for replay to FILE.tlog, or with true to flight.tlog in the output folder; false: do not

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from gcs_mosaic.store.schema import FileSchema
 
-VERSION = 2  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 3  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736E  # PRAGMA application_id, "gcsn"
 
 PLACE = """
@@ -26,6 +26,21 @@ CREATE TABLE pins (
 CREATE TABLE anchoring (
     id INTEGER PRIMARY KEY CHECK (id = 1),
     by_positions INTEGER NOT NULL CHECK (by_positions IN (0, 1)), -- where there are no pins
+    who TEXT NOT NULL, utc NOT NULL
+);
+"""
+HINTS = """
+CREATE TABLE hints_asked (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    asked INTEGER NOT NULL CHECK (asked IN (0, 1)),
+    who TEXT NOT NULL, utc NOT NULL
+);
+CREATE TABLE picked_colours (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    deleted INTEGER NOT NULL DEFAULT 0 CHECK (deleted IN (0, 1)),
+    blue INTEGER NOT NULL, green INTEGER NOT NULL, red INTEGER NOT NULL,
+    tolerance NOT NULL,
+    label TEXT NOT NULL,
     who TEXT NOT NULL, utc NOT NULL
 );
 """
@@ -69,8 +84,8 @@ CREATE TABLE reviewed (
     PRIMARY KEY (island, x, y, reviewer, level)
 ) WITHOUT ROWID;
 CREATE TABLE dismissed (hint TEXT PRIMARY KEY, who TEXT NOT NULL, utc NOT NULL) WITHOUT ROWID;
-{ANCHORING}"""
-MIGRATIONS: Mapping[int, str] = {1: ANCHORING}
+{ANCHORING}{HINTS}"""
+MIGRATIONS: Mapping[int, str] = {1: ANCHORING, 2: HINTS}
 
 # One file without a log beside it can also be read in a folder that cannot be written. EXTRA: as FULL, and the journal's
 # removal is synced too, so that a power cut takes back nothing that was answered with success.

@@ -19,6 +19,7 @@ from aiohttp import web
 from aiohttp.typedefs import Handler
 
 from gcs_mosaic.export.tile_reader import filled
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
 from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
 from gcs_mosaic.store.revision import last_revision
@@ -62,6 +63,7 @@ def make_app(
     feed: Feed | None = None,
     access: Access | None = None,
     settings: WebSettings | None = None,
+    hints: HintSettings | None = None,
 ) -> web.Application:
     """The application serving the output folder `root`; polls mosaic.json without a feed. Without `access`, for nobody else."""
     settings, access, names = settings or WebSettings(), access or Access(), set(own_names())
@@ -88,7 +90,7 @@ def make_app(
     app.router.add_get(TILE_PATH, tile)
     app.router.add_get("/live", live, allow_head=False)
     app.router.add_post(PATH, choose_vehicle)
-    add_api(app, root, app[FEED])
+    add_api(app, root, app[FEED], hints or HintSettings())
     return app
 
 

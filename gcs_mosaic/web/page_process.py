@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from functools import partial
 from typing import BinaryIO
 
 from gcs_mosaic.errors import UsageError
@@ -35,7 +36,8 @@ def main() -> None:
     lines = whole_lines(sys.stdin.buffer)
     task = PageTask.read(json.loads(next(lines, None) or sys.exit()))
     feed = Feed()
-    server = WebServer(task.root, task.address, feed, task.access, task.settings, pulse=lambda: tell(alive=True))
+    alive = partial(tell, alive=True)
+    server = WebServer(task.root, task.address, feed, task.access, task.settings, pulse=alive, hints=task.hints)
     try:
         server.start()
     except (UsageError, TimeoutError) as error:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import Access
@@ -20,6 +21,7 @@ class PageTask:
     address: HttpAddress
     access: Access
     settings: WebSettings
+    hints: HintSettings = field(default_factory=HintSettings)
 
     def at(self, port: int) -> Self:
         return replace(self, address=replace(self.address, port=port))
@@ -35,4 +37,5 @@ class PageTask:
             address=HttpAddress(**told["address"]),
             access=Access(**told["access"]),
             settings=WebSettings(**told["settings"]),
+            hints=HintSettings(**told["hints"]),
         )

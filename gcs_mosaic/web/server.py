@@ -17,6 +17,7 @@ from typing import Any
 from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.web.address import DEFAULT, HttpAddress
 from gcs_mosaic.web.app import let_pages_read, make_app
 from gcs_mosaic.web.door import Door
@@ -42,9 +43,10 @@ class WebServer:
         access: Access | None = None,
         settings: WebSettings | None = None,
         pulse: Callable[[], None] | None = None,
+        hints: HintSettings | None = None,
     ) -> None:
         self._address, self._settings, self._pulse = address, settings or WebSettings(), pulse
-        self._make_app = partial(make_app, root, address, feed, access, self._settings)
+        self._make_app = partial(make_app, root, address, feed, access, self._settings, hints)
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
         self._started: Future[int] = Future()
         self._loop: asyncio.AbstractEventLoop | None = None

@@ -7,6 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.invitation import invitation, scannable
 from gcs_mosaic.web.server import WebServer
@@ -15,12 +16,12 @@ from gcs_mosaic.web.sparing_log import SparingHandler
 from gcs_mosaic.web.token import access_to
 
 
-def serve_until(stop: threading.Event, flight: Path, http: str, settings: WebSettings) -> None:
+def serve_until(stop: threading.Event, flight: Path, http: str, settings: WebSettings, hints: HintSettings) -> None:
     """Serve until `stop` is set, and say where. Raises UsageError."""
     logging.basicConfig(level=logging.WARNING, handlers=[SparingHandler(_warn)])
     address = HttpAddress.parse(http)
     access = access_to(address, settings, flight)
-    server = WebServer(flight, address, access=access, settings=settings)
+    server = WebServer(flight, address, access=access, settings=settings, hints=hints)
     print(f"the map is at {server.start()} (Ctrl-C ends)", flush=True)
     invited = invitation(address, server.port, access, secure=settings.certificate is not None)
     if invited is not None:

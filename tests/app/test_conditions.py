@@ -32,21 +32,30 @@ def test_a_good_flight_has_none() -> None:
     assert keys(Conditions(), FLYING) == []
 
 
-@pytest.mark.parametrize(
-    ("key", "facts"),
-    [
-        ("islands", replace(FLYING, islands=2)),
-        ("behind", replace(FLYING, behind=Behind(frames=4, seconds=12.0))),
-        ("link udp:14550", replace(FLYING, links=(LinkReport(address="udp:14550", state="listening"),))),
-        ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="silent"),))),
-        ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="failed"),))),
-        ("source", replace(FLYING, source=SourceReport(kind="folder", name="DCIM", state="missing"))),
-        ("triggers", replace(FLYING, accounts=Accounts(frames=FrameAccount(placed=9)))),
-        ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=1))),
-        ("missing", replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=1)))),
-    ],
-    ids=["islands", "behind", "never heard", "silent", "failed", "source", "triggers", "orphans", "missing"],
-)
+NEWS = {
+    "islands": ("islands", replace(FLYING, islands=2)),
+    "behind": ("behind", replace(FLYING, behind=Behind(frames=4, seconds=12.0))),
+    "never heard": ("link udp:14550", replace(FLYING, links=(LinkReport(address="udp:14550", state="listening"),))),
+    "silent": ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="silent"),))),
+    "failed": ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="failed"),))),
+    "source": ("source", replace(FLYING, source=SourceReport(kind="folder", name="DCIM", state="missing"))),
+    "stream silent": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="silent"))),
+    "stream lost": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="lost"))),
+    "triggers": ("triggers", replace(FLYING, accounts=Accounts(frames=FrameAccount(placed=9)))),
+    "orphan": ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=1))),
+    "orphans": ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=3))),
+    "missing": (
+        "missing",
+        replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=1))),
+    ),
+    "several": (
+        "missing",
+        replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=3))),
+    ),
+}
+
+
+@pytest.mark.parametrize(("key", "facts"), NEWS.values(), ids=NEWS.keys())
 def test_what_is_so_is_told(key: str, facts: Facts) -> None:
     assert keys(Conditions(), facts) == [key]
 

@@ -116,8 +116,10 @@ def open_browser(profile: Path) -> Iterator[Page]:
             with asyncio.Runner() as runner:
                 port = devtools_port(profile / "DevToolsActivePort")
                 session, socket = runner.run(connect(port))
-                yield Page(runner, socket)
-                runner.run(close(session, socket))
+                try:
+                    yield Page(runner, socket)
+                finally:
+                    runner.run(close(session, socket))
         finally:
             process.terminate()
             process.wait(10)

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.messages import SourceReport
 from gcs_mosaic.store.records import NoticeRecord
 from gcs_mosaic.web import access as module
@@ -284,13 +285,13 @@ def test_a_served_flight_tells_how_others_get_in(flight: SmallFlight, capsys: py
     lan_address()
     stop = threading.Event()
     stop.set()
-    serve_until(stop, flight.root, "0.0.0.0:0", WebSettings(qr="always"))
+    serve_until(stop, flight.root, "0.0.0.0:0", WebSettings(qr="always"), HintSettings())
     first, notice, link, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("the map is at http://127.0.0.1:")
     assert notice.startswith("others on the network can look at http://")
     assert link.endswith(f"/?token={kept_token(flight.root)}")
     assert "▀" in "".join(rest)
-    serve_until(stop, flight.root, "127.0.0.1:0", WebSettings(qr="always"))
+    serve_until(stop, flight.root, "127.0.0.1:0", WebSettings(qr="always"), HintSettings())
     assert len(capsys.readouterr().out.splitlines()) == 1
 
 

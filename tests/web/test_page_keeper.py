@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.web import page_keeper as module
 from gcs_mosaic.web.address import HttpAddress
@@ -177,7 +178,11 @@ def test_a_task_is_read_as_it_was_told(root: Path) -> None:
     import json
 
     told = PageTask(
-        root=root, address=HttpAddress("::", 7), access=Access(token="t"), settings=WebSettings(connections=99)
+        root=root,
+        address=HttpAddress("::", 7),
+        access=Access(token="t"),
+        settings=WebSettings(connections=99),
+        hints=HintSettings(enabled=True, model="people.onnx"),
     )
     assert PageTask.read(json.loads(told.json())) == told
     change = Change(3, frozenset([(0, TILE), (1, TILE.parent)]))

@@ -29,7 +29,7 @@ VIOLATIONS = f"""axe.run(document, {RULES}).then(({{ violations, passes }}) => {
   return passes.length < 10 ? [...told, {{ id: "too little was looked at" }}] : told;
 }})"""
 SHOWN_TILES = "[...document.querySelectorAll('.leaflet-tile-loaded img')].filter((one) => one.naturalWidth).length"
-PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"]
+PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look"]
 
 
 @pytest.fixture(scope="module")
@@ -247,7 +247,7 @@ def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     key("?")
     page.wait_for("document.getElementById('help').open")
     someone.press("help-close")
-    key("3")
+    key("4")
     page.wait_for("!document.getElementById('measure').hidden")
     key("m")
     someone.sees("hint", "Click where the find is.")

@@ -22,6 +22,7 @@ from gcs_mosaic.notes.book import NotesBook
 from gcs_mosaic.notes.checked import LONGEST_NAME, Unfit, number_of, text_of, whole_of
 from gcs_mosaic.notes.dismissed import DismissedHints
 from gcs_mosaic.notes.finds import Finds, NoSuchNote
+from gcs_mosaic.notes.hint_wishes import HintWishes
 from gcs_mosaic.notes.pins import Pins, SetPin
 from gcs_mosaic.notes.reviews import Reviews
 from gcs_mosaic.notes.scales import Scales
@@ -52,6 +53,7 @@ class Notes:
         self.book = NotesBook(view.root)
         self.finds, self.scales = Finds(self.book), Scales(self.book)
         self.reviews, self.dismissed = Reviews(self.book), DismissedHints(self.book)
+        self.hint_wishes = HintWishes(self.book)
         self.pins, self._anchoring = Pins(self.book), Anchoring(view, self.follower)
         self._feed = feed
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="notes")

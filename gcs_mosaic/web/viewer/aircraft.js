@@ -1,5 +1,7 @@
 // The choice of the aircraft whose triggers are followed; shown once a second one is heard.
 
+import { t } from "/viewer/words.js";
+
 const SAID_MS = 10000;
 
 export class AircraftChoice {
@@ -17,7 +19,7 @@ export class AircraftChoice {
     const systems = [...heard.keys()].sort((one, other) => one - other);
     this.select.hidden = systems.length < 2 || status.state === "stopped";
     if (document.activeElement === this.select) return; // an open list must not change under the finger
-    const options = systems.map((system) => new Option(`Aircraft ${system}${heard.get(system) ? " (followed)" : ""}`, system));
+    const options = systems.map((system) => new Option(heard.get(system) ? t("Aircraft {system} (followed)", { system }) : t("Aircraft {system}", { system }), system));
     const same = options.map(({ text }) => text).join() === [...this.select.options].map(({ text }) => text).join();
     if (!same) this.select.replaceChildren(...options);
     const followed = systems.find((system) => heard.get(system));
@@ -30,7 +32,7 @@ export class AircraftChoice {
       const response = await fetch(`/vehicle/${system}`, { method: "POST" });
       this.say((await response.text()).trim());
     } catch {
-      this.say("No answer: nothing is known to have changed.");
+      this.say(t("No answer: nothing is known to have changed."));
     }
   }
 

@@ -3,7 +3,7 @@
 import { openPanel } from "/viewer/panels.js";
 import { t } from "/viewer/words.js";
 
-const PANELS = ["layers", "finds", "measure", "reviews", "anchors", "islands", "flight", "look"];
+const PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look"];
 
 const press = (id) => document.getElementById(id).click();
 const KEYS = [
@@ -17,7 +17,7 @@ const KEYS = [
     press("measure-line");
   }],
   ["f", "Full screen", () => press("full")],
-  ["1 … 8", "Layers, Finds, Measure, Review, Anchor, Islands, Flight, Look", null],
+  ["1 … 9", "Layers, Finds, Hints, Measure, Review, Anchor, Islands, Flight, Look", null],
   ["+  −", "Nearer, farther", null],
   ["← ↑ → ↓", "Move the map; step through originals", null],
   ["b", "Blink between two originals", null],
@@ -41,7 +41,7 @@ export function listenForKeys() {
 function onKey({ key, target, ctrlKey, altKey, metaKey }) {
   const isTyping = target.matches?.("input:not([type=range], [type=checkbox]), textarea, select");
   if (ctrlKey || altKey || metaKey || isTyping || document.getElementById("help").open) return;
-  const panel = /^[1-8]$/.test(key) && PANELS[key - 1];
+  const panel = /^[1-9]$/.test(key) && PANELS[key - 1];
   if (panel) press(`open-${panel}`);
   else if (document.getElementById("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();
 }

@@ -2,6 +2,7 @@
 
 import { fetchDocument } from "/viewer/server.js";
 import { LiveTiles } from "/viewer/tiles.js";
+import { said, t } from "/viewer/words.js";
 
 const EACH_MS = 5000; // gaps and layers are asked for again while the map changes
 
@@ -21,7 +22,7 @@ export class Layers {
       const { layers } = await fetchDocument("/api/v1/layers");
       for (const one of layers) {
         this.legends.set(one.name, one);
-        this.select.append(new Option(one.title, one.name));
+        this.select.append(new Option(t(one.title), one.name));
       }
     } catch {
       setTimeout(() => this.readLegends(), EACH_MS);
@@ -61,9 +62,9 @@ export class Layers {
     box.hidden = !legend;
     if (!legend) return;
     const [title, worst, bar, best] = box.children;
-    title.textContent = legend.title;
-    worst.textContent = legend.worst;
-    best.textContent = legend.best;
+    title.textContent = t(legend.title);
+    worst.textContent = t(legend.worst);
+    best.textContent = t(legend.best);
     bar.style.background = `linear-gradient(90deg, ${legend.colours.join(", ")})`;
   }
 
@@ -79,7 +80,7 @@ export class Layers {
     const island = this.island.id;
     const answer = await fetchDocument(`/api/v1/islands/${island}/gaps`).catch(() => null); // those that are drawn stay
     if (!answer || island !== this.island.id || !this.showsGaps) return;
-    this.button.textContent = answer.gaps.length ? `Gaps: ${answer.gaps.length}` : "Gaps";
+    this.button.textContent = answer.gaps.length ? `${t("Gaps")}: ${answer.gaps.length}` : t("Gaps");
     this.gapLines.clearLayers();
     for (const gap of answer.gaps) this.gapLines.addLayer(gapLayer(gap));
   }
@@ -90,5 +91,5 @@ function gapLayer({ outline, words }) {
   const corners = outline.map(([x, y]) => [y, x]);
   const line = (color, weight, dashArray) => L.polygon(corners, { color, weight, dashArray, fillColor: "#d55e00", fillOpacity: 0.25 });
   const group = L.featureGroup([line("#000", 5), line("#ff8a3d", 3, "8 6")]);
-  return group.bindTooltip(`Not seen: ${words}. Fly here again.`);
+  return group.bindTooltip(t("Not seen: {area}. Fly here again.", { area: said(words) }));
 }

@@ -2,6 +2,7 @@
 // Red is kept for what must not be overlooked: that the page itself cannot be trusted. Losses are yellow.
 
 import { ageOf } from "/viewer/server.js";
+import { said, t } from "/viewer/words.js";
 
 const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more often
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
@@ -21,59 +22,66 @@ export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection,
 /** How it has ended, if it has: well, in a crash, or because the page of an earlier flight is no longer served; else null. */
 function endOf(status, mosaic, hasEnded, lostSeconds) {
   const name = status?.flight ?? mosaic?.flight;
-  const again = `To open it again: gcs-mosaic serve ${name}`;
+  const again = t("To open it again: gcs-mosaic serve {name}", { name });
   if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
-    const frames = mosaic ? `, ${count(mosaic.frames.placed + (mosaic.frames.covered ?? 0), "frame")}` : "";
-    return { kind: "calm", title: "Flight ended", detail: `map complete${frames}`, farewell: `Ended, map complete${frames}. ${again}` };
+    const frames = mosaic ? `, ${frameCount(mosaic.frames.placed + (mosaic.frames.covered ?? 0))}` : "";
+    const complete = t("map complete{frames}", { frames });
+    return { kind: "calm", title: t("Flight ended"), detail: complete, farewell: `${t("Ended, {complete}.", { complete })} ${again}` };
   }
   if (!hasEnded) return null;
-  if (!status) return { kind: "calm", title: "Saved flight", detail: "no longer served", farewell: `The page is no longer served. ${again}` };
-  const alarm = `gcs-mosaic has ended without finishing: it crashed or was killed. What you see is from ${clock(status.updated)}. Start it again with the same words: the flight goes on by itself.`;
-  return { kind: "bad", title: "Crashed", detail: `at ${clock(status.updated)}`, alarm };
+  if (!status) {
+    return { kind: "calm", title: t("Saved flight"), detail: t("no longer served"), farewell: `${t("The page is no longer served.")} ${again}` };
+  }
+  const time = clock(status.updated);
+  const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
+  const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
+  return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old. */
 function stateOf(status, mosaic, connection, lagSeconds) {
   const updated = status?.updated ?? mosaic?.updated;
-  const asOf = updated ? `What you see is from ${clock(updated)}.` : "";
+  const asOf = updated ? seenFrom(updated) : "";
   const lostSeconds = connection.lostForSeconds();
   if (lostSeconds && connection.isRefused) {
-    const alarm = `This device may not look any more: open the link again that gcs-mosaic shows on its terminal. ${asOf}`;
-    return { kind: "bad", title: "Not allowed", detail: `for ${duration(lostSeconds)}`, alarm };
+    const alarm = `${t("This device may not look any more: open the link again that gcs-mosaic shows on its terminal.")} ${asOf}`;
+    return { kind: "bad", title: t("Not allowed"), detail: forTime(lostSeconds), alarm };
   }
   if (lostSeconds) {
-    const alarm = `No connection to gcs-mosaic for ${duration(lostSeconds)}. ${asOf}`;
-    return { kind: "bad", title: "No connection", detail: `for ${duration(lostSeconds)}`, alarm };
+    const alarm = `${t("No connection to gcs-mosaic for {time}.", { time: duration(lostSeconds) })} ${asOf}`;
+    return { kind: "bad", title: t("No connection"), detail: forTime(lostSeconds), alarm };
   }
   if (lagSeconds > LATE_AFTER_S) {
-    const alarm = `The map is older than what gcs-mosaic has: its changes have not come for ${duration(lagSeconds)}.`;
-    return { kind: "bad", title: "Map is old", detail: `for ${duration(lagSeconds)}`, alarm };
+    const time = duration(lagSeconds);
+    const alarm = t("The map is older than what gcs-mosaic has: its changes have not come for {time}.", { time });
+    return { kind: "bad", title: t("Map is old"), detail: forTime(lagSeconds), alarm };
   }
-  if (!status) return mosaic ? { kind: "calm", title: "Saved flight", detail: clock(updated) } : nothingYet();
-  if (status.state === "stopped") return { kind: "calm", title: "Flight ended", detail: clock(updated) };
+  if (!status) return mosaic ? { kind: "calm", title: t("Saved flight"), detail: clock(updated) } : nothingYet();
+  if (status.state === "stopped") return { kind: "calm", title: t("Flight ended"), detail: clock(updated) };
   const age = ageOf(updated);
   if (age > HUNG_AFTER_S) {
-    const alarm = `gcs-mosaic has not shown a sign of life for ${duration(age)}. ${asOf}`;
-    return { kind: "bad", title: "Not responding", detail: `for ${duration(age)}`, alarm };
+    const alarm = `${t("gcs-mosaic has not shown a sign of life for {time}.", { time: duration(age) })} ${asOf}`;
+    return { kind: "bad", title: t("Not responding"), detail: forTime(age), alarm };
   }
   return runningState(status);
 }
 
 function nothingYet() {
-  return { kind: "calm", title: "Waiting", detail: "nothing is written yet" };
+  return { kind: "calm", title: t("Waiting"), detail: t("nothing is written yet") };
 }
 
 function runningState({ state, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
   const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
   const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
-  const queued = queue ? `${queue === 1 ? "1 frame" : `${queue} frames`}, ${duration(behind ?? 0)} behind` : "";
-  const trouble = silent ? `MAVLink ${silent.state}: ${silent.address}` : away && watchLine(watch);
+  const queued = queue ? t("{frames}, {time} behind", { frames: frameCount(queue), time: duration(behind ?? 0) }) : "";
+  const link = silent && (silent.state === "silent" ? t("MAVLink silent: {address}", silent) : t("MAVLink failed: {address}", silent));
+  const trouble = link || (away && watchLine(watch));
   const warning = trouble && { kind: "warn", detail: trouble };
   const texts = {
-    listening: { kind: "wait", title: "Listening", detail: "no frame yet" },
-    flying: { kind: behind > LATE_AFTER_S ? "warn" : "good", title: "Flying", detail: queued || "frames arrive" },
-    idle: { kind: "wait", title: "Idle", detail: last ? `no frame for ${duration(ageOf(last.time))}` : "" },
-    settling: { kind: "wait", title: "Finishing", detail: queued || "painting the final map" },
+    listening: { kind: "wait", title: t("Listening"), detail: t("no frame yet") },
+    flying: { kind: behind > LATE_AFTER_S ? "warn" : "good", title: t("Flying"), detail: queued || t("frames arrive") },
+    idle: { kind: "wait", title: t("Idle"), detail: last ? t("no frame for {time}", { time: duration(ageOf(last.time)) }) : "" },
+    settling: { kind: "wait", title: t("Finishing"), detail: queued || t("painting the final map") },
   };
   return { ...(texts[state] ?? { kind: "warn", title: state, detail: "" }), ...warning };
 }
@@ -94,7 +102,7 @@ function showCounts(status, mosaic, island) {
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
   entries.push(...linkCounts(status?.mavlink ?? []));
   const islands = mosaic?.islands.filter((island) => island.merged_into === undefined).length ?? 0;
-  if (source) entries.push(["Islands", islands, islands > 1 ? "warn" : ""]);
+  if (source) entries.push([t("Islands"), islands, islands > 1 ? "warn" : ""]);
   if (island?.held_out_px) entries.push(fit(island.held_out_px));
   if (status?.last_frame) entries.push(lastFrame(status));
   byId("counts").replaceChildren(...entries.map(countOf));
@@ -102,19 +110,19 @@ function showCounts(status, mosaic, island) {
 
 function frameCounts({ placed, covered, waiting, rejected, damaged, dropped, unstitched }) {
   return [
-    ["Frames placed", placed, "good"],
-    ...(covered ? [["Covered", covered, "", "kept, but not painted: a placed frame shows all that they do"]] : []),
-    ["Waiting", waiting, ""],
-    ["Rejected", rejected, rejected ? "warn" : ""],
-    ...seldom([["Damaged", damaged], ["Dropped", dropped], ["Not stitched", unstitched]]),
+    [t("Frames placed"), placed, "good"],
+    ...(covered ? [[t("Covered"), covered, "", t("kept, but not painted: a placed frame shows all that they do")]] : []),
+    [t("Waiting"), waiting, ""],
+    [t("Rejected"), rejected, rejected ? "warn" : ""],
+    ...seldom([[t("Damaged"), damaged], [t("Dropped"), dropped], [t("Not stitched"), unstitched]]),
   ];
 }
 
 function eventCounts({ matched, missing, failed }) {
   return [
-    ["Triggers matched", matched, ""],
-    ["Frames missing", missing, missing ? "warn" : ""],
-    ...seldom([["Failed", failed]]),
+    [t("Triggers matched"), matched, ""],
+    [t("Frames missing"), missing, missing ? "warn" : ""],
+    ...seldom([[t("Failed"), failed]]),
   ];
 }
 
@@ -126,8 +134,9 @@ function linkCounts(links) {
   }
   const refused = links.flatMap((link) => Object.entries(link.refused ?? {})).filter(([, count]) => count);
   return [
-    ...leftOut(`Of aircraft ${[...others.keys()].slice(0, 3).join(", ")}`, [...others], ([system, count]) => `${count} triggers of system ${system}`),
-    ...leftOut("Packets refused", refused, ([why, count]) => `${count} ${why}`),
+    ...leftOut(t("Of aircraft {systems}", { systems: [...others.keys()].slice(0, 3).join(", ") }), [...others],
+      ([system, n]) => t("{n} triggers of system {system}", { n, system })),
+    ...leftOut(t("Packets refused"), refused, ([why, count]) => `${count} ${why}`),
   ];
 }
 
@@ -144,13 +153,14 @@ function seldom(entries) {
 /** How well the island in view fits together, measured by matches that had no say in where anything lies. */
 function fit({ median, p95, matches }) {
   const short = (px) => (px === null ? "∞" : String(Number(px.toPrecision(2))));
-  const meaning = `Half of ${matches} points that were kept out of the fitting are torn apart by less than ${short(median)} px, 95 % by less than ${short(p95)} px`;
-  return ["Fits to", `${short(median)} px`, "", meaning, `95 %: ${short(p95)}`];
+  const meaning = t("Half of {n} points that were kept out of the fitting are torn apart by less than {half} px, 95 % by less than {most} px",
+    { n: matches, half: short(median), most: short(p95) });
+  return [t("Fits to"), `${short(median)} px`, "", meaning, `95 %: ${short(p95)}`];
 }
 
 function lastFrame({ state, last_frame: last }) {
-  const when = state === "stopped" ? clock(last.time) : `${duration(ageOf(last.time))} ago`;
-  return ["Last frame", when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}${last.covered_by ? ` by ${last.covered_by}` : ""}`];
+  const when = state === "stopped" ? clock(last.time) : t("{time} ago", { time: duration(ageOf(last.time)) });
+  return [t("Last frame"), when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}${last.covered_by ? ` by ${last.covered_by}` : ""}`];
 }
 
 function countOf([label, value, kind, title, beside]) {
@@ -167,7 +177,7 @@ function showConditions(conditions) {
   const shown = conditions.map(({ level, text }) => `${level} ${text}`).join("\n");
   if (byId("conditions").dataset.shown === shown) return;
   byId("conditions").dataset.shown = shown;
-  const lines = conditions.map(({ level, text }) => Object.assign(element("li", text), { className: level }));
+  const lines = conditions.map(({ level, text }) => Object.assign(element("li", said(text)), { className: level }));
   byId("conditions").replaceChildren(...lines);
 }
 
@@ -185,23 +195,27 @@ function showNotices(notices) {
 function showEmpty(empty, status, { title, detail }) {
   byId("empty").hidden = !empty;
   if (!empty) return;
-  const links = (status?.mavlink ?? []).map(({ address, state, last_heard: heard }) =>
-    `MAVLink on ${address}: ${heard ? `heard ${duration(ageOf(heard))} ago` : state === "failed" ? "failed" : "nothing heard yet"}`);
+  const links = (status?.mavlink ?? []).map(linkLine);
   const watch = status?.watch ? [watchLine(status.watch)] : [];
   const lines = links.length || watch.length ? [...links, ...watch] : [`${title}: ${detail}`];
   byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", line)));
 }
 
+function linkLine({ address, state, last_heard: heard }) {
+  if (heard) return t("MAVLink on {address}: heard {time} ago", { address, time: duration(ageOf(heard)) });
+  return state === "failed" ? t("MAVLink on {address}: failed", { address }) : t("MAVLink on {address}: nothing heard yet", { address });
+}
+
 function watchLine({ folder, state, since }) {
   const words = {
-    watching: `Watching ${folder}: no frame has come yet`,
-    missing: `The folder ${folder} is missing`,
-    connecting: `Stream ${folder}: not connected yet`,
-    connected: `Stream ${folder}: connected, no frame was taken yet`,
-    silent: `Stream ${folder}: silent for ${since ? duration(ageOf(since)) : "some time"}`,
-    lost: `Stream ${folder}: lost, trying again`,
+    watching: t("Watching {folder}: no frame has come yet", { folder }),
+    missing: t("The folder {folder} is missing", { folder }),
+    connecting: t("Stream {folder}: not connected yet", { folder }),
+    connected: t("Stream {folder}: connected, no frame was taken yet", { folder }),
+    silent: t("Stream {folder}: silent for {time}", { folder, time: since ? duration(ageOf(since)) : t("some time") }),
+    lost: t("Stream {folder}: lost, trying again", { folder }),
   };
-  return words[state] ?? `${folder} has ended`;
+  return words[state] ?? t("{folder} has ended", { folder });
 }
 
 function element(name, text) {
@@ -215,8 +229,16 @@ function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-function count(number, what) {
-  return `${number} ${what}${number === 1 ? "" : "s"}`;
+function frameCount(n) {
+  return n === 1 ? t("1 frame") : t("{n} frames", { n });
+}
+
+function seenFrom(moment) {
+  return t("What you see is from {time}.", { time: clock(moment) });
+}
+
+function forTime(seconds) {
+  return t("for {time}", { time: duration(seconds) });
 }
 
 function duration(seconds) {

@@ -4,6 +4,7 @@ import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
 import { Finds } from "/viewer/finds.js";
 import { FlightPath } from "/viewer/flightpath.js";
+import { Hints } from "/viewer/hints.js";
 import { Islands } from "/viewer/islands.js";
 import { forget, keep } from "/viewer/kept.js";
 import { listenForKeys } from "/viewer/keys.js";
@@ -43,6 +44,7 @@ const reviews = new Reviews(map);
 const islands = new Islands(map);
 const flightPath = new FlightPath(map, placements);
 const novelty = new Novelty(map);
+new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();

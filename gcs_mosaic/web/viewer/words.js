@@ -4,6 +4,7 @@ const TABLES = { de: () => import("/viewer/words.de.js") };
 const KEY = "gcs-mosaic language";
 
 let table = {};
+let made = null; // patterns of its sentences
 
 /** The languages that there are, each in its own name. */
 export const LANGUAGES = { en: "English", de: "Deutsch" };
@@ -19,6 +20,7 @@ export async function loadWords() {
   const chosen = language();
   document.documentElement.lang = chosen;
   table = (await TABLES[chosen]?.())?.default ?? {};
+  made = null;
   translatePage();
 }
 
@@ -34,6 +36,28 @@ export function chooseLanguage(tag) {
 /** A sentence in the language of whoever looks: `t("{n} of {all}", {n: 1, all: 5})`. */
 export function t(english, values = {}) {
   return (table[english] ?? english).replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
+}
+
+/** A sentence of the server in the language of whoever looks; its numbers and names are found by the table's own sentences. */
+export function said(english) {
+  if (english in table) return table[english];
+  for (const [pattern, own] of patterns()) {
+    const found = pattern.exec(english);
+    if (found) return own.replace(/\{(\w+)\}/g, (whole, name) => found.groups[name] ?? whole);
+  }
+  return english;
+}
+
+/** Those sentences of the table that have room for something, the longest first: it is the most particular. */
+function patterns() {
+  made ??= Object.entries(table).filter(([english]) => english.includes("{"))
+    .sort(([one], [other]) => other.length - one.length)
+    .map(([english, own]) => [new RegExp(`^${escaped(english).replace(/\\\{(\w+)\\\}/g, "(?<$1>.+)")}$`), own]);
+  return made;
+}
+
+function escaped(text) {
+  return text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 }
 
 /** What stands in the page itself: its texts, titles and labels. */

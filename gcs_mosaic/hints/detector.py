@@ -1,0 +1,121 @@
+"""A detector that the operator brings: an ONNX file, run by onnxruntime on one core.
+
+Of the models that are common two outputs are understood: (1, n, 6) or (n, 6) of left, top, right, bottom, confidence and class,
+with doubles suppressed; and (1, 4 + classes, n) of middle, size and a confidence per class (YOLOv8 and later).
+The input is (1, 3, height, width) float32, red first, 0 to 1; a picture is cut into overlapping pieces of the model's own size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.stitch.arrays import Array, ImageBGR
+
+FREE_SIDE = 640  # px of a piece where the model takes any size
+OVERLAP = 0.2  # of a piece: what lies across a border is whole in the next
+SAME = 0.5  # share of their common area from which two boxes are one thing
+MOST_BOXES = 300  # of a picture
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detection:
+    """Pixels of the analysed picture."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    confidence: float
+    label: int
+
+
+class Detector:
+    """Raises UsageError for a file that cannot be used."""
+
+    def __init__(self, path: Path, confidence: float) -> None:
+        self._confidence = confidence
+        self._session = _session(path)
+        (given,) = self._session.get_inputs()[:1]
+        self._name = given.name
+        self._height, self._width = (
+            side if isinstance(side, int) and side > 0 else FREE_SIDE for side in given.shape[2:4]
+        )
+
+    def find(self, picture: ImageBGR) -> list[Detection]:
+        """What it finds in a picture (h, w, 3), the surest first. Raises UsageError for an output that is not understood."""
+        found = [
+            one for piece in _pieces(picture, self._width, self._height) for one in self._in_piece(picture, *piece)
+        ]
+        if not found:
+            return []
+        boxes = [(one.left, one.top, one.width, one.height) for one in found]
+        kept = cv2.dnn.NMSBoxes(boxes, [one.confidence for one in found], self._confidence, SAME)
+        return sorted((found[index] for index in np.array(kept).ravel()), key=lambda one: -one.confidence)[:MOST_BOXES]
+
+    def _in_piece(self, picture: ImageBGR, left: int, top: int) -> Iterator[Detection]:
+        piece = picture[top : top + self._height, left : left + self._width]
+        padded = np.zeros((self._height, self._width, 3), np.uint8)
+        padded[: piece.shape[0], : piece.shape[1]] = piece
+        given = np.ascontiguousarray(padded[..., ::-1].transpose(2, 0, 1)[None], np.float32) / np.float32(255)
+        for x0, y0, x1, y1, confidence, label in _boxes(np.asarray(self._session.run(None, {self._name: given})[0])):
+            if confidence >= self._confidence and np.isfinite([x0, y0, x1, y1]).all() and x1 > x0 and y1 > y0:
+                yield Detection(
+                    left=left + float(x0),
+                    top=top + float(y0),
+                    width=float(x1 - x0),
+                    height=float(y1 - y0),
+                    confidence=min(float(confidence), 1.0),
+                    label=int(label),
+                )
+
+
+def _session(path: Path) -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise UsageError(f"hints: the model {path} needs onnxruntime: pip install 'gcs-mosaic[detector]'") from error
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its own errors have no common base
+        raise UsageError(f"hints: {path} is no model that onnxruntime can load ({error})") from error
+    shape = session.get_inputs()[0].shape
+    if len(shape) != 4 or (shape[1] not in (3, "3") and isinstance(shape[1], int)):
+        raise UsageError(f"hints: the model {path} takes {shape}, wanted is (1, 3, height, width)")
+    return session
+
+
+def _boxes(output: Array) -> Array:
+    """(n, 6): left, top, right, bottom, confidence, class."""
+    if output.ndim == 3 and output.shape[0] == 1:
+        output = output[0]
+    if output.ndim == 2 and output.shape[1] == 6:
+        return output
+    if output.ndim == 2 and output.shape[0] > 4:
+        middle, half, classes = output[:2].T, output[2:4].T / 2, output[4:]
+        best = classes.argmax(axis=0)
+        surest = classes.max(axis=0)
+        return np.column_stack([middle - half, middle + half, surest, best])
+    raise UsageError(f"hints: the model's output {output.shape} is neither (n, 6) nor (1, 4 + classes, n)")
+
+
+def _pieces(picture: ImageBGR, width: int, height: int) -> Iterator[tuple[int, int]]:
+    """Left and top of pieces that cover a picture."""
+    for top in _starts(picture.shape[0], height):
+        for left in _starts(picture.shape[1], width):
+            yield left, top
+
+
+def _starts(length: int, piece: int) -> list[int]:
+    if length <= piece:
+        return [0]
+    count = int(np.ceil((length - piece) / (piece * (1 - OVERLAP)))) + 1
+    return [round(start) for start in np.linspace(0, length - piece, count)]

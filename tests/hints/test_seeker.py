@@ -1,0 +1,256 @@
+"""Hints of a simulated flight with people: sought in its frames, and by the page in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from gcs_mosaic.hints.hint_file import HintsRead, read_hints
+from gcs_mosaic.hints.hint_places import hint_places
+from gcs_mosaic.hints.ranking import ranked
+from gcs_mosaic.hints.seeker import Seeker
+from gcs_mosaic.hints.settings import HintSettings
+from gcs_mosaic.hints.sought import SoughtColour
+from gcs_mosaic.store.folder import HINTS_NAME
+from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.server import WebServer
+from sitl.flight import Flight, plan
+from sitl.path import Plan
+from sitl.targets import CLOTHES, Crowd
+from tests.benchmarks.hints import found_people, people_by_frame
+from tests.running import run, until
+from tests.web.browser import CHROMIUM, open_browser
+from tests.web.test_notes_api import Writer
+from tests.web.test_people_on_the_page import Person
+
+SIZE = (800, 600)
+PEOPLE = 12
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    return plan("survey", SIZE, seed=3, route=Plan(frames=12, height=40), crowd=Crowd(people=PEOPLE))
+
+
+@pytest.fixture(scope="module")
+def flown(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the stitched flight, in which nothing was sought yet."""
+    home = tmp_path_factory.mktemp("people")
+    (home / "pictures").mkdir()
+    for name, data in zip(flight.names, flight.pictures(), strict=True):
+        (home / "pictures" / Path(name).name).write_bytes(data)
+    done = run("stitch", "pictures", "--out", "mosaic", cwd=home)
+    assert done.returncode == 0, done.stderr
+    return home / "mosaic"
+
+
+@pytest.fixture
+def root(flown: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(flown, tmp_path / "mosaic"))
+
+
+def seek_all(root: Path, *colours: SoughtColour, settings: HintSettings | None = None) -> list[int]:
+    """Search all frames; their numbers in the order in which they were searched."""
+    seeker, done = Seeker(root, settings or HintSettings()), []
+    while (number := seeker.step(colours)) is not None:
+        done.append(number)
+    seeker.close()
+    return done
+
+
+def test_people_are_found_far_above_chance_the_newest_frame_first(flight: Flight, root: Path) -> None:
+    done = seek_all(root)
+    assert done == sorted(done, reverse=True)
+    assert len(done) == len(flight.names)
+    read, people = read_hints(root), people_by_frame(flight, root)
+    shown = ranked(read, hint_places(FlightView(root), read.hints), 20, 1)
+    found = found_people(shown, people)
+    seen = {number for each in people.values() for number in each}
+    assert len(set().union(*found)) >= 0.5 * len(seen)
+    assert sum(bool(each) for each in found[:10]) >= 7
+    by_chance = found_people(shown, people, np.random.default_rng(1).uniform(0, 1, (len(shown), 2)) * SIZE)
+    assert len(set().union(*by_chance)) <= 1
+    assert seek_all(root) == []
+
+
+def test_hints_lie_where_the_frames_are(flight: Flight, root: Path) -> None:
+    seek_all(root)
+    read, view = read_hints(root), FlightView(root)
+    places = hint_places(view, read.hints)
+    assert set(places) == {hint.id for hint in read.hints}
+    table = view.table()
+    for hint in read.hints:
+        place = places[hint.id]
+        near = {table.frames[index].number for index in table.near(place.island, (place.x, place.y, place.x, place.y))}
+        assert hint.found.frame in near
+
+
+def test_a_colour_is_sought_in_frames_that_were_searched_before_and_forgotten_again(root: Path) -> None:
+    before = len(seek_all(root))
+    orange = SoughtColour(number=7, bgr=tuple(round(value) for value in CLOTHES[0]), tolerance=25.0)  # type: ignore[arg-type]
+    assert len(seek_all(root, orange)) == before
+    sought = [hint for hint in read_hints(root).hints if hint.found.kind == "sought"]
+    assert sought
+    assert {hint.found.what for hint in sought} == {7}
+    assert seek_all(root, orange) == []
+    seeker = Seeker(root, HintSettings())
+    seeker.step()
+    seeker.close()
+    assert not [hint for hint in read_hints(root).hints if hint.found.kind == "sought"]
+
+
+def test_a_frame_whose_original_is_gone_costs_that_frame(root: Path) -> None:
+    first = sorted((root / "frames").rglob("*.*"))[0]
+    first.write_bytes(b"no picture")
+    assert len(seek_all(root)) == 12
+    assert read_hints(root).failed == 1
+
+
+def test_hints_of_another_flight_and_a_damaged_file_are_not_shown(root: Path) -> None:
+    seek_all(root)
+    ledger = sqlite3.connect(root / "flight.sqlite")
+    ledger.execute("UPDATE flight SET name = 'another'")
+    ledger.commit()
+    ledger.close()
+    assert read_hints(root) == HintsRead()
+    assert len(seek_all(root)) == 12  # from the beginning
+    (root / HINTS_NAME).write_bytes(b"x" * 4096)
+    assert read_hints(root) == HintsRead()
+
+
+@pytest.fixture
+def client(root: Path) -> Iterator[Writer]:
+    server = WebServer(root, HttpAddress("127.0.0.1", 0))
+    yield Writer(server.start())
+    server.stop()
+
+
+def test_the_page_seeks_once_somebody_wants_it_and_what_is_dismissed_stays_so(client: Writer, root: Path) -> None:
+    told = client.get("/hints")
+    assert (told["on"], told["state"], told["hints"]) == (False, "off", [])
+    assert client.send("POST", "/hints", {"on": True, "who": "Kim"})[0] == 200
+    until(lambda: client.get("/hints")["searched"] == 12, "all frames are searched", 60)
+    told = client.get("/hints")
+    assert (told["on"], told["state"], told["frames"], told["failed"]) == (True, "seeking", 12, 0)
+    best = told["hints"][0]
+    assert set(best) == {
+        *(
+            "hint",
+            "reason",
+            "what",
+            "worth",
+            "utc",
+            "island",
+            "place",
+            "frame",
+            "name",
+            "pixel",
+            "size",
+            "seen",
+            "looks",
+        )
+    }
+    assert client.send("POST", "/hints/dismissed", {"hint": best["hint"], "who": "Kim"})[0] == 200
+    assert best["hint"] not in [one["hint"] for one in client.get("/hints")["hints"]]
+    assert client.send("POST", "/hints", {"on": False, "who": "Kim"})[0] == 200
+    until(lambda: client.get("/hints")["state"] == "off", "the process has ended", 10)
+
+
+def test_a_colour_picked_on_the_map_is_marked_everywhere(client: Writer, flight: Flight, root: Path) -> None:
+    frame, sight = next((frame, one) for frame in flight.truth().frames for one in frame.sightings)
+    number = next(one.number for one in FlightView(root).table().frames if one.name == Path(frame.name).name)
+    pixel = [float(sight.px[0]), float(sight.px[1])]
+    status, made = client.send(
+        "POST", "/hints/colours", {"frame": number, "pixel": pixel, "label": "jacket", "who": "Kim"}
+    )
+    assert status == 201
+    data = next(data for name, data in zip(flight.names, flight.pictures(), strict=True) if name == frame.name)
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    own = picture[round(pixel[1]), round(pixel[0])]
+    assert np.abs(np.array(made["rgb"][::-1]) - own).max() < 40
+    client.send("POST", "/hints", {"on": True, "who": "Kim"})
+    marked = "the colour is marked where it was picked"
+    until(lambda: any(one["frame"] == number and _near(one["pixel"], pixel) for one in _sought(client)), marked, 60)
+    assert client.send("DELETE", f"/hints/colours/{made['id']}", {"who": "Kim"})[0] == 200
+    assert client.send("DELETE", f"/hints/colours/{made['id']}", {"who": "Kim"})[0] == 404
+
+
+def _sought(client: Writer) -> list[dict[str, Any]]:
+    return [one for one in client.get("/hints")["hints"] if one["reason"] == "sought"]
+
+
+def _near(one: list[float], other: list[float]) -> bool:
+    return float(np.hypot(one[0] - other[0], one[1] - other[1])) < 15
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "said"),
+    [
+        ("/hints", {"on": 1}, "on is to be true or false"),
+        ("/hints/colours", {"rgb": [1, 2]}, "three whole numbers"),
+        ("/hints/colours", {"rgb": [1, 2, 300]}, "rgb is to be a whole number"),
+        ("/hints/colours", {"frame": 9999, "pixel": [1, 1]}, "no such frame"),
+        ("/hints/colours", {"frame": 1, "pixel": [-9, 1]}, "inside the frame"),
+        ("/hints/colours", {"island": 0, "x": 1e6, "y": 1e6}, "No frame has seen"),
+        ("/hints/colours", {"rgb": [1, 2, 3], "tolerance": 1e9}, "tolerance is to be"),
+    ],
+)
+def test_what_is_unfit_is_refused_in_a_sentence(client: Writer, path: str, body: dict[str, object], said: str) -> None:
+    status, text = client.send("POST", path, {**body, "who": "Kim"})
+    assert (status, said in text) == (400, True), text
+
+
+def test_a_model_that_cannot_be_used_is_told_and_the_page_lives_on(root: Path, tmp_path: Path) -> None:
+    (tmp_path / "no.onnx").write_bytes(b"nothing")
+    settings = HintSettings(enabled=True, model=str(tmp_path / "no.onnx"))
+    server = WebServer(root, HttpAddress("127.0.0.1", 0), hints=settings)
+    client = Writer(server.start())
+    until(lambda: client.get("/hints")["state"] == "refused", "the model is refused", 60)
+    assert "no model" in client.get("/hints")["trouble"]
+    assert json.loads(client.ask("/mosaic.json")[1])["islands"]
+    server.stop()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(root: Path, tmp_path: Path) -> None:
+    server = WebServer(root, HttpAddress("127.0.0.1", 0))
+    with open_browser(tmp_path / "profile") as page:
+        someone = Person(page, server.start())
+        someone.press("open-hints")
+        someone.sees("hints-told", "Hints are off.")
+        someone.press("hints-on")
+        page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", 60)
+        someone.sees("hints-told", "12 of 12 frames are searched.")
+        page.wait_for(
+            "[...document.querySelectorAll('#hints-list img')].slice(0, 3).every((one) => one.naturalWidth > 0)"
+        )
+        first = "document.querySelector('#hints-list li:first-child')"
+        page.evaluate(f"{first}.querySelector('.crop').click()")
+        marks = "[...document.querySelectorAll('.hint-mark')].map((one) => one.getBoundingClientRect())"
+        pane = "document.getElementById('map').getBoundingClientRect()"
+        middle = f"Math.abs(one.x + one.width / 2 - ({pane}.x + {pane}.width / 2)) < 3"
+        page.wait_for(f"{marks}.some((one) => {middle})")
+        key = f"{first}.querySelector('.crop').dataset.hint"
+        best = page.evaluate(key)
+        page.evaluate(f"[...{first}.querySelectorAll('button')].at(-1).click()")
+        page.wait_for(f"{key} !== {json.dumps(best)}")
+        page.evaluate("document.querySelector('#hints-undo button').click()")
+        page.wait_for(f"{key} === {json.dumps(best)}")
+        someone.press("hints-pick")
+        someone.sees("hint", "Click the colour.")
+        someone.click(500, 400)
+        page.wait_for("document.querySelectorAll('#hints-colours li').length === 1", 30)
+        page.evaluate("document.querySelector('#hints-colours button').click()")
+        page.wait_for("document.querySelectorAll('#hints-colours li').length === 0", 30)
+        page.open("about:blank")
+    server.stop()

@@ -1,0 +1,133 @@
+"""Every word of the page has its German one: in the scripts, in the page itself, and what the server says."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.app.conditions import Conditions
+from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.views.layers import LAYERS, area_words
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.app import VIEWER
+from gcs_mosaic.web.server import WebServer
+from tests.app.test_conditions import FLYING, NEWS
+from tests.web.browser import CHROMIUM, open_browser
+from tests.web.seen_flight import seen_flight
+
+STRING = r'"((?:[^"\\]|\\.)*)"'
+SCRIPTS = sorted(path for path in VIEWER.glob("*.js") if path.stem not in ("words.de", "sw"))
+# Tables of words that are said by `t(TABLE[key])`.
+TABLES = {"hints.js": ("REASONS", "STATES"), "keys.js": ("KEYS",)}
+# The same everywhere, and what the scripts fill in.
+AS_THEY_ARE = {"", "▲", "N", "◀", "▶", "?", "gcs-mosaic", "44.51234, 7.12345", "CSV", "KML", "GeoJSON"}
+
+
+def german() -> dict[str, str]:
+    lines = re.findall(rf"^  {STRING}: {STRING},$", (VIEWER / "words.de.js").read_text("utf-8"), re.MULTILINE)
+    return {json.loads(f'"{english}"'): json.loads(f'"{own}"') for english, own in lines}
+
+
+def said_by(script: Path) -> Iterator[str]:
+    text = script.read_text("utf-8")
+    yield from (json.loads(f'"{found}"') for found in re.findall(rf"\bt\({STRING}", text))
+    yield from (json.loads(f'"{found}"') for found in re.findall(rf"\bsaid: {STRING}", text))
+    for table in TABLES.get(script.name, ()):
+        (body,) = re.findall(rf"const {table} = (?:\{{|\[)(.*?)^(?:\}}|\]);", text, re.MULTILINE | re.DOTALL)
+        shape = rf"\[{STRING}, {STRING}" if table == "KEYS" else rf"(\S+): {STRING}"
+        yield from (json.loads(f'"{found[1]}"') for found in re.findall(shape, body))
+
+
+class Words(HTMLParser):
+    """Texts, titles, labels and placeholders of the page itself."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found += [value for name, value in attrs if value and name in ("aria-label", "title", "placeholder")]
+
+    def handle_data(self, data: str) -> None:
+        self.found.append(data.strip())
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_what_scripts_say_has_a_german_word(script: Path) -> None:
+    assert {word for word in said_by(script) if word not in german()} == set()
+
+
+def test_what_stands_in_the_page_has_a_german_word() -> None:
+    words = Words()
+    words.feed((VIEWER / "index.html").read_text("utf-8"))
+    assert set(words.found) - german().keys() - AS_THEY_ARE == set()
+
+
+def test_layers_have_german_words() -> None:
+    assert {word for one in LAYERS.values() for word in (one.title, one.worst, one.best)} - german().keys() == set()
+
+
+def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
+    words = Words()
+    words.feed((VIEWER / "index.html").read_text("utf-8"))
+    scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
+    served = [
+        *sentences_of_the_server(),
+        *(word for one in LAYERS.values() for word in (one.title, one.worst, one.best)),
+    ]
+    used = {*words.found, *served, *(word for script in SCRIPTS for word in said_by(script))}
+    unused = {
+        english
+        for english in german()
+        if english not in used and json.dumps(english, ensure_ascii=False) not in scripts
+    }
+    assert {one for one in unused if not any(_fills(one, sentence) for sentence in served)} == set()
+    slots = {english: (set(_slots(english)), set(_slots(own))) for english, own in german().items()}
+    assert {english for english, (one, other) in slots.items() if one != other} == set()
+
+
+def sentences_of_the_server() -> list[str]:
+    """What lasts and is told as a condition, and the areas of gaps."""
+    told = [area_words(9.0, 3.0), area_words(0.1, 3.0)]
+    for _, facts in NEWS.values():
+        conditions = Conditions()
+        conditions.so_now(facts)
+        told += [one.text for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
+    lost = Conditions()
+    for _ in range(3):
+        lost.frame(FrameState.WAITING)
+    return told + [one.text for one in lost.so_now(FLYING)]
+
+
+def _slots(text: str) -> list[str]:
+    return re.findall(r"\{(\w+)\}", text)
+
+
+def _fills(template: str, sentence: str) -> bool:
+    return re.fullmatch(re.sub(r"\\\{\w+\\\}", ".+", re.escape(template)), sentence) is not None
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_sentences_of_the_server_are_told_in_german(tmp_path: Path) -> None:
+    seen_flight(tmp_path)
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0))
+    with open_browser(tmp_path / "profile") as page:
+        url = server.start()
+        page.open(url)
+        page.evaluate("localStorage.setItem('gcs-mosaic language', 'de')")
+        page.open(url)
+        page.wait_for("document.getElementById('open-finds')?.innerText === 'Funde'")
+        page.evaluate("import('/viewer/words.js').then((words) => { window.said = words.said; })")
+        page.wait_for("!!window.said")
+        sentence = "The last 3 frames match nothing on the map: fly back over ground that is on it"
+        assert page.evaluate(f"said({json.dumps(sentence)})").startswith("Die letzten 3 Bilder")
+        left = [one for one in sentences_of_the_server() if page.evaluate(f"said({json.dumps(one)})") == one]
+        page.open("about:blank")
+    server.stop()
+    assert left == []
