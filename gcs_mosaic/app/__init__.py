@@ -17,6 +17,7 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | `page`, `page news` | `web.page_keeper` | the pipes to the page's process, and the changes that it has not been told of yet |
 | process of the page | `web.page_keeper` | the open pages; reads tiles and documents, writes nothing |
 | in it `web`, `web tiles` (pool of 2) | `web.server` | connections and requests; tiles being filled |
+| in it process `hints` | `web.hint_keeper`, while somebody wants hints | `hints.sqlite`; reads ledger and originals |
 | process `adjust`, thread `adjust` | `stitch.bundle.worker` | a copy of one island's problem, until the result is sent |
 
 Objects passed between them are never changed afterwards. Processes end with the program, however it ends. One that dies is

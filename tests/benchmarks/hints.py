@@ -168,8 +168,9 @@ def main() -> int:
                 flush=True,
             )
             if given.live:
-                (home / "live").mkdir(exist_ok=True)
-                late = soon(flight, home / "pictures", home / "live")
+                live = Path(folder) / f"{ground} live"
+                live.mkdir()
+                late = soon(flight, home / "pictures", live)
                 print(
                     f"         live: {median(late):.1f} s from shot to hint, {np.quantile(late, 0.9):.1f} s for 9 of 10",
                     flush=True,
