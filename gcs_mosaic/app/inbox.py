@@ -17,6 +17,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken, watch
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.source import stream, stream_name
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DroppedFrame, Frame, LinkReport, Notice, SourceReport
 from gcs_mosaic.store.folder import RECORDING_NAME
@@ -45,11 +46,13 @@ def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] |
     return ItemSource(watch(Path(config.watch), stop, config.frames, taken), failed)
 
 
-def attach_stream(address: str, links: Iterable[ItemSource], config: Config, stop: threading.Event) -> list[ItemSource]:
+def attach_stream(
+    address: str, links: Iterable[ItemSource], config: Config, stop: threading.Event, trust: Trust
+) -> list[ItemSource]:
     """The links, now also requesting frames, plus the live stream that provides them. Raises UsageError."""
     requests = Requests()
     frames = stream(address, stop, requests, config.stream)
-    asking_links = [replace(link, items=asking(link.items, requests)) for link in links]
+    asking_links = [replace(link, items=asking(link.items, requests, trust)) for link in links]
     failed = replace(initial_report(config), state="ended")
     return [*asking_links, ItemSource(frames, failed)]
 

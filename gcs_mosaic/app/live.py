@@ -76,7 +76,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         shots = Shots(config.shots)
         links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
         if config.rtsp:
-            links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop)
+            links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop, links.trust)
         opened = open_flight(config)
         stack.callback(opened.close)
         folder = opened.folder

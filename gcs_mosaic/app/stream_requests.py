@@ -7,18 +7,19 @@ from typing import TypeVar
 
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.messages import CaptureResult, StreamOffer
 from gcs_mosaic.triggers.shots import CameraMessage, New
 
 T = TypeVar("T")
 
 
-def asking(items: Iterator[T], requests: Requests) -> Iterator[T]:
+def asking(items: Iterator[T], requests: Requests, trust: Trust) -> Iterator[T]:
     """Pass on a link's items, requesting one frame per shot after the consumer has handled the item."""
     for item in items:
         yield item
         match item:
             case CameraMessage(event=event, verdict=New(moment)) if event.result is not CaptureResult.FAILED:
-                requests.put(Ask(moment, event))
+                requests.put(Ask(moment, event, is_trusted=event.teller in trust.sources))
             case StreamOffer():
                 requests.put(Offer(item.url))

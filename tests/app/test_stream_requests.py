@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gcs_mosaic.app.stream_requests import asking
@@ -13,7 +14,8 @@ from gcs_mosaic.frames.rtsp.receiver import Receiver
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.frames.rtsp.ring_buffer import Ring
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer
+from gcs_mosaic.mavlink.flood import Trust
+from gcs_mosaic.messages import CaptureResult, Notice, Source, StreamOffer, Teller
 from gcs_mosaic.triggers.shots import CameraMessage, Shots, ShotSettings
 from tests.factories import trigger_event
 
@@ -21,9 +23,10 @@ EVENT = trigger_event(7, 100.2, source_time=50.0, clock="boot")
 LATER = replace(EVENT, sequence=8, received=104.9, source_time=54.0)
 
 
-def asked(*items: object) -> list[Ask | Offer]:
-    requests = Requests()
-    passed_on = list(asking(Shots(ShotSettings()).follow(iter(items)), requests))
+def asked(*items: object, trusted: Sequence[Teller] = ()) -> list[Ask | Offer]:
+    requests, trust = Requests(), Trust()
+    trust.sources = frozenset(trusted)
+    passed_on = list(asking(Shots(ShotSettings()).follow(iter(items)), requests, trust))
     assert [item.event if isinstance(item, CameraMessage) else item for item in passed_on] == list(items)
     return list(requests.drain())
 
@@ -34,6 +37,10 @@ def test_a_picture_is_asked_for_of_the_moment_at_which_the_shot_was_taken() -> N
     assert first == Ask(100.2, EVENT)
     assert isinstance(second, Ask)
     assert abs(second.moment - 104.2) < 0.01
+
+
+def test_whose_shots_have_proved_true_is_told() -> None:
+    assert asked(EVENT, trusted=[EVENT.teller]) == [Ask(100.2, EVENT, is_trusted=True)]
 
 
 def test_messages_about_one_shot_ask_once() -> None:

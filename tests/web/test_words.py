@@ -39,7 +39,7 @@ def said_by(script: Path) -> Iterator[str]:
     yield from (json.loads(f'"{found}"') for found in re.findall(rf"\bt\({STRING}", text))
     yield from (json.loads(f'"{found}"') for found in re.findall(rf"\bsaid: {STRING}", text))
     for table in TABLES.get(script.name, ()):
-        (body,) = re.findall(rf"const {table} = (?:\{{|\[)(.*?)^(?:\}}|\]);", text, re.MULTILINE | re.DOTALL)
+        (body,) = re.findall(rf"const {table} = (?:\{{|\[)(.*?)(?:\}}|\]);", text, re.DOTALL)
         shape = rf"\[{STRING}, {STRING}" if table == "KEYS" else rf"(\S+): {STRING}"
         yield from (json.loads(f'"{found[1]}"') for found in re.findall(shape, body))
 

@@ -12,10 +12,14 @@ from gcs_mosaic.messages import TriggerEvent
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """A request for a frame at this time (host's monotonic clock); `event` is the trigger, None for interval frames."""
+    """A request for a frame at this time (host's monotonic clock); `event` is the trigger, None for interval frames.
+
+    `is_trusted`: earlier shots of its source have proved true. It comes first, and may have a picture that another one has taken.
+    """
 
     moment: float
     event: TriggerEvent | None = None
+    is_trusted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,28 +53,28 @@ class Picker:
         self._waiting.append((now, ask))
 
     def due(self, pictures: Sequence[StreamPicture], now: float) -> list[Pick | Unanswered]:
-        """Results that can be decided by now, in order of request; `pictures` are the ring's, oldest first."""
+        """Results that can be decided by now, those trusted first, else in order of request; `pictures` are the ring's, oldest
+        first."""
         if not self._waiting:
             return []
-        decided: list[Pick | Unanswered] = []
-        left = []
+        ready, left = [], []
         dated = [(picture.moment, picture) for picture in pictures]
         newest = dated[-1][0] if dated and pictures[-1].clock.is_settled(now) else None
         for asked, ask in self._waiting:
             seen_enough = newest is not None and newest >= ask.moment + self._settings.window_s
             if seen_enough or now >= max(asked, ask.moment) + self._settings.patience_s:
-                decided.append(self._decide(ask, dated))
+                ready.append(ask)
             else:
                 left.append((asked, ask))
         self._waiting = left
-        return decided
+        return [self._decide(ask, dated) for ask in sorted(ready, key=lambda ask: not ask.is_trusted)]
 
     def _decide(self, ask: Ask, dated: list[tuple[float, StreamPicture]]) -> Pick | Unanswered:
         settings = self._settings
         near = [
             (abs(moment - ask.moment), moment, picture)
             for moment, picture in dated
-            if abs(moment - ask.moment) <= max(settings.farthest_s, settings.window_s) and not picture.taken
+            if abs(moment - ask.moment) <= max(settings.farthest_s, settings.window_s) and _is_free(picture, ask)
         ]
         whole = sorted((one for one in near if not one[2].damaged), key=lambda one: one[0])
         if not whole:
@@ -79,7 +83,12 @@ class Picker:
         inside = [one for one in whole if one[0] <= settings.window_s]
         _, moment, picture = _nearest_sharp(inside, settings.sharp_enough) if inside else whole[0]
         picture.taken = True
+        picture.is_for_trusted |= ask.is_trusted
         return Pick(ask, picture, moment)
+
+
+def _is_free(picture: StreamPicture, ask: Ask) -> bool:
+    return not picture.taken or (ask.is_trusted and not picture.is_for_trusted)
 
 
 def _nearest_sharp(near: list[tuple[float, float, StreamPicture]], share: float) -> tuple[float, float, StreamPicture]:

@@ -36,6 +36,7 @@ class StreamPicture:
     clock: CaptureClock
     damaged: bool
     taken: bool = False
+    is_for_trusted: bool = False  # taken for a source whose shots have proved true
     _sharpness: float | None = None
 
     @property

@@ -1,3 +1,4 @@
+// @ts-check
 // The choice of the aircraft whose triggers are followed; shown once a second one is heard.
 
 import { t } from "/viewer/words.js";

@@ -1,6 +1,8 @@
+// @ts-check
 // Anchors: pins that say what coordinate a place has, and the coordinate under the cursor with its error.
 
 import { send, trying } from "/viewer/api.js";
+import { byId } from "/viewer/dom.js";
 import { openPanel } from "/viewer/panels.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
@@ -10,14 +12,24 @@ const NOTATIONS = ["decimal", "dms", "utm", "mgrs"];
 
 export class Anchors {
   constructor(map, pointing) {
-    Object.assign(this, { map, pointing, answer: null, pins: L.layerGroup().addTo(map.map) });
-    for (const name of ["set", "form", "list", "told", "said", "positions", "go", "notation"]) this[name] = document.getElementById(`anchors-${name}`);
-    this.place = document.getElementById("coordinate");
+    this.map = map;
+    this.pointing = pointing;
+    this.answer = null;
+    this.pins = L.layerGroup().addTo(map.map);
+    this.set = byId("anchors-set");
+    this.form = byId("anchors-form");
+    this.list = byId("anchors-list");
+    this.told = byId("anchors-told");
+    this.said = byId("anchors-said");
+    this.positions = byId("anchors-positions");
+    this.go = byId("anchors-go");
+    this.notation = byId("anchors-notation");
+    this.place = byId("coordinate");
     this.tool = { button: this.set, said: "Click a place whose coordinate you know.", place: (island, x, y) => this.begin({ island, x, y }) };
     this.set.onclick = () => this.pointing.take(this.tool);
     this.form.onsubmit = (event) => this.save(event);
     this.go.onsubmit = (event) => this.goTo(event);
-    document.getElementById("anchors-cancel").onclick = () => (this.form.hidden = true);
+    byId("anchors-cancel").onclick = () => (this.form.hidden = true);
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
     for (const name of NOTATIONS) this.notation.append(new Option(name.toUpperCase(), name));
     map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
@@ -55,7 +67,7 @@ export class Anchors {
   }
 
   showNorth(anchor) {
-    const arrow = document.getElementById("north");
+    const arrow = byId("north");
     arrow.hidden = !anchor;
     if (anchor) arrow.style.rotate = `${anchor.north_deg}deg`;
   }

@@ -1,3 +1,4 @@
+// @ts-check
 // Writing to the server: what people add to the flight. Who does is asked once, and kept on this device.
 
 const TIMEOUT_MS = 8000;

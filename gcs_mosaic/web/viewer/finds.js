@@ -1,28 +1,34 @@
+// @ts-check
 // Finds: markers with a note, who and when, on the map and in a list; shared by all open pages.
 
 import { send, setWho, trying, who } from "/viewer/api.js";
+import { byId, element, focusedIn } from "/viewer/dom.js";
 import { openPanel } from "/viewer/panels.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
 const CROP = 240; // px of the original
-const element = (tag, properties = {}, ...children) => {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-};
 
 export class Finds {
   /** `showOriginal(find)`: opens what the find was seen in. */
   constructor(map, pointing, showOriginal) {
-    Object.assign(this, { map, pointing, showOriginal, finds: [], pins: L.layerGroup().addTo(map.map) });
-    for (const name of ["form", "list", "undo", "said", "who", "mark"]) this[name] = document.getElementById(`finds-${name}`);
+    this.map = map;
+    this.pointing = pointing;
+    this.showOriginal = showOriginal;
+    this.finds = [];
+    this.pins = L.layerGroup().addTo(map.map);
+    this.form = byId("finds-form");
+    this.list = byId("finds-list");
+    this.undo = byId("finds-undo");
+    this.said = byId("finds-said");
+    this.who = byId("finds-who");
+    this.mark = byId("finds-mark");
     this.tool = { button: this.mark, said: "Click where the find is.", place: (island, x, y) => this.begin({ island, x, y }) };
     this.who.value = who();
     this.who.onchange = () => setWho(this.who.value);
     this.mark.onclick = () => this.pointing.take(this.tool);
     this.form.onsubmit = (event) => this.save(event);
-    document.getElementById("finds-cancel").onclick = () => this.endForm();
+    byId("finds-cancel").onclick = () => this.endForm();
     this.undo.querySelector("button").onclick = () => this.restore();
   }
 
@@ -36,10 +42,10 @@ export class Finds {
 
   show() {
     this.drawMarkers();
-    const focused = document.activeElement?.dataset?.find;
+    const focused = focusedIn("find");
     this.list.replaceChildren(...[...this.finds].reverse().map((find) => this.row(find)));
     if (focused) this.list.querySelector(`[data-find="${focused}"]`)?.focus();
-    document.getElementById("open-finds").textContent = this.finds.length ? `${t("Finds")}: ${this.finds.length}` : t("Finds");
+    byId("open-finds").textContent = this.finds.length ? `${t("Finds")}: ${this.finds.length}` : t("Finds");
   }
 
   drawMarkers() {
@@ -91,12 +97,15 @@ export class Finds {
   begin(place) {
     this.pointing.release();
     openPanel("finds");
-    Object.assign(this, { place, edited: null, key: crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}` });
+    this.place = place;
+    this.edited = null;
+    this.key = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
     this.fill({ label: "", kind: "", note: "" });
   }
 
   edit(find) {
-    Object.assign(this, { place: null, edited: find });
+    this.place = null;
+    this.edited = find;
     this.fill(find);
   }
 
@@ -108,7 +117,8 @@ export class Finds {
 
   endForm() {
     this.form.hidden = true;
-    Object.assign(this, { place: null, edited: null });
+    this.place = null;
+    this.edited = null;
     this.mark.focus();
   }
 

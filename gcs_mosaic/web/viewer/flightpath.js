@@ -1,26 +1,39 @@
+// @ts-check
 // Where the camera was, and the outlines of the frames; those that are not on the map, with the reason; and the flight played again.
 
+import { byId } from "/viewer/dom.js";
 import { outlineOf } from "/viewer/outline.js";
 import { Veil } from "/viewer/veil.js";
 import { t } from "/viewer/words.js";
 
 const NAMES = new Intl.Collator("en", { numeric: true });
 const SOON_MS = 2000; // between two drawings while the flight goes on
+/** @type {[string, number][]} colour, width */
 const PATH = [["#000", 5], ["#56b4e9", 2]];
 
 export class FlightPath {
   /** `placements`: where frames lie; `onTime(seconds | null)` is called when the slider is moved. */
   constructor(map, placements) {
-    Object.assign(this, { map, placements, lines: L.layerGroup().addTo(map.map), until: Infinity, showsPath: false, showsOutlines: false });
+    this.map = map;
+    this.placements = placements;
+    this.lines = L.layerGroup().addTo(map.map);
+    this.until = Infinity;
+    this.showsPath = false;
+    this.showsOutlines = false;
     this.renderer = L.canvas({ padding: 0.3 });
     this.veil = new Veil(); // over what was not seen yet
-    for (const name of ["path", "outlines", "slider", "time", "absent", "play"]) this[name] = document.getElementById(`flight-${name}`);
+    this.path = byId("flight-path");
+    this.outlines = byId("flight-outlines");
+    this.slider = byId("flight-slider");
+    this.time = byId("flight-time");
+    this.absent = byId("flight-absent");
+    this.play = byId("flight-play");
     this.path.onclick = () => this.toggle("showsPath", this.path);
     this.outlines.onclick = () => this.toggle("showsOutlines", this.outlines);
     this.slider.oninput = () => this.moveTo(Number(this.slider.value));
     this.play.onclick = () => this.togglePlay();
-    document.getElementById("flight").addEventListener("opened", () => this.show());
-    document.getElementById("flight").addEventListener("closed", () => this.moveTo(Number(this.slider.max)));
+    byId("flight").addEventListener("opened", () => this.show());
+    byId("flight").addEventListener("closed", () => this.moveTo(Number(this.slider.max)));
   }
 
   toggle(what, button) {
@@ -39,7 +52,7 @@ export class FlightPath {
   }
 
   show() {
-    if (document.getElementById("flight").hidden && !this.showsPath && !this.showsOutlines) return;
+    if (byId("flight").hidden && !this.showsPath && !this.showsOutlines) return;
     if (Date.now() - (this.drawnAt ?? 0) < SOON_MS && this.drawnRevision !== undefined) return;
     const wasNewest = this.slider.value === this.slider.max;
     const frames = this.frames();
@@ -75,10 +88,11 @@ export class FlightPath {
   }
 
   draw() {
-    Object.assign(this, { drawnAt: Date.now(), drawnRevision: this.placements.revision });
+    this.drawnAt = Date.now();
+    this.drawnRevision = this.placements.revision;
     this.lines.clearLayers();
     const frames = this.frames();
-    const isPast = this.count !== undefined && this.count < frames.length && !document.getElementById("flight").hidden;
+    const isPast = this.count !== undefined && this.count < frames.length && !byId("flight").hidden;
     const until = isPast ? this.count : frames.length;
     const here = (one) => one.island === this.map.layer?.island;
     const shown = frames.slice(0, until).filter(here);
@@ -105,13 +119,14 @@ export class FlightPath {
       item.textContent = `${name}: ${reason}`;
       return item;
     });
-    const title = document.getElementById("flight-absent-title");
+    const title = byId("flight-absent-title");
     title.textContent = items.length ? t("Not on the map: {n}", { n: this.placements.absent.size }) : t("All frames are on the map.");
     this.absent.replaceChildren(...items);
   }
 }
 
 /** The middle of a frame's outline, [y, x]; null where it reaches beyond the horizon. */
+/** @returns {any} */
 function middleOf(frame) {
   const corners = outlineOf(frame);
   return corners && [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);

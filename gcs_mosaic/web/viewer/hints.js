@@ -1,7 +1,9 @@
+// @ts-check
 // Hints: crops of what may be worth a look, the oddest first, and colours that somebody has picked. Never a filter: the map stays
 // as it is.
 
 import { send, trying } from "/viewer/api.js";
+import { byId, element, focusedIn } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
@@ -18,20 +20,25 @@ const REASONS = {
   "detector": "detector",
 };
 const STATES = { starting: "Starting …", refused: "Hints cannot be sought." };
-const element = (tag, properties = {}, ...children) => {
-  const made = Object.assign(document.createElement(tag), properties);
-  made.append(...children);
-  return made;
-};
 
 export class Hints {
   /** `showOriginal(hint)`: opens the frame that shows it. */
   constructor(map, pointing, showOriginal) {
-    Object.assign(this, { map, pointing, showOriginal, hints: [], marks: L.layerGroup(), known: "" });
-    for (const name of ["on", "pick", "tolerance", "colours", "told", "said", "undo", "list"]) {
-      this[name] = document.getElementById(`hints-${name}`);
-    }
-    this.panel = document.getElementById("hints");
+    this.map = map;
+    this.pointing = pointing;
+    this.showOriginal = showOriginal;
+    this.hints = [];
+    this.marks = L.layerGroup();
+    this.known = "";
+    this.on = byId("hints-on");
+    this.pick = byId("hints-pick");
+    this.tolerance = byId("hints-tolerance");
+    this.colours = byId("hints-colours");
+    this.told = byId("hints-told");
+    this.said = byId("hints-said");
+    this.undo = byId("hints-undo");
+    this.list = byId("hints-list");
+    this.panel = byId("hints");
     this.tool = { button: this.pick, said: "Click the colour.", place: (island, x, y) => this.pickAt(island, x, y) };
     this.on.onclick = () => this.change(() => send("POST", "/hints", { on: this.on.ariaPressed !== "true" }));
     this.pick.onclick = () => this.pointing.take(this.tool);
@@ -83,7 +90,7 @@ export class Hints {
   }
 
   showList(colours) {
-    const focused = document.activeElement?.dataset?.hint;
+    const focused = focusedIn("hint");
     this.list.replaceChildren(...this.hints.map((hint, index) => this.row(hint, index + 1, colours)));
     if (focused) this.list.querySelector(`[data-hint="${focused}"]`)?.focus();
   }

@@ -1,23 +1,28 @@
+// @ts-check
 // The islands side by side, each with a picture of its own, so that nobody thinks that they are connected.
 
+import { byId, focusedIn } from "/viewer/dom.js";
 import { t } from "/viewer/words.js";
 
 const THUMB = 256; // px: one tile of the coarsest level that holds the island, or four
 
 export class Islands {
   constructor(map) {
-    Object.assign(this, { map, list: document.getElementById("islands-list"), told: document.getElementById("islands-told"), shown: "" });
-    document.getElementById("islands").addEventListener("opened", () => this.show());
+    this.map = map;
+    this.list = byId("islands-list");
+    this.told = byId("islands-told");
+    this.shown = "";
+    byId("islands").addEventListener("opened", () => this.show());
   }
 
   show() {
-    if (document.getElementById("islands").hidden || !this.map.mosaic) return;
+    if (byId("islands").hidden || !this.map.mosaic) return;
     const islands = [...this.map.islands()].sort((one, other) => other.frames - one.frames);
     const state = JSON.stringify([islands, this.map.layer?.island, Math.floor(this.map.revision / 10)]);
     if (state === this.shown) return;
     this.shown = state;
     this.told.textContent = islands.length === 1 ? t("All frames are on one map.") : t("These islands are not connected: nothing tells how one lies to another.");
-    const focused = document.activeElement?.dataset?.island;
+    const focused = focusedIn("island");
     this.list.replaceChildren(...islands.map((island) => this.row(island)));
     if (focused !== undefined) this.list.querySelector(`[data-island="${focused}"]`)?.focus();
   }

@@ -1,3 +1,4 @@
+// @ts-check
 // The page with the server gone: what was seen stays viewable, also after a reload, where the browser allows that (this machine,
 // and HTTPS). A service worker keeps the page itself, the documents and the tiles that were shown.
 

@@ -1,11 +1,14 @@
+// @ts-check
 // Keys for the hand that does not hold the tablet, and a sheet that tells them.
 
+import { byId } from "/viewer/dom.js";
 import { openPanel } from "/viewer/panels.js";
 import { t } from "/viewer/words.js";
 
 const PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look"];
 
-const press = (id) => document.getElementById(id).click();
+const press = (id) => byId(id).click();
+/** @type {[string, string, (() => void) | null][]} key, what it does, action */
 const KEYS = [
   ["?", "This sheet", () => showSheet()],
   ["m", "Mark a find", () => press("finds-mark")],
@@ -25,27 +28,27 @@ const KEYS = [
 ];
 
 export function listenForKeys() {
-  const sheet = document.getElementById("help");
-  const list = document.getElementById("help-keys");
+  const sheet = byId("help");
+  const list = byId("help-keys");
   for (const [key, said] of KEYS) {
     const [term, words] = ["dt", "dd"].map((tag) => document.createElement(tag));
     term.append(Object.assign(document.createElement("kbd"), { textContent: key }));
     words.textContent = t(said);
     list.append(term, words);
   }
-  document.getElementById("help-close").onclick = () => sheet.close();
-  document.getElementById("open-help").onclick = showSheet;
+  byId("help-close").onclick = () => sheet.close();
+  byId("open-help").onclick = showSheet;
   document.addEventListener("keydown", onKey);
 }
 
 function onKey({ key, target, ctrlKey, altKey, metaKey }) {
   const isTyping = target.matches?.("input:not([type=range], [type=checkbox]), textarea, select");
-  if (ctrlKey || altKey || metaKey || isTyping || document.getElementById("help").open) return;
+  if (ctrlKey || altKey || metaKey || isTyping || byId("help").open) return;
   const panel = /^[1-9]$/.test(key) && PANELS[key - 1];
   if (panel) press(`open-${panel}`);
-  else if (document.getElementById("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();
+  else if (byId("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();
 }
 
 function showSheet() {
-  document.getElementById("help").showModal();
+  byId("help").showModal();
 }

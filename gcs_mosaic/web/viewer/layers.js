@@ -1,5 +1,7 @@
+// @ts-check
 // Layers over the map: how often, how finely, how lately the ground was seen; and gaps, which need no click.
 
+import { byId } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { LiveTiles } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
@@ -8,9 +10,15 @@ const EACH_MS = 5000; // gaps and layers are asked for again while the map chang
 
 export class Layers {
   constructor(map) {
-    Object.assign(this, { map, tiles: null, island: null, revision: -1, due: 0, showsGaps: true, gapLines: L.layerGroup().addTo(map) });
-    this.select = document.getElementById("layer");
-    this.button = document.getElementById("gaps");
+    this.map = map;
+    this.tiles = null;
+    this.island = null;
+    this.revision = -1;
+    this.due = 0;
+    this.showsGaps = true;
+    this.gapLines = L.layerGroup().addTo(map);
+    this.select = byId("layer");
+    this.button = byId("gaps");
     this.select.onchange = () => this.choose();
     this.button.onclick = () => this.toggleGaps();
     this.legends = new Map();
@@ -32,10 +40,12 @@ export class Layers {
   /** The island in view, its tiles' options, and the revision of the map. */
   show(island, options, revision) {
     const isAnother = this.island?.id !== island.id;
-    Object.assign(this, { island, options });
+    this.island = island;
+    this.options = options;
     const isDue = revision !== this.revision && Date.now() >= this.due;
     if (!isAnother && !isDue) return;
-    Object.assign(this, { revision, due: Date.now() + EACH_MS });
+    this.revision = revision;
+    this.due = Date.now() + EACH_MS;
     if (isAnother) {
       this.gapLines.clearLayers();
       this.choose();
@@ -58,7 +68,7 @@ export class Layers {
   }
 
   showLegend(legend) {
-    const box = document.getElementById("legend");
+    const box = byId("legend");
     box.hidden = !legend;
     if (!legend) return;
     const [title, worst, bar, best] = box.children;

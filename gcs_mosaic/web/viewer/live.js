@@ -1,3 +1,4 @@
+// @ts-check
 // Listening for changes, for ever: a browser by itself gives up for good when the server refuses once.
 
 const FIRST_RETRY_MS = 1000;
@@ -9,7 +10,9 @@ export class Live {
 
   /** `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds. */
   constructor(onChange, onEnded, onNotes) {
-    Object.assign(this, { onChange, onEnded, onNotes });
+    this.onChange = onChange;
+    this.onEnded = onEnded;
+    this.onNotes = onNotes;
     this.retryMs = FIRST_RETRY_MS;
     this.listen();
   }
@@ -28,7 +31,8 @@ export class Live {
 
   end() {
     this.source.close();
-    Object.assign(this, { isOpen: false, hasEnded: true });
+    this.isOpen = false;
+    this.hasEnded = true;
     this.onEnded();
     this.listenLater(); // for whoever serves the flight next
   }

@@ -1,5 +1,7 @@
+// @ts-check
 // How the page looks on this device: light for the sun, dark, red for the night; dark ground made lighter. Kept on the device.
 
+import { byId } from "/viewer/dom.js";
 import { LANGUAGES, chooseLanguage, language } from "/viewer/words.js";
 
 const KEY = "gcs-mosaic look";
@@ -9,13 +11,13 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 export class Look {
   constructor() {
     this.chosen = { ...PLAIN, ...kept() };
-    document.getElementById("look-plain").onclick = () => this.choose({ ...PLAIN });
+    byId("look-plain").onclick = () => this.choose({ ...PLAIN });
     for (const name of Object.keys(PLAIN)) {
-      const input = document.getElementById(`look-${name}`);
+      const input = byId(`look-${name}`);
       input.addEventListener("input", () => this.choose({ [name]: name === "theme" ? input.value : Number(input.value) }));
     }
     dark.addEventListener("change", () => this.apply());
-    offerLanguages(document.getElementById("language"));
+    offerLanguages(byId("language"));
     this.apply();
   }
 
@@ -31,7 +33,7 @@ export class Look {
 
   apply() {
     const { theme, brightness, contrast, gamma } = this.chosen;
-    for (const name of Object.keys(PLAIN)) document.getElementById(`look-${name}`).value = this.chosen[name];
+    for (const name of Object.keys(PLAIN)) byId(`look-${name}`).value = this.chosen[name];
     document.documentElement.dataset.theme = theme === "system" ? (dark.matches ? "dark" : "light") : theme;
     for (const channel of document.querySelectorAll("#gamma feFuncR, #gamma feFuncG, #gamma feFuncB")) {
       channel.setAttribute("exponent", String(1 / gamma));

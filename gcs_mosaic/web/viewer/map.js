@@ -1,5 +1,7 @@
+// @ts-check
 // The map of one island: which one, which part of it, and the newest frame's outline.
 
+import { byId } from "/viewer/dom.js";
 import { isOutOfKept } from "/viewer/kept.js";
 import { Layers } from "/viewer/layers.js";
 import { outlineOf } from "/viewer/outline.js";
@@ -49,16 +51,16 @@ export class MosaicMap {
     // The map also changes its size when notices come or the alarm goes, which Leaflet does not see by itself.
     new ResizeObserver(() => this.map.invalidateSize({ animate: false })).observe(this.map.getContainer());
     for (const mode of ["all", "newest"]) {
-      document.getElementById(mode).onclick = () => this.setMode(this.mode === mode ? "free" : mode);
+      byId(mode).onclick = () => this.setMode(this.mode === mode ? "free" : mode);
     }
-    document.getElementById("island").onchange = (event) => this.chooseIsland(Number(event.target.value));
+    byId("island").onchange = (event) => this.chooseIsland(Number(event.target.value));
   }
 
   /** What the view keeps showing: "all" (the whole island), "newest" (the newest frame), "free" (what the user chose). */
   setMode(mode) {
     this.mode = mode;
     for (const name of ["all", "newest"]) {
-      document.getElementById(name).setAttribute("aria-pressed", String(mode === name));
+      byId(name).setAttribute("aria-pressed", String(mode === name));
     }
     if (mode === "newest") this.chosenIsland = null;
     if (this.mosaic) this.showIsland();
@@ -119,7 +121,7 @@ export class MosaicMap {
     this.limitView(island.minzoom - SHRINK_LEVELS, options.bounds.pad(ROOM_AROUND));
     if (this.layer?.island !== island.id) this.startLayer(island.id, options);
     this.bounds = paintedBounds(options.bounds, this.boundsOf(island.id));
-    document.getElementById("island").value = String(island.id);
+    byId("island").value = String(island.id);
     this.showOutline();
     this.keepInView();
     this.layer.grow(options);
@@ -184,7 +186,7 @@ export class MosaicMap {
   }
 
   showChoice() {
-    const select = document.getElementById("island");
+    const select = byId("island");
     const islands = this.islands();
     select.hidden = islands.length < 2;
     const options = islands.map(({ id, frames }) => new Option(`Island ${id}: ${frames} ${frames === 1 ? "frame" : "frames"}`, id));
@@ -195,7 +197,7 @@ export class MosaicMap {
 
 /** CSS pixels on the left that the tools stand on, where they stand below each other; what is looked at is not under them. */
 function besideTools() {
-  const { offsetWidth, offsetHeight } = document.getElementById("tools");
+  const { offsetWidth, offsetHeight } = byId("tools");
   return offsetHeight > offsetWidth ? offsetWidth : 12;
 }
 

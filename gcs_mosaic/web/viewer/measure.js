@@ -1,19 +1,34 @@
+// @ts-check
 // Lengths and areas on the map, in pixels, or in metres once a scale is known; the scale bar; a person's size at the cursor.
 
 import { send, trying } from "/viewer/api.js";
+import { byId } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
 const PERSON_M = { height: 1.75, width: 0.5 };
 const BAR_PX = 120; // at most
 const STEPS = [1, 2, 5];
+/** @type {[string, number][]} colour, width */
 const LINE = [["#000", 6], ["#ffe600", 3]];
 
 export class Measure {
   constructor(map, pointing) {
-    Object.assign(this, { map, pointing, scales: new Map(), points: [], drawn: L.layerGroup().addTo(map.map) });
-    for (const name of ["line", "area", "scale", "person", "clear", "told", "said", "metres", "known"]) this[name] = document.getElementById(`measure-${name}`);
-    this.bar = document.getElementById("scale-bar");
+    this.map = map;
+    this.pointing = pointing;
+    this.scales = new Map();
+    this.points = [];
+    this.drawn = L.layerGroup().addTo(map.map);
+    this.line = byId("measure-line");
+    this.area = byId("measure-area");
+    this.scale = byId("measure-scale");
+    this.person = byId("measure-person");
+    this.clear = byId("measure-clear");
+    this.told = byId("measure-told");
+    this.said = byId("measure-said");
+    this.metres = byId("measure-metres");
+    this.known = byId("measure-known");
+    this.bar = byId("scale-bar");
     for (const [kind, said] of [["line", "Click along the line."], ["area", "Click round the area."], ["scale", "Click both ends of the known distance."]]) {
       const tool = { kind, said, button: this[kind], place: (island, x, y) => this.add(kind, island, x, y) };
       this[kind].onclick = () => {
@@ -26,7 +41,7 @@ export class Measure {
     this.person.onclick = () => this.togglePerson();
     map.map.on("zoomend moveend", () => this.showBar());
     map.map.on("mousemove", ({ containerPoint }) => this.movePerson(containerPoint));
-    this.silhouette = document.getElementById("person");
+    this.silhouette = byId("person");
   }
 
   async read() {
@@ -81,6 +96,7 @@ export class Measure {
 
   draw() {
     this.drawn.clearLayers();
+    /** @type {[number, number][]} */
     const corners = this.points.map(([x, y]) => [y, x]);
     for (const [color, weight] of LINE) {
       const shape = this.kind === "area" ? L.polygon : L.polyline;

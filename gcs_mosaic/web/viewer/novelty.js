@@ -1,16 +1,21 @@
+// @ts-check
 // What is new since somebody last looked: tiles that were painted while the page was hidden, or since "Seen" was pressed.
 
+import { byId } from "/viewer/dom.js";
 import { t } from "/viewer/words.js";
 
 const MOST = 4000; // tiles that are remembered
 
 export class Novelty {
   constructor(map) {
-    Object.assign(this, { map, tiles: new Map(), isOn: false, shade: L.layerGroup().addTo(map.map) });
+    this.map = map;
+    this.tiles = new Map();
+    this.isOn = false;
+    this.shade = L.layerGroup().addTo(map.map);
     this.renderer = L.canvas({ padding: 0.2 });
-    this.button = document.getElementById("new-show");
-    this.seen = document.getElementById("new-seen");
-    this.told = document.getElementById("new-told");
+    this.button = byId("new-show");
+    this.seen = byId("new-seen");
+    this.told = byId("new-told");
     this.button.onclick = () => {
       this.isOn = !this.isOn;
       this.button.setAttribute("aria-pressed", String(this.isOn));
@@ -39,6 +44,7 @@ export class Novelty {
     for (const [, z, x, y] of this.isOn ? here : []) {
       const side = 256 * 2 ** (16 - z);
       const corner = [y * side - 2 ** 23 - 0.5, x * side - 2 ** 23 - 0.5];
+      /** @type {any} */
       const bounds = [corner, [corner[0] + side, corner[1] + side]];
       this.shade.addLayer(L.rectangle(bounds, { renderer: this.renderer, color: "#009e73", weight: 2, fillColor: "#009e73", fillOpacity: 0.2, interactive: false }));
     }

@@ -1,5 +1,7 @@
+// @ts-check
 // A place on the map -> the original frames that saw it, one after another, each opened at that very spot.
 
+import { byId } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
@@ -11,14 +13,17 @@ const CLOSEST = 3; // levels beyond pixel by pixel
 /** Original pixels, y down: zoom 0 shows one as a CSS pixel; the centre of the top left one is (0, 0). */
 const PIXELS = L.extend({}, L.CRS.Simple, { transformation: new L.Transformation(1, 0.5, 1, 0.5) });
 
+/** @type {[string, number][]} colour, width */
+const RING = [["#000", 5], ["#ffe600", 2]];
+
 export class Originals {
   constructor() {
-    this.box = document.getElementById("originals");
+    this.box = byId("originals");
     this.map = null;
     this.found = [];
     this.at = 0; // which of them is shown
     this.before = 0; // which was shown before, to blink with
-    const press = (id, action) => (document.getElementById(id).onclick = action);
+    const press = (id, action) => (byId(id).onclick = action);
     press("originals-close", () => this.close());
     press("originals-next", () => this.step(1));
     press("originals-previous", () => this.step(-1));
@@ -26,7 +31,7 @@ export class Originals {
     press("originals-mark", () => this.mark());
     this.onMark = null; // called with { frame, pixel } of what is in the middle
     document.addEventListener("keydown", (event) => this.key(event));
-    this.followSwipes(document.getElementById("originals-head"));
+    this.followSwipes(byId("originals-head"));
   }
 
   get isOpen() {
@@ -109,7 +114,7 @@ export class Originals {
       const whole = Object.assign(new Image(), { src: path });
       whole.decode().then(() => this.layers === layers && layers.addLayer(L.imageOverlay(path, bounds)) && sharp(), failed);
     }
-    for (const [color, weight] of [["#000", 5], ["#ffe600", 2]]) {
+    for (const [color, weight] of RING) {
       layers.addLayer(L.circleMarker([one.y, one.x], { radius: 22, color, weight, fill: false, interactive: false }));
     }
     this.layers = layers;
@@ -118,13 +123,13 @@ export class Originals {
   tell(one, index) {
     const when = one.time ? `, ${new Date(one.time).toLocaleString("en-GB")}` : "";
     this.say(`${t("{n} of {all}", { n: index + 1, all: this.found.length })}: ${one.name}${when}${one.covered ? `, ${t("not painted")}` : ""}`);
-    const link = document.getElementById("originals-download");
+    const link = byId("originals-download");
     link.href = `/api/v1/frames/${one.number}/original`;
     link.download = one.name.split("/").pop();
   }
 
   say(text) {
-    document.getElementById("originals-title").textContent = text;
+    byId("originals-title").textContent = text;
   }
 
   clear() {
@@ -135,7 +140,7 @@ export class Originals {
   close() {
     this.clear();
     this.box.hidden = true;
-    document.getElementById("map").focus();
+    byId("map").focus();
   }
 
   key({ key, target }) {

@@ -1,6 +1,7 @@
+// @ts-check
 // Where a frame lies on the canvas.
 
-/** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. */
+/** The frame's corners on the canvas as [y, x]; null if one of them sees no ground. @returns {any} */
 export function outlineOf({ canvas_from_frame: h, width, height }) {
   const corners = [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]];
   const weights = corners.map(([x, y]) => h[2][0] * x + h[2][1] * y + h[2][2]);

@@ -1,8 +1,13 @@
+// @ts-check
 // Panels beside the map (below it on a narrow screen): one at a time, each opened by its button.
 // A panel is a `section.panel` of the page, with an id and an `aria-label`; it is told by the events `opened` and `closed`.
 
-const panels = [...document.querySelectorAll("section.panel")];
-const side = document.getElementById("side");
+import { byId } from "/viewer/dom.js";
+
+/** @type {NodeListOf<HTMLElement>} */
+const found = document.querySelectorAll("section.panel");
+const panels = [...found];
+const side = byId("side");
 
 /** Make a button for each panel; Escape closes the open one. */
 export function makePanels() {
@@ -11,16 +16,16 @@ export function makePanels() {
     button.setAttribute("aria-controls", panel.id);
     button.setAttribute("aria-expanded", "false");
     button.onclick = () => (panel.hidden ? openPanel(panel.id) : closePanels());
-    document.getElementById("tools").append(button);
+    byId("tools").append(button);
   }
-  document.getElementById("side-close").onclick = closePanels;
+  byId("side-close").onclick = closePanels;
   side.addEventListener("keydown", ({ key }) => key === "Escape" && closePanels());
 }
 
 export function openPanel(id) {
   for (const panel of panels) setOpen(panel, panel.id === id);
   side.hidden = false;
-  document.getElementById("side-title").textContent = document.getElementById(id).ariaLabel;
+  byId("side-title").textContent = byId(id).ariaLabel;
 }
 
 /** Close what is open, and give the keyboard back to its button. */
@@ -28,12 +33,12 @@ export function closePanels() {
   const open = panels.find((panel) => !panel.hidden);
   for (const panel of panels) setOpen(panel, false);
   side.hidden = true;
-  if (open) document.getElementById(`open-${open.id}`).focus();
+  if (open) byId(`open-${open.id}`).focus();
 }
 
 function setOpen(panel, isOpen) {
   if (panel.hidden !== isOpen) return;
   panel.hidden = !isOpen;
-  document.getElementById(`open-${panel.id}`).setAttribute("aria-expanded", String(isOpen));
+  byId(`open-${panel.id}`).setAttribute("aria-expanded", String(isOpen));
   panel.dispatchEvent(new CustomEvent(isOpen ? "opened" : "closed"));
 }

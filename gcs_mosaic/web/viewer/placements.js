@@ -1,3 +1,4 @@
+// @ts-check
 // Where the frames lie: all of them are read once, then what is told anew of some.
 
 import { outlineOf } from "/viewer/outline.js";
@@ -38,7 +39,8 @@ export class Placements {
       this.places.set(frame.name, frame);
       this.absent.delete(frame.name);
     }
-    Object.assign(this, { revision, newest });
+    this.revision = revision;
+    this.newest = newest;
   }
 
   /** What is painted of an island: [left, top, right, bottom] on the canvas; null if no frame is known to lie on it. */

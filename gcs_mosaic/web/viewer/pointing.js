@@ -1,11 +1,16 @@
+// @ts-check
 // What a click on the map means: usually the originals of that place; while a tool points, the tool's.
 
+import { byId } from "/viewer/dom.js";
 import { t } from "/viewer/words.js";
 
 export class Pointing {
   /** `map`: the MosaicMap; `usual(island, x, y)`: what a click does while nothing else is asked for. */
   constructor(map, usual) {
-    Object.assign(this, { map, usual, tool: null, hint: document.getElementById("hint") });
+    this.map = map;
+    this.usual = usual;
+    this.tool = null;
+    this.hint = byId("hint");
     map.onPlace = (island, x, y) => (this.tool ? this.tool.place(island, x, y) : this.usual(island, x, y));
     map.map.on("mousemove", ({ latlng }) => this.tool?.move?.(latlng.lng, latlng.lat));
     document.addEventListener("keydown", ({ key }) => key === "Escape" && this.release());

@@ -1,6 +1,8 @@
+// @ts-check
 // Which ground people have looked at closely: reported while one looks, and shaded where nobody has.
 
 import { send, who } from "/viewer/api.js";
+import { byId } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
@@ -10,11 +12,16 @@ const MOST_CELLS = 60; // across what is on the screen; from further out the sha
 
 export class Reviews {
   constructor(map) {
-    Object.assign(this, { map, shade: L.layerGroup().addTo(map.map), moved: Date.now(), isShown: false, isCounting: true });
-    this.button = document.getElementById("reviews-show");
-    this.counts = document.getElementById("reviews-count");
-    this.whose = document.getElementById("reviews-whose");
-    this.told = document.getElementById("reviews-told");
+    this.map = map;
+    this.shade = L.layerGroup().addTo(map.map);
+    this.moved = Date.now();
+    this.isShown = false;
+    this.isCounting = true;
+    this.renderer = L.canvas({ padding: 0.2 });
+    this.button = byId("reviews-show");
+    this.counts = byId("reviews-count");
+    this.whose = byId("reviews-whose");
+    this.told = byId("reviews-told");
     this.button.onclick = () => this.toggle();
     this.counts.onclick = () => this.toggleCounting();
     this.whose.onchange = () => this.read();
@@ -49,7 +56,7 @@ export class Reviews {
 
   async report() {
     const { layer, map } = this.map;
-    const isLooking = this.isCounting && document.visibilityState === "visible" && document.getElementById("originals").hidden;
+    const isLooking = this.isCounting && document.visibilityState === "visible" && byId("originals").hidden;
     if (!layer || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
     const level = Math.max(0, Math.min(30, Math.round(map.getZoom())));
     try {
@@ -81,9 +88,10 @@ export class Reviews {
 
   draw({ cell, reviewed, missing, reviewers }) {
     this.shade.clearLayers();
-    const renderer = (this.renderer ??= L.canvas({ padding: 0.2 }));
+    const { renderer } = this;
     for (const [x, y] of missing) {
       const corner = [cell.units * y - 2 ** 23, cell.units * x - 2 ** 23];
+      /** @type {any} */
       const bounds = [corner, [corner[0] + cell.units, corner[1] + cell.units]];
       this.shade.addLayer(L.rectangle(bounds, { renderer, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
     }

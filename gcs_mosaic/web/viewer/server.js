@@ -1,3 +1,4 @@
+// @ts-check
 // Talking to the server, and knowing when we no longer do.
 
 import { noteSource } from "/viewer/kept.js";

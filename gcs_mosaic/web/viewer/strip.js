@@ -1,6 +1,8 @@
+// @ts-check
 // The status strip, the alarm, the notices and the empty map's text. It never shows old numbers as if they were new.
 // Red is kept for what must not be overlooked: that the page itself cannot be trusted. Losses are yellow.
 
+import { byId, element } from "/viewer/dom.js";
 import { ageOf } from "/viewer/server.js";
 import { said, t } from "/viewer/words.js";
 
@@ -8,7 +10,6 @@ const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
 const NOTICES = 3;
 
-const byId = (id) => document.getElementById(id);
 
 export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection, lagSeconds, island) {
   const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds);
@@ -101,7 +102,7 @@ function showCounts(status, mosaic, island) {
   const source = status ?? mosaic;
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
   entries.push(...linkCounts(status?.mavlink ?? []));
-  const islands = mosaic?.islands.filter((island) => island.merged_into === undefined).length ?? 0;
+  const islands = mosaic?.islands.filter((one) => one.merged_into === undefined).length ?? 0;
   if (source) entries.push([t("Islands"), islands, islands > 1 ? "warn" : ""]);
   if (island?.held_out_px) entries.push(fit(island.held_out_px));
   if (status?.last_frame) entries.push(lastFrame(status));
@@ -167,8 +168,9 @@ function countOf([label, value, kind, title, beside]) {
   const box = document.createElement("div");
   box.className = kind;
   box.title = title ?? "";
-  box.append(element("dt", label), element("dd", String(value)));
-  if (beside) box.lastChild.append(element("small", beside));
+  const told = element("dd", { textContent: String(value) });
+  if (beside) told.append(element("small", { textContent: beside }));
+  box.append(element("dt", { textContent: label }), told);
   return box;
 }
 
@@ -177,16 +179,16 @@ function showConditions(conditions) {
   const shown = conditions.map(({ level, text }) => `${level} ${text}`).join("\n");
   if (byId("conditions").dataset.shown === shown) return;
   byId("conditions").dataset.shown = shown;
-  const lines = conditions.map(({ level, text }) => Object.assign(element("li", said(text)), { className: level }));
+  const lines = conditions.map(({ level, text }) => Object.assign(element("li", { textContent: said(text) }), { className: level }));
   byId("conditions").replaceChildren(...lines);
 }
 
 function showNotices(notices) {
   const newest = notices.slice(-NOTICES).reverse();
   const lines = newest.map(({ time, level, text }) => {
-    const line = element("li", "");
+    const line = element("li", { textContent: "" });
     line.className = level;
-    line.append(element("time", clock(time)), element("span", text));
+    line.append(element("time", { textContent: clock(time) }), element("span", { textContent: text }));
     return line;
   });
   byId("notices").replaceChildren(...lines);
@@ -198,7 +200,7 @@ function showEmpty(empty, status, { title, detail }) {
   const links = (status?.mavlink ?? []).map(linkLine);
   const watch = status?.watch ? [watchLine(status.watch)] : [];
   const lines = links.length || watch.length ? [...links, ...watch] : [`${title}: ${detail}`];
-  byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", line)));
+  byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", { textContent: line })));
 }
 
 function linkLine({ address, state, last_heard: heard }) {
@@ -216,12 +218,6 @@ function watchLine({ folder, state, since }) {
     lost: t("Stream {folder}: lost, trying again", { folder }),
   };
   return words[state] ?? t("{folder} has ended", { folder });
-}
-
-function element(name, text) {
-  const made = document.createElement(name);
-  made.textContent = text;
-  return made;
 }
 
 /** Only touch what changes, or a screen reader would read it out each second. */

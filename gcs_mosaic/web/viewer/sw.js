@@ -1,3 +1,4 @@
+// @ts-check
 // Keeps the page, its documents and the tiles that were shown, and answers with them when the server does not. Newest first: what
 // is kept is only told when nothing else comes, and says of itself that it was kept.
 
@@ -10,12 +11,14 @@ const PAGE = /^\/(viewer\/.*)?$/;
 const JOURNAL = "/placements.jsonl";
 const TILE = /^\/tiles\//;
 
+/** @type {any} a worker of its own kind, of which the page's types know nothing */
+const worker = self;
 let stored = 0;
 
-self.addEventListener("install", () => self.skipWaiting());
-self.addEventListener("activate", (event) => event.waitUntil(takeOver()));
-self.addEventListener("message", ({ data }) => data === "forget" && caches.delete(NAME));
-self.addEventListener("fetch", (event) => {
+worker.addEventListener("install", () => worker.skipWaiting());
+worker.addEventListener("activate", (event) => event.waitUntil(takeOver()));
+worker.addEventListener("message", ({ data }) => data === "forget" && caches.delete(NAME));
+worker.addEventListener("fetch", (event) => {
   const { method, url } = event.request;
   const { origin, pathname, searchParams } = new URL(url);
   if (method !== "GET" || origin !== location.origin) return;
@@ -26,7 +29,7 @@ self.addEventListener("fetch", (event) => {
 
 async function takeOver() {
   for (const name of await caches.keys()) if (name !== NAME) await caches.delete(name);
-  await self.clients.claim();
+  await worker.clients.claim();
 }
 
 /** What the server says, else what it said last. */

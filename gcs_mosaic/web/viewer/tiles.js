@@ -1,3 +1,4 @@
+// @ts-check
 // A tile layer that exchanges single tiles when they have changed, and never takes away what is shown before the new is there.
 
 const FIRST_RETRY_MS = 1000;
@@ -19,18 +20,24 @@ export function affectedBy(painted) {
   };
 }
 
-export const LiveTiles = L.GridLayer.extend({
+/** @type {any} Leaflet's own way to make a class, and its inner methods, are in no types */
+const { GridLayer } = L;
+
+export const LiveTiles = GridLayer.extend({
   /** `path`: where the tiles of an island lie; `island`: whose tiles; `revision`: the newest known, so that no older answer is taken from the browser's cache;
       `onShown`: called whenever something new can be seen. */
   initialize(path, island, revision, onShown, options) {
     L.setOptions(this, options);
-    Object.assign(this, { path, island, revision, onShown });
+    this.path = path;
+    this.island = island;
+    this.revision = revision;
+    this.onShown = onShown;
     this.coming = new Map(); // what each tile's element waits for: { image, retryMs, timer }
   },
 
   /** Without `viewprereset`, at which Leaflet would throw all tiles away: those of another level stay until they are replaced. */
   getEvents() {
-    const { viewprereset, ...events } = L.GridLayer.prototype.getEvents.call(this);
+    const { viewprereset, ...events } = GridLayer.prototype.getEvents.call(this);
     return events;
   },
 
@@ -76,7 +83,7 @@ export const LiveTiles = L.GridLayer.extend({
   _removeTile(key) {
     const tile = this._tiles[key];
     if (tile) this.cancel(tile.el);
-    L.GridLayer.prototype._removeTile.call(this, key);
+    GridLayer.prototype._removeTile.call(this, key);
   },
 
   /** Ask at once for all that has failed: the connection is back. */

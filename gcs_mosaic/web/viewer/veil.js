@@ -1,3 +1,4 @@
+// @ts-check
 // Ground that some frames show and others do not, veiled: what a flight had not seen yet at a time of it.
 
 export const Veil = L.Layer.extend({
@@ -16,7 +17,8 @@ export const Veil = L.Layer.extend({
 
   /** Outlines ([[y, x], …]) of what is veiled, and of what is not although it lies there too. */
   show(veiled, seen) {
-    Object.assign(this, { veiled, seen });
+    this.veiled = veiled;
+    this.seen = seen;
     if (this._map) this.draw();
   },
 

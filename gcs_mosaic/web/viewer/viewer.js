@@ -1,7 +1,9 @@
+// @ts-check
 // The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
 
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
+import { byId } from "/viewer/dom.js";
 import { Finds } from "/viewer/finds.js";
 import { FlightPath } from "/viewer/flightpath.js";
 import { Hints } from "/viewer/hints.js";
@@ -35,12 +37,12 @@ const map = new MosaicMap();
 const placements = new Placements();
 const originals = new Originals();
 new Look();
-document.getElementById("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
+byId("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
 const pointing = new Pointing(map, (island, x, y) => originals.ask(island, x, y));
 const finds = new Finds(map, pointing, (find) => originals.ask(find.island, find.x, find.y, find.frame?.number));
 const measure = new Measure(map, pointing);
 const anchors = new Anchors(map, pointing);
-const reviews = new Reviews(map);
+new Reviews(map);
 const islands = new Islands(map);
 const flightPath = new FlightPath(map, placements);
 const novelty = new Novelty(map);
@@ -48,7 +50,7 @@ new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hin
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
-const aircraft = new AircraftChoice(document.getElementById("aircraft"), document.getElementById("answer"));
+const aircraft = new AircraftChoice(byId("aircraft"), byId("answer"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;

@@ -1,3 +1,4 @@
+// @ts-check
 // The page's words in the language of whoever looks. English is written where it is said, and is the key to the other tables.
 
 const TABLES = { de: () => import("/viewer/words.de.js") };
@@ -64,7 +65,7 @@ function escaped(text) {
 function translatePage() {
   const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (texts.nextNode()) {
-    const node = texts.currentNode;
+    const node = /** @type {Text} */ (texts.currentNode);
     const english = node.data.trim();
     if (english in table) node.data = node.data.replace(english, table[english]);
   }

