@@ -282,3 +282,57 @@ def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: P
         page.open("about:blank")
         server.stop()
     assert page.complaints == []
+
+
+def test_a_turned_map_is_clicked_dragged_and_fitted_as_it_is_seen(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    middle = "(() => { const { x, y, width, height } = document.getElementById('pane').getBoundingClientRect();"
+    middle += " return [x + width / 2, y + height / 2]; })()"
+    someone.press("open-look")
+    page.wait_for("!document.getElementById('look').hidden")
+    page.evaluate("document.getElementById('turn-slider').value = 90; document.getElementById('turn-slider').oninput()")
+    page.wait_for(f"getComputedStyle(document.getElementById('map')).rotate === '90deg' && {SHOWN_TILES} > 0")
+    someone.press("side-close")
+    # All of the map is in the pane, its first row of frames on the right.
+    tiles = "[...document.querySelectorAll('.leaflet-tile-loaded img')].map((one) => one.getBoundingClientRect())"
+    pane = "document.getElementById('pane').getBoundingClientRect()"
+    assert page.evaluate(f"{tiles}.some((one) => one.right > {pane}.left && one.left < {pane}.right)")
+    someone.press("open-finds")
+    someone.press("finds-mark")
+    page.evaluate("new Promise((done) => setTimeout(done, 300))")  # the pane has become smaller
+    x, y = page.evaluate(middle)
+    someone.click(x + 60, y)
+    page.wait_for("!document.getElementById('finds-form').hidden")
+    someone.type("finds-form", label="turned")
+    page.wait_for("document.querySelectorAll('.find').length === 1")
+    place = "(() => { const { x, y, width, height } = document.querySelector('.find').getBoundingClientRect();"
+    place += " return [x + width / 2, y + height / 2]; })()"
+    found = page.evaluate(place)
+    assert abs(found[0] - x - 60) < 3
+    assert abs(found[1] - y) < 3
+    for kind, dx, dy in (
+        ("mousePressed", 0, 0),
+        ("mouseMoved", 10, 40),
+        ("mouseMoved", 20, 80),
+        ("mouseReleased", 20, 80),
+    ):
+        page.command(
+            "Input.dispatchMouseEvent", type=kind, x=x - 90 + dx, y=y + dy, button="left", buttons=1, clickCount=1
+        )
+    page.wait_for(f"Math.abs({place}[1] - {found[1] + 80}) < 6 && Math.abs({place}[0] - {found[0] + 20}) < 6", 5)
+    someone.press("open-look")
+    someone.press("turn-none")
+    page.wait_for("getComputedStyle(document.getElementById('map')).rotate === 'none'")
+
+
+def test_the_map_turns_with_the_flight(page: Page, url: str, flight: SmallFlight) -> None:
+    someone = Person(page, url)
+    someone.press("open-look")
+    someone.press("turn-flight-up")
+    for step in range(1, 5):
+        flight.place(f"east-{step}.jpg", 1000.0 + 200.0 * step, 0.0)
+        flight.write(newest=f"east-{step}.jpg")
+        page.wait_for(f"document.getElementById('counts').innerText.includes('{19 + step}')")
+    page.wait_for("getComputedStyle(document.getElementById('map')).rotate === '-90deg'", 20)
+    someone.press("turn-flight-up")
+    someone.press("turn-none")

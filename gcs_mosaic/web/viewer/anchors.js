@@ -69,7 +69,7 @@ export class Anchors {
   showNorth(anchor) {
     const arrow = byId("north");
     arrow.hidden = !anchor;
-    if (anchor) arrow.style.rotate = `${anchor.north_deg}deg`;
+    if (anchor) arrow.style.rotate = `calc(${anchor.north_deg}deg + var(--turn, 0deg))`;
   }
 
   row(pin) {

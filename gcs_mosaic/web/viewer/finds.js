@@ -56,7 +56,7 @@ export class Finds {
       const icon = L.divIcon({ className: "find", html: "", iconSize: [44, 44] });
       const marker = L.marker([find.y, find.x], { icon, title: nameOf(find), alt: nameOf(find), keyboard: true }).on("click", () => this.open(find));
       this.pins.addLayer(marker);
-      marker.getElement().textContent = find.id;
+      marker.getElement().replaceChildren(element("span", { className: "upright", textContent: find.id }));
     }
   }
 

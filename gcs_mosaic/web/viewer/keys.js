@@ -19,6 +19,7 @@ const KEYS = [
     openPanel("measure");
     press("measure-line");
   }],
+  ["r", "Flight up", () => press("turn-flight-up")],
   ["f", "Full screen", () => press("full")],
   ["1 … 9", "Layers, Finds, Hints, Measure, Review, Anchor, Islands, Flight, Look", null],
   ["+  −", "Nearer, farther", null],

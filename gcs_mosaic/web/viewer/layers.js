@@ -1,7 +1,7 @@
 // @ts-check
 // Layers over the map: how often, how finely, how lately the ground was seen; and gaps, which need no click.
 
-import { byId } from "/viewer/dom.js";
+import { byId, element } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { LiveTiles } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
@@ -101,5 +101,5 @@ function gapLayer({ outline, words }) {
   const corners = outline.map(([x, y]) => [y, x]);
   const line = (color, weight, dashArray) => L.polygon(corners, { color, weight, dashArray, fillColor: "#d55e00", fillOpacity: 0.25 });
   const group = L.featureGroup([line("#000", 5), line("#ff8a3d", 3, "8 6")]);
-  return group.bindTooltip(t("Not seen: {area}. Fly here again.", { area: said(words) }));
+  return group.bindTooltip(element("span", { className: "upright", textContent: t("Not seen: {area}. Fly here again.", { area: said(words) }) }));
 }

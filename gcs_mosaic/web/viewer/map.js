@@ -6,11 +6,15 @@ import { isOutOfKept } from "/viewer/kept.js";
 import { Layers } from "/viewer/layers.js";
 import { outlineOf } from "/viewer/outline.js";
 import { LiveTiles, affectedBy } from "/viewer/tiles.js";
+import { Turn } from "/viewer/turn.js";
+import { t } from "/viewer/words.js";
 
 const BASE_LEVEL = 16; // one tile pixel per canvas unit
 const ORIGIN = 2 ** 23 + 0.5; // canvas units from the grid's edge to the canvas' origin
 const SHRINK_LEVELS = 1; // ... and out beyond the coarsest
 const ROOM_AROUND = 0.75; // of the island's size on each side: as far as one may move away
+const ZOOM_SNAP = 0.25;
+const ROOM_PX = 12; // about what is fitted into the pane
 const MAGNIFY_LEVELS = 3; // how far one may zoom in beyond the finest tiles
 
 /** Canvas units as latitude (y, down) and longitude (x); zoom 16 shows a canvas unit as a CSS pixel. */
@@ -22,8 +26,8 @@ const CANVAS = L.extend({}, L.CRS.Simple, {
 
 export class MosaicMap {
   constructor() {
-    this.map = L.map("map", { 
-      crs: CANVAS, attributionControl: false, zoomControl: false, zoomSnap: 0.25, zoomDelta: 0.5, fadeAnimation: false,
+    this.map = L.map("map", {
+      crs: CANVAS, attributionControl: false, zoomControl: false, zoomSnap: ZOOM_SNAP, zoomDelta: 0.5, fadeAnimation: false,
       maxBoundsViscosity: 1,
     });
     L.control.zoom({ position: "bottomright" }).addTo(this.map);
@@ -37,6 +41,8 @@ export class MosaicMap {
     this.onPlace = null; // called with island, x and y of a place that was clicked
     this.chosenIsland = null; // by hand; null: the newest or largest
     this.layers = new Layers(this.map);
+    this.turn = new Turn(this.map);
+    this.turn.onTurned = () => this.keepInView();
     this.bind();
     this.setMode("all");
   }
@@ -83,6 +89,7 @@ export class MosaicMap {
     this.mosaic = mosaic;
     this.newestFrame = newestFrame;
     this.boundsOf = boundsOf;
+    this.turn.follow(newestFrame);
     this.showChoice();
     this.showIsland();
   }
@@ -163,14 +170,23 @@ export class MosaicMap {
   }
 
   lookAtNewest(place) {
-    if (this.map.getBounds().contains(place)) return;
-    if (this.map.getBoundsZoom(place) < this.map.getZoom()) this.look(place);
+    if (this.turn.sees(place)) return;
+    const [width, height] = this.turn.extent(place).map((side) => side * 2 ** (this.map.getZoom() - BASE_LEVEL));
+    const [across, down] = this.turn.size;
+    if (width > across || height > down) this.look(place);
     else this.map.panTo(place.getCenter());
   }
 
   look(bounds) {
+    const [width, height] = this.turn.extent(bounds);
+    const [across, down] = this.turn.size;
+    const left = besideTools();
+    const fitting = BASE_LEVEL + Math.log2(Math.min((across - left - ROOM_PX) / width, (down - 2 * ROOM_PX) / height));
+    const zoom = Math.min(Math.max(Math.floor(fitting / ZOOM_SNAP) * ZOOM_SNAP, this.map.getMinZoom()), this.map.getMaxZoom());
+    const aside = this.turn.turnedBack(L.point((left - ROOM_PX) / 2, 0)).divideBy(2 ** (zoom - BASE_LEVEL));
+    const { lat, lng } = bounds.getCenter();
     this.movedByUs = true;
-    this.map.fitBounds(bounds, { animate: false, paddingTopLeft: [besideTools(), 12], paddingBottomRight: [12, 12] });
+    this.map.setView([lat - aside.y, lng - aside.x], zoom, { animate: false });
     this.movedByUs = false;
   }
 
@@ -189,7 +205,7 @@ export class MosaicMap {
     const select = byId("island");
     const islands = this.islands();
     select.hidden = islands.length < 2;
-    const options = islands.map(({ id, frames }) => new Option(`Island ${id}: ${frames} ${frames === 1 ? "frame" : "frames"}`, id));
+    const options = islands.map(({ id, frames }) => new Option(frames === 1 ? t("Island {id}: 1 frame", { id }) : t("Island {id}: {n} frames", { id, n: frames }), id));
     // Exchanging the options would close the list under the user's finger.
     if (document.activeElement !== select) select.replaceChildren(...options);
   }

@@ -40,7 +40,7 @@ export class Measure {
     this.metres.onsubmit = (event) => this.saveScale(event);
     this.person.onclick = () => this.togglePerson();
     map.map.on("zoomend moveend", () => this.showBar());
-    map.map.on("mousemove", ({ containerPoint }) => this.movePerson(containerPoint));
+    map.map.on("mousemove", ({ containerPoint }) => this.movePerson(map.turn.inPane(containerPoint)));
     this.silhouette = byId("person");
   }
 

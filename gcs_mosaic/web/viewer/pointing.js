@@ -22,6 +22,7 @@ export class Pointing {
     this.release();
     if (isSame) return;
     this.tool = tool;
+    this.map.setMode("free"); // nothing moves by itself under somebody who points
     tool.button?.setAttribute("aria-pressed", "true");
     this.hint.textContent = `${t(tool.said)} ${t("Escape ends it.")}`;
     this.hint.hidden = false;

@@ -50,8 +50,7 @@ export class Reviews {
   }
 
   box() {
-    const bounds = this.map.map.getBounds();
-    return [bounds.getWest(), bounds.getSouth(), bounds.getEast(), bounds.getNorth()];
+    return this.map.turn.seen();
   }
 
   async report() {
