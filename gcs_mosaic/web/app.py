@@ -13,6 +13,7 @@ import re
 from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from aiohttp import web
@@ -25,6 +26,7 @@ from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.web.access import access_check, is_local
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
+from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.routes import add_api
 from gcs_mosaic.web.change import Change, NotesChange
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
@@ -52,6 +54,7 @@ CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 
 FEED = web.AppKey("feed", Feed)
+ANSWERED = web.AppKey("answered", AnsweredTiles)
 TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
 PAGES = web.AppKey("pages", Places)
 NAMES = web.AppKey("names", set[str])
@@ -71,6 +74,8 @@ def make_app(
     app = web.Application(middlewares=[*checks, note_request])
     app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
     app[ACCESS], app[CHOOSING] = access, asyncio.Lock()
+    app[ANSWERED] = AnsweredTiles()
+    app[FEED].before_telling(app[ANSWERED].forget)
     app[PAGES] = Places(settings.pages, settings.pages_per_address)
     app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")
     app.on_response_prepare.append(add_headers)
@@ -164,8 +169,9 @@ async def journal(request: web.Request) -> web.StreamResponse:
 async def tile(request: web.Request) -> web.StreamResponse:
     """One tile with its holes filled."""
     island, wanted = requested_tile(request)
-    pool = request.app[TILE_POOL]
-    encoded = await asyncio.get_running_loop().run_in_executor(pool, filled, request.app[ROOT], island, wanted)
+    pool, kept = request.app[TILE_POOL], request.app[ANSWERED]
+    make = partial(filled, request.app[ROOT], island, wanted)
+    encoded = await asyncio.get_running_loop().run_in_executor(pool, kept.get, island, wanted, make)
     if encoded is None:
         return tile_answer(request, None)
     return tile_answer(request, encoded.data, encoded.media_type)

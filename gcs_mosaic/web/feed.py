@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator, Iterable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 
 from gcs_mosaic.render.tile_grid import Tile
@@ -22,6 +22,11 @@ class Feed:
         self._lock = threading.Lock()
         self._subscriptions: set[Subscription] = set()
         self._closed = False
+        self._before: list[Callable[[Change], None]] = []
+
+    def before_telling(self, hear: Callable[[Change], None]) -> None:
+        """Have this called with each change before any page is told of it; on the thread that tells."""
+        self._before.append(hear)
 
     def publish(self, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> None:
         """Publish a revision that is on disk, with the tiles that painting one frame changed (None: any).
@@ -33,6 +38,8 @@ class Feed:
 
     def pass_on(self, change: Change) -> None:
         """Publish a change, perhaps of several frames. Thread-safe."""
+        for hear in self._before:
+            hear(change)
         with self._lock:
             self.revision = change.revision
             for subscription in self._subscriptions:

@@ -14,7 +14,9 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import BinaryIO
 
 from gcs_mosaic.errors import UsageError
@@ -24,7 +26,8 @@ from gcs_mosaic.web.page_task import PageTask
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.sparing_log import SparingHandler
 
-NICENESS = 5  # of 19: the flight comes first
+AUTOGROUP = Path("/proc/self/autogroup")
+NICENESS = 10  # of 19: the flight comes first
 WHILE_IT_RUNS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # they are for the flight, which shows its page to its end
 
 
@@ -62,6 +65,9 @@ def _outlive_signals() -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     if hasattr(os, "nice"):  # not on Windows
         os.nice(NICENESS)
+    # Where Linux shares the processor among sessions first (sched_autogroup_enabled), and only then by niceness.
+    with suppress(OSError):
+        AUTOGROUP.write_text(str(NICENESS))
 
 
 def _log_to(tell: _Teller) -> None:

@@ -65,11 +65,15 @@ def pictures_in(folder: Path, most: int | None = None) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.suffix.lower() in PICTURES)[:most]
 
 
-def fly(pictures: list[Path], interval_s: float, home: Path, settings: str = "", *, page: bool = True) -> FlownLive:
-    """Bring a picture each so many seconds, wait until all are processed, then Ctrl-C."""
+def fly(
+    pictures: list[Path], interval_s: float, home: Path, settings: str = "", *, page: bool = True, http: bool = True
+) -> FlownLive:
+    """Bring a picture each so many seconds, wait until all are processed, then Ctrl-C. `page`: it is open in a browser; `http`
+    False: it is served where the settings say."""
     port = free_port()
     (home / "settings.yaml").write_text(settings)
-    words = ["--mavlink", f"udp:127.0.0.1:{port}", "--http", "127.0.0.1:0", "--config", "settings.yaml"]
+    words = ["--mavlink", f"udp:127.0.0.1:{port}", "--config", "settings.yaml"]
+    words += ["--http", "127.0.0.1:0"] if http else []
     flown = FlownLive(home / "mosaic")
     with ExitStack() as stack:
         said = stack.enter_context((home / "said").open("wb"))

@@ -43,6 +43,7 @@ class Page:
         self._runner, self._socket, self._last_id = runner, socket, 0
         self.requests: list[str] = []
         self.complaints: list[str] = []
+        self.received = 0  # bytes that have come over the network, headers included
         for domain in ("Page", "Network", "Runtime", "Log"):
             self.command(f"{domain}.enable")
         self.keep_nothing()
@@ -64,6 +65,10 @@ class Page:
         match message["method"]:
             case "Network.requestWillBeSent":
                 self.requests.append(message["params"]["request"]["url"])
+            case "Network.dataReceived":
+                self.received += message["params"]["encodedDataLength"]
+            case "Network.responseReceived":
+                self.received += message["params"]["response"].get("encodedDataLength", 0)
             case "Runtime.exceptionThrown":
                 self.complaints.append(str(message["params"]["exceptionDetails"]))
             case "Log.entryAdded" if message["params"]["entry"]["source"] == "security":
