@@ -25,7 +25,7 @@ from gcs_mosaic.store.revision import last_revision
 if TYPE_CHECKING:
     from gcs_mosaic.stitch.graph.placement import Homography
     from gcs_mosaic.store.ledger import Ledger
-    from gcs_mosaic.store.records import FrameRecord, PositionRecord, ReportedPosition
+    from gcs_mosaic.store.records import EventRecord, FrameRecord, PositionRecord, ReportedPosition
 
 logger = logging.getLogger(__name__)
 
@@ -84,6 +84,16 @@ class FlightView:
         with self._ledger() as ledger:
             return ledger.frame(number)
 
+    def frames(self) -> list[FrameRecord]:
+        """All frames in the order in which they came. Raises UsageError."""
+        with self._ledger() as ledger:
+            return ledger.frames()
+
+    def events(self) -> list[EventRecord]:
+        """All events in the order in which they came. Raises UsageError."""
+        with self._ledger() as ledger:
+            return ledger.events()
+
     def reported_positions(self) -> list[ReportedPosition]:
         """What messages said of where frames were taken. Raises UsageError."""
         with self._ledger() as ledger:
@@ -139,7 +149,6 @@ def _outline(pose: Pose, camera: Camera) -> PointsNx2:
 
 
 def table_of(revision: int, frames: Sequence[PositionRecord]) -> FrameTable:
-    """The table of some frames."""
     """The table of some frames."""
     outlines = np.full((len(frames), 4 * OUTLINE_PER_SIDE, 2), np.nan)
     for index, one in enumerate(frames):

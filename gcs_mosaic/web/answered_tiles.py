@@ -22,24 +22,23 @@ class AnsweredTiles:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: OrderedDict[Key, tuple[float, EncodedTile | None]] = (
-            OrderedDict()
-        )  # since when; last asked for last
+        # Since when, and of which revision at least; last asked for last.
+        self._kept: OrderedDict[Key, tuple[float, int, EncodedTile | None]] = OrderedDict()
         self._bytes = 0
         self._changes = 0
 
-    def get(self, island: int, tile: Tile, make: Callable[[], EncodedTile | None]) -> EncodedTile | None:
-        """The tile as it is kept, else as `make` makes it; None where nothing was seen."""
+    def get(self, island: int, tile: Tile, revision: int, make: Callable[[], EncodedTile | None]) -> EncodedTile | None:
+        """The tile as it is kept, if it is of that revision or a later one, else as `make` makes it; None: nothing was seen."""
         with self._lock:
-            since, kept = self._kept.get((island, tile), (-KEPT_S, None))
-            if time.monotonic() - since < KEPT_S:
+            since, known, kept = self._kept.get((island, tile), (-KEPT_S, -1, None))
+            if time.monotonic() - since < KEPT_S and known >= revision:
                 self._kept.move_to_end((island, tile))
                 return kept
             before = self._changes
         made = make()
         with self._lock:
             if self._changes == before:  # else it may be older than what has just been painted
-                self._keep((island, tile), made)
+                self._keep((island, tile), revision, made)
         return made
 
     def forget(self, change: Change) -> None:
@@ -54,16 +53,16 @@ class AnsweredTiles:
             for key in [key for key in self._kept if key in above or any(one in near for one in _upwards(key))]:
                 self._drop(key)
 
-    def _keep(self, key: Key, made: EncodedTile | None) -> None:
+    def _keep(self, key: Key, revision: int, made: EncodedTile | None) -> None:
         if key in self._kept:
             self._drop(key)
-        self._kept[key] = time.monotonic(), made
+        self._kept[key] = time.monotonic(), revision, made
         self._bytes += _size(made)
         while self._bytes > MOST_BYTES:
             self._drop(next(iter(self._kept)))
 
     def _drop(self, key: Key) -> None:
-        self._bytes -= _size(self._kept.pop(key)[1])
+        self._bytes -= _size(self._kept.pop(key)[2])
 
 
 def _size(made: EncodedTile | None) -> int:

@@ -171,7 +171,9 @@ async def tile(request: web.Request) -> web.StreamResponse:
     island, wanted = requested_tile(request)
     pool, kept = request.app[TILE_POOL], request.app[ANSWERED]
     make = partial(filled, request.app[ROOT], island, wanted)
-    encoded = await asyncio.get_running_loop().run_in_executor(pool, kept.get, island, wanted, make)
+    revision = request.query.get("r", "")
+    least = int(revision) if REVISION.fullmatch(revision) else 0
+    encoded = await asyncio.get_running_loop().run_in_executor(pool, kept.get, island, wanted, least, make)
     if encoded is None:
         return tile_answer(request, None)
     return tile_answer(request, encoded.data, encoded.media_type)

@@ -23,8 +23,8 @@ class Maker:
         return EncodedTile(b"%d" % next(self.number), "image/jpeg")
 
 
-def data(kept: AnsweredTiles, make: Maker, tile: Tile = TILE) -> bytes:
-    answer = kept.get(0, tile, make)
+def data(kept: AnsweredTiles, make: Maker, tile: Tile = TILE, revision: int = 0) -> bytes:
+    answer = kept.get(0, tile, revision, make)
     assert answer is not None
     return answer.data
 
@@ -34,7 +34,7 @@ def test_a_tile_is_made_once_also_if_it_is_empty() -> None:
     assert [data(kept, make) for _ in range(3)] == [b"0"] * 3
     asked: list[None] = []
     for _ in range(2):
-        assert kept.get(1, TILE, lambda: asked.append(None)) is None
+        assert kept.get(1, TILE, 0, lambda: asked.append(None)) is None
     assert len(asked) == 1
 
 
@@ -67,6 +67,11 @@ def test_after_a_change_of_which_nothing_is_known_all_are_made_anew() -> None:
     assert data(kept, make) == b"1"
 
 
+def test_who_knows_of_a_later_revision_gets_no_older_tile() -> None:
+    kept, make = AnsweredTiles(), Maker()
+    assert [data(kept, make, revision=revision) for revision in (3, 2, 3, 4, 4)] == [b"0", b"0", b"0", b"1", b"1"]
+
+
 def test_what_was_made_while_something_was_painted_is_not_kept() -> None:
     kept, make = AnsweredTiles(), Maker()
 
@@ -74,7 +79,7 @@ def test_what_was_made_while_something_was_painted_is_not_kept() -> None:
         kept.forget(Change(1, frozenset([(0, TILE)])))
         return make()
 
-    kept.get(0, TILE, interrupted)
+    kept.get(0, TILE, 0, interrupted)
     assert data(kept, make) == b"1"
 
 

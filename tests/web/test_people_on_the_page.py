@@ -10,9 +10,13 @@ from typing import Any
 import axe_core_python
 import pytest
 
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.manifest import IslandEntry
+from gcs_mosaic.store.records import EventState
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
+from tests.factories import trigger_event
 from tests.ports import free_port
 from tests.web.browser import CHROMIUM, Page, open_browser
 from tests.web.seen_flight import seen_flight
@@ -336,3 +340,19 @@ def test_the_map_turns_with_the_flight(page: Page, url: str, flight: SmallFlight
     page.wait_for("getComputedStyle(document.getElementById('map')).rotate === '-90deg'", 20)
     someone.press("turn-flight-up")
     someone.press("turn-none")
+
+
+def test_what_is_missing_is_marked_where_it_should_be(page: Page, url: str, flight: SmallFlight) -> None:
+    with Ledger(flight.root / LEDGER_NAME) as ledger:
+        for number, name in enumerate(["10.jpg", None, "30.jpg"]):
+            event = ledger.record_event(trigger_event(number, 100.0 + 2 * number))
+            ledger.settle_event(event, EventState.MATCHED if name else EventState.MISSING, frame=name)
+    someone = Person(page, url)
+    someone.press("open-flight")
+    someone.press("flight-crosses")
+    page.wait_for("document.querySelectorAll('.absent').length === 1")
+    assert page.evaluate("document.querySelector('.absent').title") == "no picture has come"
+    box = "document.querySelector('.absent').getBoundingClientRect()"
+    assert page.evaluate(f"document.elementFromPoint({box}.x + 15, {box}.y + 15).closest('.absent') !== null")
+    someone.press("flight-crosses")
+    page.wait_for("document.querySelectorAll('.absent').length === 0")

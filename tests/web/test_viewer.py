@@ -103,6 +103,26 @@ def test_tiles_are_shown_and_exchanged_when_told(page: Page, url: str, feed: Fee
     assert page.complaints == []
 
 
+def test_a_page_that_nobody_sees_lets_go_of_its_connection_and_is_new_when_it_is_seen_again(
+    page: Page, url: str, feed: Feed, flight: SmallFlight
+) -> None:
+    tile = square(16)
+    flight.paint(tile, RED)
+    flight.write()
+    page.open(url)
+    page.wait_for(at(tile, "red"))
+    until(lambda: feed.subscribers == 1, "it listens")
+    page.evaluate("import('/viewer/live.js').then(({ Live }) => { Live.restsAfterMs = 100; })")
+    page.evaluate("Object.defineProperty(document, 'hidden', { get: () => window.isUnseen, configurable: true })")
+    page.evaluate("isUnseen = true; document.dispatchEvent(new Event('visibilitychange'))")
+    until(lambda: feed.subscribers == 0, "it has let go")
+    flight.paint(tile, BLUE)
+    feed.publish(flight.write(), [(0, tile)])
+    page.evaluate("isUnseen = false; document.dispatchEvent(new Event('visibilitychange'))")
+    until(lambda: feed.subscribers == 1, "it listens again")
+    page.wait_for(at(tile, "blue"))
+
+
 def test_page_asks_nothing_of_any_other_host(page: Page, url: str, flight: SmallFlight) -> None:
     page.requests.clear()
     flight.paint(square(16), RED)

@@ -13,6 +13,7 @@ import pytest
 
 from gcs_mosaic.app.conditions import Conditions
 from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import LAYERS, area_words
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.app import VIEWER
@@ -93,8 +94,8 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
 
 
 def sentences_of_the_server() -> list[str]:
-    """What lasts and is told as a condition, and the areas of gaps."""
-    told = [area_words(9.0, 3.0), area_words(0.1, 3.0)]
+    """What lasts and is told as a condition, the areas of gaps, and why shots are not on the map."""
+    told = [area_words(9.0, 3.0), area_words(0.1, 3.0), NO_PICTURE, NOTHING_YET]
     for _, facts in NEWS.values():
         conditions = Conditions()
         conditions.so_now(facts)

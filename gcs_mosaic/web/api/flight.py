@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
+import logging
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from aiohttp import web
 
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.views.absent import AbsentShot, absent_shots
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread
 from gcs_mosaic.web.api.notes import told_anew
+
+logger = logging.getLogger(__name__)
 
 DESCRIPTIONS = Path(__file__).parent / "openapi"
 
 
 def add_routes(app: web.Application) -> None:
     app.router.add_get(BASE, about)
+    app.router.add_get(f"{BASE}/absent", absent)
     app.router.add_get(f"{BASE}/openapi.json", description)
 
 
@@ -24,6 +30,16 @@ async def about(request: web.Request) -> web.StreamResponse:
     """GET: the API's version, the program's, and what the flight has come to."""
     table = await in_thread(request, request.app[VIEW].table)
     return answer({"api": 1, "program": _program(), "revision": table.revision, "frames": len(table.frames)})
+
+
+async def absent(request: web.Request) -> web.StreamResponse:
+    """GET: shots that are not on the map, why, and where they should be."""
+    try:
+        shots = await in_thread(request, absent_shots, request.app[VIEW])
+    except UsageError:
+        logger.info("no ledger can be read", exc_info=True)
+        shots = []
+    return told_anew(request, {"absent": [_absent_document(one) for one in shots]})
 
 
 async def description(request: web.Request) -> web.StreamResponse:
@@ -45,6 +61,16 @@ def openapi() -> dict[str, Any]:
         document["paths"] |= part["paths"]
         document["components"]["schemas"] |= part.get("components", {}).get("schemas", {})
     return document
+
+
+def _absent_document(one: AbsentShot) -> dict[str, Any]:
+    return {
+        "name": one.name.encode("utf-8", "replace").decode(),
+        "state": one.state,
+        "reason": one.reason,
+        "island": one.island,
+        "place": None if one.place is None else [round(value, 1) for value in one.place],
+    }
 
 
 def _program() -> str:

@@ -5,7 +5,9 @@ const FIRST_RETRY_MS = 1000;
 const LONGEST_RETRY_MS = 10000;
 
 export class Live {
+  static restsAfterMs = 20000; // hidden: a browser has six connections for all tabs of a server, which each keeps one of
   isOpen = false;
+  isResting = false;
   hasEnded = false; // the server has said farewell, and has not come back
 
   /** `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds. */
@@ -14,7 +16,25 @@ export class Live {
     this.onEnded = onEnded;
     this.onNotes = onNotes;
     this.retryMs = FIRST_RETRY_MS;
+    this.resting = 0;
+    document.addEventListener("visibilitychange", () => this.followSight());
     this.listen();
+  }
+
+  /** A page that nobody sees lets go of its connection, and asks what is new when it is seen again. */
+  followSight() {
+    clearTimeout(this.resting);
+    if (document.hidden) this.resting = setTimeout(() => this.rest(), Live.restsAfterMs);
+    else if (this.isResting) {
+      this.isResting = false;
+      this.listen();
+    }
+  }
+
+  rest() {
+    this.isResting = true;
+    this.isOpen = false;
+    this.source.close();
   }
 
   listen() {
@@ -38,7 +58,7 @@ export class Live {
   }
 
   listenLater() {
-    setTimeout(() => this.listen(), this.retryMs);
+    setTimeout(() => this.isResting || this.listen(), this.retryMs);
     this.retryMs = Math.min(2 * this.retryMs, LONGEST_RETRY_MS);
   }
 

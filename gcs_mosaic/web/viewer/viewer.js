@@ -1,6 +1,7 @@
 // @ts-check
 // The page: polls the documents, listens for new tiles, and keeps map and strip up to date.
 
+import { Absent } from "/viewer/absent.js";
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
 import { byId } from "/viewer/dom.js";
@@ -45,6 +46,7 @@ const anchors = new Anchors(map, pointing);
 new Reviews(map);
 const islands = new Islands(map);
 const flightPath = new FlightPath(map, placements);
+new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
 originals.onMark = (place) => finds.begin(place);

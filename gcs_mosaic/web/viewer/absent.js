@@ -1,0 +1,49 @@
+// @ts-check
+// Shots that are not on the map, where they should be: crosses with the reason, at least as long as the list of them is open.
+
+import { byId, element } from "/viewer/dom.js";
+import { fetchDocument } from "/viewer/server.js";
+import { said, t } from "/viewer/words.js";
+
+const EVERY_MS = 5000;
+
+export class Absent {
+  /** `map`: the MosaicMap. */
+  constructor(map) {
+    this.map = map;
+    this.marks = L.layerGroup();
+    this.known = "";
+    this.isShown = false;
+    this.button = byId("flight-crosses");
+    this.button.onclick = () => this.toggle();
+    setInterval(() => this.read(), EVERY_MS);
+  }
+
+  toggle() {
+    this.isShown = !this.isShown;
+    this.button.setAttribute("aria-pressed", String(this.isShown));
+    if (this.isShown) this.marks.addTo(this.map.map);
+    else this.marks.remove();
+    this.read();
+  }
+
+  async read() {
+    if (!this.isShown || document.hidden) return;
+    const answer = await fetchDocument("/api/v1/absent").catch(() => null); // those that are drawn stay
+    const island = this.map.layer?.island;
+    const text = JSON.stringify([answer, island]);
+    if (!answer || text === this.known) return;
+    this.known = text;
+    this.marks.clearLayers();
+    for (const one of answer.absent.filter((shot) => shot.place && shot.island === island)) this.marks.addLayer(mark(one));
+  }
+}
+
+function mark({ name, reason, place: [x, y] }) {
+  const icon = L.divIcon({ className: "absent", html: "", iconSize: [30, 30] });
+  const why = said(reason);
+  const told = element("span", { className: "upright", textContent: t("{name}: {reason}", { name: name || t("A shot"), reason: why }) });
+  const marker = L.marker([y, x], { icon, keyboard: false, title: why });
+  marker.on("add", () => marker.getElement().replaceChildren(element("span", { className: "upright", textContent: "✕" })));
+  return marker.bindTooltip(told);
+}
