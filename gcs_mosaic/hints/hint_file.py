@@ -63,6 +63,8 @@ HINTS = FileSchema(
     kind="a file of hints",
     remedy="move it away",
 )
+BEGUN = "The search in it was not ended."
+BEGUN_TWICE = "The search in it was twice not ended."
 Kind = Literal["odd", "sought", "detector"]
 
 
@@ -111,11 +113,18 @@ class HintFile:
             yield
 
     def searched(self) -> dict[int, frozenset[int]]:
-        """The frames that were searched, and for which colours."""
-        return {
-            row["frame"]: frozenset(json.loads(row["colours"]))
-            for row in self._file.execute("SELECT frame, colours FROM searched")
-        }
+        """The frames that were searched, or begun twice and not ended, and for which colours."""
+        rows = self._file.execute("SELECT frame, colours FROM searched WHERE reason IS NOT ?", (BEGUN,))
+        return {row["frame"]: frozenset(json.loads(row["colours"])) for row in rows}
+
+    def note_begun(self, frame: int) -> None:
+        """Before it is searched: a frame that ends the program twice is not begun again."""
+        again = self._file.execute("SELECT 1 FROM searched WHERE frame = ? AND reason = ?", (frame, BEGUN)).fetchone()
+        self._note(frame, None, (), BEGUN_TWICE if again else BEGUN, 0.0)
+
+    def forget_begun(self, frame: int) -> None:
+        """It can be searched later, as if it had not been begun."""
+        self._file.execute("DELETE FROM searched WHERE frame = ?", (frame,))
 
     def note_searched(self, frame: int, content_hash: str | None, colours: Iterable[int], took_s: float) -> None:
         self._note(frame, content_hash, colours, None, took_s)

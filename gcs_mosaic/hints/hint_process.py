@@ -42,8 +42,12 @@ def main() -> None:
     _tell(ready=True)
     wanted = Wanted()
     threading.Thread(target=wanted.hear, args=(lines,), name="wanted", daemon=True).start()
-    seek(seeker, wanted)
-    seeker.close()
+    try:
+        seek(seeker, wanted)
+    except UsageError as error:  # a detector whose output is not understood; a ledger that cannot be read now
+        _tell(refused=str(error))
+    finally:
+        seeker.close()
 
 
 class Wanted:

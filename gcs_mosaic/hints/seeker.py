@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sqlite3
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +12,11 @@ from typing import TypedDict
 
 import numpy as np
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.anomalies import Appearance, Blob, appearance, blobs
 from gcs_mosaic.hints.detector import Detector
 from gcs_mosaic.hints.hint_file import FoundThing, HintFile, KnownHint
+from gcs_mosaic.hints.hint_places import hint_places
 from gcs_mosaic.hints.other_looks import UNJUDGED, OtherLooks
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.hints.sought import SoughtColour, of_colour
@@ -81,21 +84,35 @@ class Seeker:
         number = self._newest(colours)
         if number is None:
             return None
-        began = time.monotonic()
-        with self._file.transaction():  # a frame that ends the program is not begun again
-            self._file.note_failed(number, _numbers(colours), "The search in it was not ended.")
-        try:
-            frame = self._analysed(number)
-        except NoPicture as reason:
+        if number not in self._searched:
             with self._file.transaction():
-                self._file.note_failed(number, _numbers(colours), str(reason))
-            self._searched[number] = _numbers(colours)
-            return number
-        with self._file.transaction():
-            self._search(frame, colours)
-            self._file.note_searched(number, frame.content_hash, _numbers(colours), time.monotonic() - began)
+                self._file.note_begun(number)
+        reason = self._searched_or_why_not(number, colours)
+        if reason is not None:
+            with self._file.transaction():
+                self._file.note_failed(number, _numbers(colours), reason)
         self._searched[number] = _numbers(colours)
         return number
+
+    def _searched_or_why_not(self, number: int, colours: Sequence[SoughtColour]) -> str | None:
+        """Search a frame; a sentence if that cannot be. What may pass is raised, and the frame is then as if not begun."""
+        began = time.monotonic()
+        try:
+            frame = self._analysed(number)
+            with self._file.transaction():
+                self._search(frame, colours)
+                self._file.note_searched(number, frame.content_hash, _numbers(colours), time.monotonic() - began)
+        except NoPicture as reason:
+            return str(reason)
+        except (OSError, sqlite3.Error, UsageError):
+            if number not in self._searched:
+                with self._file.transaction():
+                    self._file.forget_begun(number)
+            raise
+        except Exception:  # one frame must not end the search in the others
+            logger.exception("frame %d cannot be searched", number)
+            return "The search in it failed."
+        return None
 
     def _forget(self, colours: Sequence[SoughtColour]) -> None:
         """What was found of colours that nobody seeks any more."""
@@ -197,22 +214,14 @@ class Seeker:
             return []
         (left, top), (right, bottom) = outline.min(axis=0), outline.max(axis=0)
         near = [table.frames[index].number for index in table.near(frame.painted.island, (left, top, right, bottom))]
-        known = self._file.of_frames(near)
-        found: list[tuple[KnownHint, tuple[float, float]]] = []
-        for number in {one.found.frame for one in known} - {frame.number}:
-            painted, record = self._view.painted(number), self._view.frame(number)
-            if painted is None or record is None or not record.width or painted.island != frame.painted.island:
-                continue
-            own = [one for one in known if one.found.frame == number]
-            there = np.array([(one.found.x, one.found.y) for one in own])
-            places = places_of(painted, (there + 0.5) * (painted.camera.width / record.width) - 0.5)
-            pixels = frame.pixels(places)
-            found += [
-                (one, (float(x), float(y)))
-                for one, (x, y) in zip(own, pixels, strict=True)
-                if np.isfinite([x, y]).all()
-            ]
-        return found
+        known = [hint for hint in self._file.of_frames(near) if hint.found.frame != frame.number]
+        places = hint_places(self._view, known)
+        own = [hint for hint in known if hint.id in places and places[hint.id].island == frame.painted.island]
+        if not own:
+            return []
+        pixels = frame.pixels(np.array([(places[hint.id].x, places[hint.id].y) for hint in own]))
+        together = zip(own, pixels.tolist(), strict=True)
+        return [(hint, (x, y)) for hint, (x, y) in together if np.isfinite([x, y]).all()]
 
     def _judge_anew(self, frame: AnalysedFrame, earlier: Sequence[tuple[KnownHint, tuple[float, float]]]) -> None:
         """Take this frame as another look at what was found before."""

@@ -57,16 +57,18 @@ class HintWishes:
             for row in rows
         ]
 
-    def pick(self, bgr: tuple[int, int, int], tolerance: float, label: str, who: str) -> int:
-        """Seek a colour; its id. Raises Unfit when there are too many."""
+    def pick(self, bgr: tuple[int, int, int], tolerance: float, label: str, who: str) -> PickedColour:
+        """Seek a colour. Raises Unfit when there are too many."""
         if len(self.colours()) >= MOST_COLOURS:
             raise Unfit(f"{MOST_COLOURS} colours are sought already: take one away first.")
         if self._book.rows("SELECT 1 WHERE (SELECT count(*) FROM picked_colours) >= ?", MOST_EVER):
             raise Unfit(f"{MOST_EVER} colours were picked already.")
         columns = "blue, green, red, tolerance, label, who, utc"
         with self._book.change() as file:
-            values = (*bgr, tolerance, label, who, time.time())
-            return file.write(f"INSERT INTO picked_colours ({columns}) VALUES (?, ?, ?, ?, ?, ?, ?)", *values)
+            now = time.time()
+            values = (*bgr, tolerance, label, who, now)
+            made = file.write(f"INSERT INTO picked_colours ({columns}) VALUES (?, ?, ?, ?, ?, ?, ?)", *values)
+        return PickedColour(id=made, bgr=bgr, tolerance=tolerance, label=label, who=who, utc=now)
 
     def take_away(self, number: int) -> None:
         """Seek it no more. Raises NoSuchNote."""

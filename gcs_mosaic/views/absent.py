@@ -7,6 +7,7 @@ lies. A shot at the end of the flight, or between two parts of the map, is told 
 from __future__ import annotations
 
 from bisect import bisect
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,7 +20,7 @@ from gcs_mosaic.views.flight_view import FlightView, FrameTable
 
 LONGEST = 6.0  # times the usual pause between two shots: over a longer one the aircraft may have been anywhere
 LEAST_S = 4.0
-MOST = 500
+MOST = 500  # of each kind
 NO_PICTURE = "no picture has come"
 NOTHING_YET = "nothing that it shows is on the map yet"
 OFF_THE_MAP = {FrameState.WAITING, FrameState.REJECTED, FrameState.DAMAGED, FrameState.DROPPED, FrameState.UNSTITCHED}
@@ -70,13 +71,15 @@ class _Track:
 
 
 def absent_shots(view: FlightView) -> list[AbsentShot]:
-    """The newest of them, in the order of the ledger. Raises UsageError."""
+    """The newest frames and the newest events of them, each in the order of the ledger: many events that somebody forged push no
+    frame off the list. Raises UsageError."""
     events, frames, table = view.events(), view.frames(), view.table()
     middles = dict(_middles(table))
     heard = {event.frame: event.event.received for event in events if event.frame is not None}
     by_events = _Track(heard, middles)
     by_files = _Track({frame.name: frame.modified for frame in frames if frame.modified is not None}, middles)
-    return [*_of_frames(frames, heard, by_events, by_files), *_of_events(events, by_events)][-MOST:]
+    off_the_map, missing = _of_frames(frames, heard, by_events, by_files), _of_events(events, by_events)
+    return [*deque(off_the_map, MOST), *deque(missing, MOST)]
 
 
 def _of_frames(

@@ -20,7 +20,9 @@ Key = tuple[int, Tile]  # island, tile
 class AnsweredTiles:
     """Thread-safe. A tile is filled from coarser ones and fades towards its neighbours, so it is forgotten with all of those."""
 
-    def __init__(self) -> None:
+    def __init__(self, revision: Callable[[], int]) -> None:
+        """`revision`: of what is on the disk now; what whoever asks says of it is not believed."""
+        self._revision = revision
         self._lock = threading.Lock()
         # Since when, and of which revision at least; last asked for last.
         self._kept: OrderedDict[Key, tuple[float, int, EncodedTile | None]] = OrderedDict()
@@ -35,10 +37,11 @@ class AnsweredTiles:
                 self._kept.move_to_end((island, tile))
                 return kept
             before = self._changes
+        known = self._revision()
         made = make()
         with self._lock:
             if self._changes == before:  # else it may be older than what has just been painted
-                self._keep((island, tile), revision, made)
+                self._keep((island, tile), known, made)
         return made
 
     def forget(self, change: Change) -> None:

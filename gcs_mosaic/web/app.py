@@ -74,7 +74,7 @@ def make_app(
     app = web.Application(middlewares=[*checks, note_request])
     app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
     app[ACCESS], app[CHOOSING] = access, asyncio.Lock()
-    app[ANSWERED] = AnsweredTiles()
+    app[ANSWERED] = AnsweredTiles(partial(last_revision, root))
     app[FEED].before_telling(app[ANSWERED].forget)
     app[PAGES] = Places(settings.pages, settings.pages_per_address)
     app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")

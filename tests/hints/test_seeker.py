@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 from gcs_mosaic.hints.hint_file import HintsRead, read_hints
 from gcs_mosaic.hints.hint_places import hint_places
 from gcs_mosaic.hints.ranking import ranked
-from gcs_mosaic.hints.seeker import Seeker
+from gcs_mosaic.hints.seeker import AnalysedFrame, Seeker
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.hints.sought import SoughtColour
 from gcs_mosaic.store.folder import HINTS_NAME
@@ -113,6 +113,52 @@ def test_a_frame_whose_original_is_gone_costs_that_frame(root: Path) -> None:
     first.write_bytes(b"no picture")
     assert len(seek_all(root)) == 12
     assert read_hints(root).failed == 1
+
+
+def test_a_frame_that_ends_the_program_is_begun_once_more_and_then_left(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    whole = Seeker._search
+    for times in (1, 2):
+        monkeypatch.setattr(Seeker, "_search", killed)
+        seeker = Seeker(root, HintSettings())
+        with pytest.raises(KeyboardInterrupt):
+            seeker.step()
+        seeker.close()
+        monkeypatch.setattr(Seeker, "_search", whole)
+        seeker = Seeker(root, HintSettings())
+        assert (12 in seeker._searched) == (times == 2)
+        seeker.close()
+    assert seek_all(root)[0] == 11
+
+
+def test_trouble_that_passes_costs_no_frame_and_a_fault_costs_that_frame_alone(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Seeker._search
+
+    def locked(*_: object) -> None:
+        raise sqlite3.OperationalError("database is locked")
+
+    monkeypatch.setattr(Seeker, "_search", locked)
+    for _ in range(3):
+        seeker = Seeker(root, HintSettings())
+        with pytest.raises(sqlite3.OperationalError):
+            seeker.step()
+        seeker.close()
+
+    def faulty(self: Seeker, frame: AnalysedFrame, colours: Sequence[SoughtColour]) -> None:
+        if frame.number == 12:
+            raise ZeroDivisionError
+        whole(self, frame, colours)
+
+    monkeypatch.setattr(Seeker, "_search", faulty)
+    assert len(seek_all(root)) == 12
+    read = read_hints(root)
+    assert (read.searched, read.failed) == (11, 1)
 
 
 def test_hints_of_another_flight_and_a_damaged_file_are_not_shown(root: Path) -> None:

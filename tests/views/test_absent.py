@@ -13,6 +13,7 @@ from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
+from gcs_mosaic.views import absent
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET, absent_shots
 from gcs_mosaic.views.flight_view import FlightView
 from tests.factories import frame, trigger_event
@@ -85,3 +86,12 @@ def test_where_nothing_is_known_no_place_is_told(ledger: Ledger, tmp_path: Path)
     shot(ledger, 6, FrameState.PLACED, island=1, at_s=1200.0)
     shot(ledger, 7, None, at_s=1300.0)  # after the last
     assert [(one.island, one.place) for one in absent_shots(FlightView(tmp_path))] == [(None, None)] * 4
+
+
+def test_shots_that_somebody_forged_push_no_frame_off_the_list(
+    ledger: Ledger, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(absent, "MOST", 3)
+    for number, state in enumerate([FrameState.REJECTED, *[None] * 9]):
+        shot(ledger, number, state)
+    assert [one.state for one in absent_shots(FlightView(tmp_path))] == ["rejected", *["missing"] * 3]

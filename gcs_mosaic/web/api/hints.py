@@ -102,10 +102,9 @@ async def pick(request: web.Request) -> web.StreamResponse:
     label, who = text_of(told.get("label"), "label", LONGEST_LABEL), who_of(told.get("who"))
     tolerance = number_of(told.get("tolerance", TOLERANCE), "tolerance", LEAST_TOLERANCE, MOST_TOLERANCE)
     bgr = _given_colour(told) if "rgb" in told else await in_thread(request, _colour_at, request.app[VIEW], told)
-    await notes.run(notes.hint_wishes.pick, bgr, tolerance, label, who)
+    picked = await notes.run(notes.hint_wishes.pick, bgr, tolerance, label, who)
     await _pass_on(request.app)
-    colours = await notes.run(notes.hint_wishes.colours)
-    return web.json_response(_colour_document(colours[-1]), status=201)
+    return web.json_response(_colour_document(picked), status=201)
 
 
 async def take_away(request: web.Request) -> web.StreamResponse:

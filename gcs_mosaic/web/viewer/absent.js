@@ -1,5 +1,5 @@
 // @ts-check
-// Shots that are not on the map, where they should be: crosses with the reason, at least as long as the list of them is open.
+// Shots that are not on the map, where they should be: crosses with the reason.
 
 import { byId, element } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";

@@ -181,7 +181,8 @@ export class MosaicMap {
     const [width, height] = this.turn.extent(bounds);
     const [across, down] = this.turn.size;
     const left = besideTools();
-    const fitting = BASE_LEVEL + Math.log2(Math.min((across - left - ROOM_PX) / width, (down - 2 * ROOM_PX) / height));
+    const room = [across - left - ROOM_PX, down - 2 * ROOM_PX].map((side) => Math.max(side, 1)); // a pane may be hidden, or tiny
+    const fitting = BASE_LEVEL + Math.log2(Math.min(room[0] / width, room[1] / height));
     const zoom = Math.min(Math.max(Math.floor(fitting / ZOOM_SNAP) * ZOOM_SNAP, this.map.getMinZoom()), this.map.getMaxZoom());
     const aside = this.turn.turnedBack(L.point((left - ROOM_PX) / 2, 0)).divideBy(2 ** (zoom - BASE_LEVEL));
     const { lat, lng } = bounds.getCenter();
