@@ -73,7 +73,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
     with ExitStack() as stack:
         # Fail early: addresses, ports and folders in use.
         address = HttpAddress.parse(config.http) if config.http else None
-        shots = Shots(config.shots)
+        shots = Shots(config.shots, lambda: links.trust.sources)
         links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
         if config.rtsp:
             links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop, links.trust)

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar
 
-from gcs_mosaic.messages import Source, TriggerEvent
+from gcs_mosaic.messages import Source, Teller, TriggerEvent
 from gcs_mosaic.triggers.clocks import SourceClocks
 from gcs_mosaic.triggers.counters import Counters, StreamKey
 
 _RECENT = 16  # shots that may still lie within the window; no camera takes more a second
 _MOST_TELLING = 4  # streams about the shots within the window; of more, as in a flood, time cannot tell which is meant
+_MOST_UNPROVEN = 3  # shots within the window that only unproven sources tell of; more are a flood, or a burst with a counter
 MOST_SHOTS = 1 << 16  # shots that a message may still refer to: above `remembered` times `_MOST_STREAMS`
 _MOST_STREAMS = 32  # sources with a counter; no aircraft has as many, but a forger might
 
@@ -74,10 +75,14 @@ T = TypeVar("T")
 
 
 class Shots:
-    """The one place where messages about shots are merged and dated, for all links. Thread-safe."""
+    """The one place where messages about shots are merged and dated, for all links. Thread-safe.
 
-    def __init__(self, settings: ShotSettings) -> None:
+    `credible`: the sources whose shots have proved true.
+    """
+
+    def __init__(self, settings: ShotSettings, credible: Callable[[], frozenset[Teller]] = frozenset) -> None:
         self._merger = ShotMerger(settings)
+        self._credible = credible
         self._lock = threading.Lock()
         self._heard = 0
 
@@ -85,7 +90,7 @@ class Shots:
         """Number and classify an event."""
         with self._lock:
             self._heard += 1
-            return CameraMessage(self._heard, event, self._merger.add(self._heard, event))
+            return CameraMessage(self._heard, event, self._merger.add(self._heard, event, self._credible()))
 
     def follow(self, items: Iterator[T | TriggerEvent]) -> Iterator[T | CameraMessage]:
         """A link's items, with each event replaced by its CameraMessage."""
@@ -93,12 +98,13 @@ class Shots:
             yield self.hear(item) if isinstance(item, TriggerEvent) else item
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Shot:
     id: int
     moment: float
     best: Source
     told: dict[StreamKey, int | None] = field(default_factory=dict)  # sequence number in each stream
+    tellers: set[Teller] = field(default_factory=set)
 
     def told_by(self, source: Source) -> bool:
         return any(key.source == source for key in self.told)
@@ -114,14 +120,14 @@ class ShotMerger:
         self._seen: dict[StreamKey, OrderedDict[int | None, tuple[TriggerEvent, _Shot]]] = {}
         self._recent: deque[_Shot] = deque(maxlen=_RECENT)
 
-    def add(self, event_id: int, event: TriggerEvent) -> Verdict:
-        """Classify `event`. Its id becomes the shot's if the shot is new."""
+    def add(self, event_id: int, event: TriggerEvent, credible: frozenset[Teller] = frozenset()) -> Verdict:
+        """Classify `event`. Its id becomes the shot's if the shot is new. `credible`: see `Shots`."""
         key = StreamKey(event.vehicle, event.component, event.camera, event.source)
         before = self._seen.setdefault(key, OrderedDict()).get(event.sequence)
         if before and self._is_resent(before[0], event):
             return Duplicate(before[1].id)
         moment = self._clocks.moment(event)
-        shot = self._same_shot(key, event.sequence, moment)
+        shot = self._same_shot(key, event, moment, credible)
         verdict = _verdict(shot, event, moment)
         if shot is None:
             shot = _Shot(event_id, moment, event.source)
@@ -138,8 +144,10 @@ class ShotMerger:
         alike = timeless or _same(before.utc, event.utc) or _same(before.file_hint, event.file_hint)
         return alike and event.received - before.received <= self._settings.resend_s
 
-    def _same_shot(self, key: StreamKey, sequence: int | None, moment: float) -> _Shot | None:
-        nearest = self._nearest_in_time(key, moment)
+    def _same_shot(
+        self, key: StreamKey, event: TriggerEvent, moment: float, credible: frozenset[Teller]
+    ) -> _Shot | None:
+        sequence, nearest = event.sequence, self._nearest_in_time(key, event, moment, credible)
         if sequence is None:
             return nearest
         self._counters.heard(key, sequence, moment)
@@ -150,7 +158,9 @@ class ShotMerger:
                 return shot
         return nearest if nearest and not _contradicts(expected, nearest) else None
 
-    def _nearest_in_time(self, key: StreamKey, moment: float) -> _Shot | None:
+    def _nearest_in_time(
+        self, key: StreamKey, event: TriggerEvent, moment: float, credible: frozenset[Teller]
+    ) -> _Shot | None:
         candidates = [
             shot
             for shot in self._recent
@@ -159,10 +169,15 @@ class ShotMerger:
         ]
         if len({other for shot in candidates for other in shot.told}) > _MOST_TELLING:
             return None
+        if event.teller in credible:
+            unproven = [shot for shot in candidates if credible.isdisjoint(shot.tellers)]
+            if len(unproven) > _MOST_UNPROVEN:
+                candidates = [shot for shot in candidates if shot not in unproven]
         return min(candidates, key=lambda shot: abs(shot.moment - moment), default=None)
 
     def _remember(self, key: StreamKey, event: TriggerEvent, shot: _Shot) -> None:
         shot.told[key] = event.sequence
+        shot.tellers.add(event.teller)
         shot.best = max(shot.best, event.source)
         seen = self._seen[key]
         seen[event.sequence] = (event, shot)

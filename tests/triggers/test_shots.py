@@ -143,6 +143,23 @@ def test_a_forger_with_many_cameras_is_not_remembered_for_ever() -> None:
     assert len(merger._counters._votes) <= 32 * 32
 
 
+def test_what_a_flood_tells_takes_no_message_of_a_source_that_has_proved_true() -> None:
+    """A hundred forged shots a second, in the aircraft's name; the aircraft's autopilot tells one each second."""
+    forged = [replace(told(CAMERA, 7 * n, 10.0 + 0.01 * n), component=150) for n in range(500)]
+    real = [told(FEEDBACK, n, 10.505 + n) for n in range(4)]
+    merger, credible = ShotMerger(), frozenset([real[0].teller])
+    events = sorted([*forged, *real], key=lambda event: event.received)
+    answers = {event: merger.add(number, event, credible) for number, event in enumerate(events)}
+    assert [answers[event] for event in real] == [New()] * 4
+
+
+def test_a_source_that_has_proved_true_joins_a_shot_that_another_one_told_first() -> None:
+    first, second = told(FEEDBACK, 1, 10.0), told(CAMERA, 77, 10.3)
+    merger = ShotMerger()
+    assert merger.add(0, first) == New()
+    assert merger.add(1, second, frozenset([second.teller])) == Better(0)
+
+
 def test_four_messages_over_two_links_are_one_shot_even_where_a_counter_wraps_or_begins_anew() -> None:
     """PX4's 112 and 263, ArduPilot's 180 (16 bits) and the camera's own 263, each twice; the vehicle boots in between."""
     merger, verdicts_of, dice = ShotMerger(), dict[int, list[tuple[int, Verdict]]](), random.Random(4)
