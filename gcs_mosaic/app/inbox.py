@@ -15,8 +15,9 @@ from gcs_mosaic.app.links import Item, ItemSource, Report
 from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken, watch
+from gcs_mosaic.frames.rtsp.keeper import stream
 from gcs_mosaic.frames.rtsp.requests import Requests
-from gcs_mosaic.frames.rtsp.source import stream, stream_name
+from gcs_mosaic.frames.rtsp.source import stream_name
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DroppedFrame, Frame, LinkReport, Notice, SourceReport

@@ -172,6 +172,7 @@ class _Daemon:
             self._page.publish,
             retry=self._until_writable,
             checkpoints=opened.checkpoints,
+            shelf=opened.shelf,
             elsewhere=lambda name: Path(self._config.watch) / file_and_version(name)[0],
         )
 

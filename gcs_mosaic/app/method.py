@@ -20,6 +20,7 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.features.extraction import Features, extract
+from gcs_mosaic.stitch.features.shelf import Shelve
 from gcs_mosaic.stitch.graph.observer import Observer, Observers
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.graph.tearing import HeldOut
@@ -95,18 +96,20 @@ def method_of(
     painted: Callable[[Painted], None],
     out: Path,
     observer: Observer | None,
+    shelve: Shelve,
     *,
     punctual: bool,
     paint_live: bool,
 ) -> Method:
     """The configured method. `painted` is called for each frame that is painted or repainted.
 
-    `out` holds the tiles written so far, and scratch files.
+    `out` holds the tiles written so far, and scratch files; `shelve`: where features go.
     """
     if config.method == "paper":
         paper = PaperMosaic(config.paper, config.reduction)
         return Method(paper, PaperPainter(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
-    mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=Observers(Journal(), observer))
+    observers = Observers(Journal(), observer)
+    mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=observers, shelve=shelve)
 
     def note(frame: Painted) -> None:
         painted(frame)

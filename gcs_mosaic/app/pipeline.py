@@ -13,7 +13,7 @@ from typing import TypeVar
 from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
-from gcs_mosaic.app.resuming import Run, runs_of, settings_of, source_of, utc_of_zero
+from gcs_mosaic.app.resuming import Run, runs_of, settings_of, shelf_of, source_of, utc_of_zero
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.frames.decoding.decoders import Decoders
@@ -24,6 +24,7 @@ from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.transaction import Kept, Snapshot, transaction
+from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import Checkpoints
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.lost_originals import Elsewhere
@@ -60,10 +61,10 @@ class Pipeline(Kept):
     `say` receives notices for the operator; `published(revision, tiles)` is called once tiles are on disk. `punctual`:
     the same frames always give the same map, whatever the machine's speed. `paint_live`: paint each frame on arrival, not
     all at the end. `observer` is called while frames are placed. `utc`, `retry` and `elsewhere` are the store's;
-    `checkpoints`: where checkpoints are written, if any.
+    `checkpoints`: where checkpoints are written, if any; `shelf`: where features are, its own by default.
     """
 
-    FIXED = frozenset({"_worker", "decoders", "_say", "features_of", "_checkpoints", "_of_flight"})
+    FIXED = frozenset({"_shelf", "_worker", "decoders", "_say", "features_of", "_checkpoints", "_of_flight"})
 
     def __init__(
         self,
@@ -79,6 +80,7 @@ class Pipeline(Kept):
         retry: Retry = at_once,
         checkpoints: Checkpoints | None = None,
         elsewhere: Elsewhere = lambda name: None,
+        shelf: ArrayShelf | None = None,
     ) -> None:
         self.store = FlightStore(
             out,
@@ -90,9 +92,9 @@ class Pipeline(Kept):
             retry=retry,
             elsewhere=elsewhere,
         )
-        self._worker = WorkerProcess()
+        self._worker, self._shelf = WorkerProcess(), shelf or shelf_of(config, out)
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
-        parts = self._worker, self.load_original, self._note_painted, out, observer
+        parts = self._worker, self.load_original, self._note_painted, out, observer, self._shelf.shelve
         method = method_of(config, *parts, punctual=punctual, paint_live=paint_live)
         self.mosaic, self._painter = method.stitcher, method.renderer
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
@@ -102,8 +104,7 @@ class Pipeline(Kept):
         self._processed: dict[str, None] = {}  # frame names, in order of processing
         runs = [Run(0, 0, utc_of_zero())]
         self._of_flight: Snapshot = {"settings": settings_of(config), "source": source_of(config), "runs": runs}
-        self._checkpoints = checkpoints
-        self._say = say
+        self._checkpoints, self._say = checkpoints, say
         self._painting = Painting(self._painter, self.store, self, self.load_original, say)
 
     @property
@@ -304,6 +305,7 @@ class Pipeline(Kept):
         """A failure here must not reject the frame just placed: the map is valid without the adjustment."""
         found = self._tried(adjust, "the map could not be adjusted")
         self._say_problem("adjustment", self.mosaic.problem)
+        self._say_problem("features", self._shelf.problem)
         return found
 
     def _tried(self, attempt: Callable[[], T], otherwise: str) -> T | None:
@@ -356,6 +358,7 @@ class Pipeline(Kept):
         self._worker.close()
         self.decoders.close()
         self._painter.close()
+        self._shelf.close()
         self.store.close()
 
 

@@ -19,6 +19,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Link
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import Snapshot
+from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import NAME as CHECKPOINT_NAME
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
 from gcs_mosaic.store.folder import FlightFolder, flights_of, lock_flight, open_flight_folder, resume_flight_folder
@@ -35,16 +36,19 @@ LARGE = (Features, Link, Registration, PaintedFrame)  # types of checkpoint valu
 class OpenedFlight:
     """The folder of a flight, locked; `folder.resumed` if it is resumed.
 
-    `saved`: where to go on from, None for a new flight and for one that is to be stitched again from its originals.
+    `saved`: where to go on from, None for a new flight and for one that is to be stitched again from its originals;
+    `shelf`: where its features are.
     """
 
     folder: FlightFolder
     checkpoints: Checkpoints | None
+    shelf: ArrayShelf
     saved: Snapshot | None = None
 
     def close(self) -> None:
         if self.checkpoints is not None:
             self.checkpoints.close()
+        self.shelf.close()
         self.folder.close()
 
 
@@ -67,15 +71,19 @@ def open_flight(config: Config) -> OpenedFlight:
 
 
 def _begun(config: Config) -> OpenedFlight:
-    folder = open_flight_folder(Path(config.out))
-    return OpenedFlight(folder=folder, checkpoints=checkpoints_of(folder.path, config))
+    return _opened(open_flight_folder(Path(config.out)), config)
+
+
+def _opened(folder: FlightFolder, config: Config) -> OpenedFlight:
+    shelf = shelf_of(config, folder.path)
+    return OpenedFlight(folder=folder, checkpoints=checkpoints_of(folder.path, config, shelf), shelf=shelf)
 
 
 def _resumed(folder: FlightFolder, config: Config, *, by_itself: bool = False) -> OpenedFlight:
     """Raises UsageError, the folder being closed, if its flight cannot be resumed."""
-    checkpoints = checkpoints_of(folder.path, config)
+    opened = _opened(folder, config)
+    checkpoints = opened.checkpoints
     saved = PAPER if checkpoints is None else saved_flight(checkpoints, config, same_source=by_itself)
-    opened = OpenedFlight(folder=folder, checkpoints=checkpoints)
     if not isinstance(saved, Unusable):
         return replace(opened, saved=saved)
     if saved.stitch_again:
@@ -91,8 +99,10 @@ def _resumed(folder: FlightFolder, config: Config, *, by_itself: bool = False) -
 
 
 def settings_of(config: Config) -> str:
-    """The settings that must match to resume a map: how frames are placed and painted."""
-    return repr((config.method, config.scale, config.stitch, config.paint))
+    """The settings that must match to resume a map: how frames are placed and painted, on however large a machine."""
+    canvas = replace(config.paint.canvas, memory_mb=0, threads=0)
+    placing, painting = replace(config.stitch, memory_mb=0), replace(config.paint, canvas=canvas)
+    return repr((config.method, config.scale, placing, painting))
 
 
 def source_of(config: Config) -> str:
@@ -114,9 +124,21 @@ def saved_flight(checkpoints: Checkpoints, config: Config, *, same_source: bool 
     return saved
 
 
-def checkpoints_of(out: Path, config: Config) -> Checkpoints | None:
-    """The checkpoints of a flight's folder; None for the paper's recipe, whose single image exists in memory only."""
-    return None if config.method == "paper" else Checkpoints(out, LARGE)
+def shelf_of(config: Config, out: Path) -> ArrayShelf:
+    """Where the features of a flight are; `out`: its folder."""
+    return ArrayShelf(config.stitch.memory_mb << 20, out)
+
+
+def checkpoints_of(out: Path, config: Config, shelf: ArrayShelf | None = None) -> Checkpoints | None:
+    """The checkpoints of a flight's folder; None for the paper's recipe, whose single image exists in memory only.
+
+    `shelf`: where the features go that are read.
+    """
+
+    def received(value: object) -> object:
+        return value.shelved(shelf.shelve) if isinstance(value, Features) and shelf is not None else value
+
+    return None if config.method == "paper" else Checkpoints(out, LARGE, received)
 
 
 def files_taken(frames: Iterable[FrameRecord]) -> dict[str, Taken]:

@@ -21,6 +21,7 @@ from gcs_mosaic.stitch.bundle.worker import Worker
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
+from gcs_mosaic.stitch.features.shelf import Shelve
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
@@ -46,6 +47,7 @@ class StitchSettings:
     islands: IslandSettings = field(default_factory=IslandSettings)
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
     upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
+    memory_mb: int = 128  # features kept in memory, of some 500 frames; the others go to a scratch file
 
 
 class Mosaic(Kept):
@@ -54,7 +56,7 @@ class Mosaic(Kept):
     Large islands are adjusted by `worker` in the background while frames are still being placed; without a worker, inside
     `adjust`. `punctual`: results are deterministic, however fast the worker is. `observer` is notified of every placement
     decision. A frame that raises leaves no trace; when several islands are adjusted or frames compared, each one is either done
-    or unchanged.
+    or unchanged. `shelve`: where the large arrays of features go; without, they stay in memory.
     """
 
     FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
@@ -66,10 +68,11 @@ class Mosaic(Kept):
         *,
         punctual: bool = False,
         observer: Observer | None = None,
+        shelve: Shelve | None = None,
     ) -> None:
         self.settings = settings or StitchSettings()
         adjustment = self.settings.adjustment
-        self._graph = ViewGraph(adjustment.focal_prior, adjustment.matches_per_pair)
+        self._graph = ViewGraph(adjustment.focal_prior, adjustment.matches_per_pair, shelve)
         self._search = Search(self._graph, self.settings.search, self.settings.registration, observer)
         self._upkeep = Upkeep(
             self._graph, self.settings.upkeep, adjustment, worker, punctual=punctual, adjusted=self._tell_adjusted

@@ -68,12 +68,19 @@ class Unusable:
 class Checkpoints:
     """Reads and writes the checkpoint of one output folder; `close` waits for the last write. For use by one thread.
 
-    `large`: types whose values are written once and referenced. `read_only`: for `load` alone, also where nothing can be
-    written.
+    `large`: types whose values are written once and referenced; `received` makes of each that is read what is kept of it.
+    `read_only`: for `load` alone, also where nothing can be written.
     """
 
-    def __init__(self, out: Path, large: tuple[type, ...] = (), *, read_only: bool = False) -> None:
-        self._path, self._values = out / NAME, _Values(out / VALUES_NAME, large, read_only=read_only)
+    def __init__(
+        self,
+        out: Path,
+        large: tuple[type, ...] = (),
+        received: Callable[[object], object] = lambda value: value,
+        *,
+        read_only: bool = False,
+    ) -> None:
+        self._path, self._values = out / NAME, _Values(out / VALUES_NAME, large, received, read_only=read_only)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="checkpoint")
         self._writing: Future[None] | None = None
         self._due = -math.inf  # monotonic seconds
@@ -172,8 +179,11 @@ class _Values:
 
     LENGTH = struct.Struct("<q")
 
-    def __init__(self, path: Path, large: tuple[type, ...], *, read_only: bool = False) -> None:
+    def __init__(
+        self, path: Path, large: tuple[type, ...], received: Callable[[object], object], *, read_only: bool = False
+    ) -> None:
         self.large = large
+        self._received = received
         self._read_only = read_only
         self.name = b""  # of this file: a checkpoint refers to a file by its name
         self._path = path
@@ -239,7 +249,8 @@ class _Values:
             assert self._file is not None, "opened before it is read"
             self._file.seek(len(self.name) + place)
             (length,) = self.LENGTH.unpack(self._file.read(self.LENGTH.size))
-            value = self._read[place] = _Reader(io.BytesIO(self._file.read(length)), _no_values).load()
+            read = _Reader(io.BytesIO(self._file.read(length)), _no_values).load()
+            value = self._read[place] = self._received(read)
             self._known[id(value)] = value, place
         return self._read[place]
 

@@ -19,7 +19,9 @@ from gcs_mosaic.triggers.counters import Counters, StreamKey
 
 _RECENT = 16  # shots that may still lie within the window; no camera takes more a second
 _MOST_TELLING = 4  # streams about the shots within the window; of more, as in a flood, time cannot tell which is meant
-_MOST_UNPROVEN = 3  # shots within the window that only unproven sources tell of; more are a flood, or a burst with a counter
+_MOST_UNPROVEN = (
+    3  # shots within the window that only unproven sources tell of; more are a flood, or a burst with a counter
+)
 MOST_SHOTS = 1 << 16  # shots that a message may still refer to: above `remembered` times `_MOST_STREAMS`
 _MOST_STREAMS = 32  # sources with a counter; no aircraft has as many, but a forger might
 

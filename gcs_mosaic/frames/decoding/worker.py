@@ -41,11 +41,7 @@ def request_of(size: int, whole: Whole, reduction: int, allowed: Allowance) -> M
 
 def work(channel: DecoderChannel) -> None:
     """Main function of the process."""
-    for name in _ENDED_BY_THE_PROGRAM:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    if resource is not None:  # a crash is expected, and no place is wanted for a picture of the memory
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    outlive_signals()
     cv2.setNumThreads(1)  # there is a process for each picture that is decoded at one time
     complaints = Complaints(channel.descriptors)
     try:
@@ -54,6 +50,15 @@ def work(channel: DecoderChannel) -> None:
             _serve(channel, complaints)
     except (EOFError, OSError):  # the program has ended
         return
+
+
+def outlive_signals() -> None:
+    """Leave signals for the whole group to the program. No core dump: what reads foreign data is expected to crash."""
+    for name in _ENDED_BY_THE_PROGRAM:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if resource is not None:
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _serve(channel: DecoderChannel, complaints: Complaints) -> None:
@@ -88,7 +93,7 @@ def _tried(request: Message, data: bytes, complaints: Complaints) -> Bands | Mes
 @contextlib.contextmanager
 def _limited(allowed: Allowance) -> Iterator[None]:
     """The system ends this process when it has computed for too long, and refuses it more memory, where systems can."""
-    before = _limit_memory(allowed.memory_bytes)
+    before = limit_memory(allowed.memory_bytes)
     _limit_time(allowed.cpu_s)
     try:
         yield
@@ -104,8 +109,8 @@ def _limit_time(cpu_s: float) -> None:
         signal.setitimer(signal.ITIMER_PROF, cpu_s)
 
 
-def _limit_memory(more_bytes: int) -> tuple[int, int] | None:
-    """Returns the limits to go back to; None if nothing was done."""
+def limit_memory(more_bytes: int) -> tuple[int, int] | None:
+    """Refuse this process more memory than so much more; returns the limits to go back to, None if nothing was done."""
     if resource is None or not _STATM.exists():
         return None
     now = int(_STATM.read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")

@@ -14,7 +14,7 @@ import cv2
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.pending_file import versioned
-from gcs_mosaic.frames.rtsp.address import AUTO, StreamAddress, check_allowed, is_allowed, parse_stream
+from gcs_mosaic.frames.rtsp.address import AUTO, StreamAddress, is_allowed, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker, Unanswered
 from gcs_mosaic.frames.rtsp.interval import Wishes
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
@@ -34,24 +34,11 @@ MOST_SAID = 8  # addresses that were offered in vain
 OFFER_EACH_S = 10.0  # another stream is taken at most so often: each costs a connection
 
 
-def stream(
-    address: str, stop: threading.Event, requests: Requests, settings: StreamSettings | None = None
-) -> Iterator[Item]:
-    """Frames of the stream at `address` (or `auto`), on request or as configured, until `stop` is set.
+def stream_here(address: str, stop: threading.Event, requests: Requests, settings: StreamSettings) -> Iterator[Item]:
+    """Frames of the stream at `address` (or `auto`), received by this process; see `keeper.stream`. Raises UsageError."""
+    from gcs_mosaic.frames.rtsp.receiver import Receiver  # loads PyAV, which is an extra
 
-    Every trigger gets the sharpest undamaged image near its time; a frame carries its JPEG data. Raises UsageError
-    immediately for an invalid address, and if PyAV is missing.
-    """
-    settings = settings or StreamSettings()
-    if address == AUTO:
-        check_allowed(settings.allowed_hosts)
     given = None if address == AUTO else parse_stream(address)
-    try:
-        from gcs_mosaic.frames.rtsp.receiver import Receiver
-    except ImportError:
-        raise UsageError(
-            "--rtsp needs PyAV, which is not installed: pip install 'gcs-mosaic[rtsp]' brings it."
-        ) from None
     receiver = Receiver(Ring(settings.ring_s, settings.ring_mb * _MB), settings, stop)
     return Stream(given, receiver, requests, settings).items(stop)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
 from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
 from gcs_mosaic.stitch.features.sharpness import sharpness
+from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 
 REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px
 
@@ -46,21 +47,40 @@ class Features:
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
     picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `dead`: the
-    excluded border, in full-resolution pixels.
+    excluded border, in full-resolution pixels. The two large ones may lie on a shelf.
     """
 
     points: Points32Nx2
-    descriptors: Descriptors
+    kept_descriptors: Descriptors | Shelved
     width: int
     height: int
     scale: float
-    faint: FaintImage | None = None
+    kept_faint: FaintImage | Shelved | None = None
     ordinary: int = 0
     dead: DeadBorder = NO_BORDER
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def descriptors(self) -> Descriptors:
+        return at_hand(self.kept_descriptors)
+
+    @property
+    def faint(self) -> FaintImage | None:
+        return None if self.kept_faint is None else at_hand(self.kept_faint)
+
+    def shelved(self, shelve: Shelve) -> Features:
+        """The same, its large arrays on a shelf."""
+        faint = None if self.kept_faint is None else shelve(at_hand(self.kept_faint))
+        return replace(self, kept_descriptors=shelve(self.descriptors), kept_faint=faint)
+
+    def __getstate__(self) -> list[object]:
+        """What is pickled lies on no shelf. Raises OSError if it is lost."""
+        faint = None if self.kept_faint is None else exactly(self.kept_faint)
+        whole = replace(self, kept_descriptors=exactly(self.kept_descriptors), kept_faint=faint)
+        return [getattr(whole, field.name) for field in fields(whole)]
 
 
 def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Features:
@@ -82,7 +102,7 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
         return features
     faint = faint_picture(_mean_of(counts))
     both = joined(features, faint_features(faint, features, settings))
-    return replace(both, faint=faint, ordinary=len(features))
+    return replace(both, kept_faint=faint, ordinary=len(features))
 
 
 def faint_features(standing_out: Band, frame: Features, settings: FeatureSettings) -> Features:
@@ -97,7 +117,7 @@ def joined(one: Features, other: Features) -> Features:
     points, descriptors = (
         np.concatenate([getattr(f, part) for f in (one, other)]) for part in ("points", "descriptors")
     )
-    return replace(one, points=points, descriptors=descriptors)
+    return replace(one, points=points, kept_descriptors=descriptors)
 
 
 def without_border(features: Features, dead: DeadBorder) -> Features:
@@ -107,7 +127,7 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
     kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
     ordinary = int(kept[: features.ordinary].sum())
     points, descriptors = features.points[kept], features.descriptors[kept]
-    return replace(features, points=points, descriptors=descriptors, ordinary=ordinary, dead=dead)
+    return replace(features, points=points, kept_descriptors=descriptors, ordinary=ordinary, dead=dead)
 
 
 def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> ImageGrey:

@@ -50,15 +50,16 @@ class StillPattern(Kept):
     def without(self, features: Features, settings: FeatureSettings) -> Features:
         """A frame's features, detected again without the fixed pattern once that is known; learns from the frame. Once per
         frame."""
-        if features.faint is None:
+        faint = features.faint
+        if faint is None:
             return features
         kind = features.width, features.height
-        self._learn(kind, features.faint)
+        self._learn(kind, faint)
         if self._counts[kind] < LEAST_FRAMES:
             return features  # `moving` separates its matches from the pattern's
-        freed = _freed(features.faint, self._patterns[kind])
+        freed = _freed(faint, self._patterns[kind])
         found = faint_features(freed, features, settings)
-        if _energy(freed) < (1 - MOST_PATTERN) * _energy(features.faint):
+        if _energy(freed) < (1 - MOST_PATTERN) * _energy(faint):
             return found  # features of the unfiltered image may belong to the pattern
         return joined(_ordinary(features), found)
 
@@ -79,9 +80,10 @@ class StillPattern(Kept):
 def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
     """Which matches (k, 2) may be ground: all, unless the fixed pattern is still in both frames and they show different ground.
     Then matches that have not moved are the pattern."""
-    if a.faint is None or b.faint is None or a.faint.shape != b.faint.shape:
+    faint_a, faint_b = a.faint, b.faint
+    if faint_a is None or faint_b is None or faint_a.shape != faint_b.shape:
         return np.ones(len(matches), bool)
-    if _correlation(blurred_faint(a.faint), blurred_faint(b.faint)) > SAME_GROUND:
+    if _correlation(blurred_faint(faint_a), blurred_faint(faint_b)) > SAME_GROUND:
         return np.ones(len(matches), bool)
     apart = np.linalg.norm(a.points[matches[:, 0]] / a.scale - b.points[matches[:, 1]] / b.scale, axis=1)
     return np.asarray(apart > STILL_PX)
@@ -97,9 +99,8 @@ def _freed(faint: FaintImage, pattern: FloatImage) -> FloatImage:
 def _ordinary(features: Features) -> Features:
     """The features found in the image as it is."""
     first = slice(features.ordinary)
-    return replace(
-        features, points=features.points[first], descriptors=features.descriptors[first], faint=None, ordinary=0
-    )
+    points, descriptors = features.points[first], features.descriptors[first]
+    return replace(features, points=points, kept_descriptors=descriptors, kept_faint=None, ordinary=0)
 
 
 def _energy(levels: Band) -> float:

@@ -10,7 +10,7 @@ touches only about PROBES / WORDS of the stored descriptors.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class RetrievalIndex(Kept):
         """The vocabulary; all else is made anew by `fill`."""
         return {"_words": Numbers.of(self._words)}
 
-    def fill(self, frames: Sequence[Features]) -> None:
+    def fill(self, frames: Iterable[Features]) -> None:
         """Add all frames of an index that was saved, in their order, without learning anything again."""
         self._rows = [array("q") for _ in self._words]
         for features in frames:

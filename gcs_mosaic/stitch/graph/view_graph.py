@@ -18,6 +18,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, footprint
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
+from gcs_mosaic.stitch.features.shelf import Shelve
 from gcs_mosaic.stitch.graph.waiting import WaitingFrames
 from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
@@ -93,10 +94,10 @@ class ViewGraph(Kept):
     `islands` (n,): each frame's island, NOWHERE if not placed. `cameras` (n,): each frame's camera. `boxes` (n, 4): bounding
     box of each placed frame's footprint, else NaN. They are arrays so that queries over all frames are cheap. `roots`: founding
     frame by island. `merged_into`: by island, the island it was merged into, or None. `lenses`: by island and camera, because
-    an island knows a lens only from its own frames.
+    an island knows a lens only from its own frames. `shelve`: where the large arrays of frames' features go.
     """
 
-    def __init__(self, first_focal: float, matches_per_link: int) -> None:
+    def __init__(self, first_focal: float, matches_per_link: int, shelve: Shelve | None = None) -> None:
         self.frames: list[GraphFrame] = []
         self.numbers: dict[str, int] = {}  # by the frame's name
         self.sizes: list[Camera] = []  # by camera: its size, and the lens expected of any
@@ -123,13 +124,15 @@ class ViewGraph(Kept):
         self.moved: set[int] = set()  # frames placed or moved since the set was last cleared
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
+        self._shelve = shelve
 
     def load(self, saved: Snapshot) -> None:
         super().load(saved)
-        self.retrieval.fill([frame.features for frame in self.frames])
+        self.retrieval.fill(frame.features for frame in self.frames)
 
     def append(self, name: str, features: Features) -> int:
         """Add a frame, not yet placed; a new frame size is a new camera."""
+        features = features if self._shelve is None else features.shelved(self._shelve)
         number, size = len(self.frames), (features.width, features.height)
         sizes = [(camera.width, camera.height) for camera in self.sizes]
         if size not in sizes:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.frames.decode import decode_image
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
+from gcs_mosaic.frames.rtsp.keeper import stream
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.rtsp.source import Item, stream
+from gcs_mosaic.frames.rtsp.source import Item
 from gcs_mosaic.messages import Frame, Notice, SourceReport
 from sitl.stream.camera import NEEDED, StreamingCamera, python_with_gstreamer
 from tests.factories import trigger_event

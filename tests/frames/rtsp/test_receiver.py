@@ -9,10 +9,10 @@ import pytest
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.rtsp.address import StreamAddress, parse_stream
+from gcs_mosaic.frames.rtsp.keeper import stream
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.ring_buffer import Ring
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.rtsp.source import stream
 
 if TYPE_CHECKING:
     from gcs_mosaic.frames.rtsp.connection import Log
@@ -79,6 +79,6 @@ def test_a_fault_of_our_own_ends_nothing_and_shows_no_address(
 
 
 def test_without_pyav_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "gcs_mosaic.frames.rtsp.receiver", None)
+    monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(UsageError, match=r"pip install 'gcs-mosaic\[rtsp\]'"):
         stream(URL, threading.Event(), Requests())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
+import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -14,6 +17,7 @@ from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.messages import Frame, SourceReport
 from sitl.stream.camera import StreamingCamera
 from tests.frames.rtsp.streamed import PERIOD_S, Listened, listening, needs_gstreamer, number_in, pixels
+from tests.sure import sure
 
 pytestmark = needs_gstreamer
 
@@ -146,3 +150,25 @@ def test_the_right_picture_is_taken_for_300_triggers(long_flight: Future[Flown])
     assert len(flown.wrong) <= TRIGGERS / 100
     assert len(set(flown.frames.values())) == TRIGGERS
     assert flown.report.damaged == flown.report.gaps == 0
+
+
+def test_a_crash_of_what_receives_costs_some_pictures_and_is_said() -> None:
+    """FFmpeg runs in a process of its own."""
+    with listening(StreamingCamera()) as flight:
+        time.sleep(0.5)
+        flight.trigger(time.monotonic())
+        flight.wait_until(lambda: answered(flight), "the first trigger has its frame")
+        before = flight.report
+        (receiving,) = (one for one in multiprocessing.active_children() if one.name == "stream")
+        os.kill(sure(receiving.pid), signal.SIGSEGV)
+        connected = sum("is connected" in text for text in flight.texts)
+        flight.wait_until(
+            lambda: sum("is connected" in text for text in flight.texts) > connected, "it is connected again"
+        )
+        time.sleep(0.5)
+        flight.trigger(time.monotonic())
+        flight.wait_until(lambda: answered(flight), "a trigger after it has its frame too")
+        assert flight.has_said("has ended (signal SIGSEGV); it is started again")
+        assert not flight.wrong(PERIOD_S + UNTOLD_S)
+        flight.wait_until(lambda: flight.report.seen > before.seen, "pictures are counted on")
+        assert flight.report.gaps > before.gaps

@@ -1,0 +1,197 @@
+"""A live stream as the program sees it: received by a process of its own, which is started again when it ends."""
+
+from __future__ import annotations
+
+import atexit
+import importlib.util
+import logging
+import multiprocessing
+import re
+import signal
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.rtsp.address import AUTO, check_allowed, parse_stream
+from gcs_mosaic.frames.rtsp.frame_selection import Ask
+from gcs_mosaic.frames.rtsp.requests import Offer, Requests
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.frames.rtsp.source import Item, stream_name
+from gcs_mosaic.frames.rtsp.stream_process import MOST_ASKED, Message, messages, receive
+from gcs_mosaic.messages import Frame, Notice, SourceReport, SourceState, TriggerEvent, content_hash
+
+logger = logging.getLogger(__name__)
+
+LOOK_S = 0.02  # longest delay of a request
+GRACE_S = 2.0  # for the process to end by itself
+SIGNS_LOOKS = 1500  # without a report, which comes each second: it hangs. Counted, as the machine may have been asleep
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before it is started again; doubles while it lives for no longer than
+LIVED_LOOKS = 500
+NAME = re.compile(r"stream/\d{8}-\d{6}\.\d{3}(#\d{1,6})?\.jpg")
+COUNTS = ("seen", "taken", "damaged", "gaps")
+LEVELS = ("info", "warning", "error")
+
+
+def stream(
+    address: str, stop: threading.Event, requests: Requests, settings: StreamSettings | None = None
+) -> Iterator[Item]:
+    """Frames of the stream at `address` (or `auto`), on request or as configured, until `stop` is set.
+
+    Every trigger gets the sharpest undamaged image near its time; a frame carries its JPEG data. Raises UsageError
+    immediately for an invalid address, and if PyAV is missing.
+    """
+    settings = settings or StreamSettings()
+    if address == AUTO:
+        check_allowed(settings.allowed_hosts)
+    else:
+        parse_stream(address)
+    if importlib.util.find_spec("av") is None:
+        raise UsageError("--rtsp needs PyAV, which is not installed: pip install 'gcs-mosaic[rtsp]' brings it.")
+    return _Keeper(address, requests, settings).items(stop)
+
+
+class _Keeper:
+    def __init__(self, address: str, requests: Requests, settings: StreamSettings) -> None:
+        self._address, self._requests, self._settings = address, requests, settings
+        self._asked: OrderedDict[int, TriggerEvent] = OrderedDict()  # by the numbers that the process knows them by
+        self._number = 0
+        self._offer: Offer | None = None  # the newest that was passed on
+        self._report: SourceReport | None = None
+        self._counted = dict.fromkeys(COUNTS, 0)  # by the processes before this one
+
+    def items(self, stop: threading.Event) -> Iterator[Item]:
+        """All items, until `stop` is set."""
+        pause = FIRST_PAUSE_S
+        while not stop.is_set():
+            process = _started(self._address, self._settings)
+            looks = 0
+            if process is not None:
+                looks = yield from self._served(process, stop)
+                ended = process.end()
+                if stop.is_set():
+                    return
+                yield from self._gone(ended)
+            pause = FIRST_PAUSE_S if looks > LIVED_LOOKS else min(2 * pause, LONGEST_PAUSE_S)
+            stop.wait(pause)
+
+    def _served(self, process: _Process, stop: threading.Event) -> Generator[Item, None, int]:
+        """Items of one process until it has ended or hangs; returns how often it was looked at."""
+        looks = silent = 0
+        try:
+            if self._offer is not None:
+                process.pipe.send(self._offer)
+            while not stop.is_set() and silent < SIGNS_LOOKS:
+                self._pass_on(process)
+                looks, silent = looks + 1, silent + 1
+                for message, mass in messages(process.pipe, LOOK_S):
+                    silent = 0
+                    yield from self._items_of(message, mass)
+        except (EOFError, OSError):
+            logger.info("the process that receives the stream has ended", exc_info=True)
+        if silent >= SIGNS_LOOKS:
+            logger.warning("the process that receives the stream hangs")
+        return looks
+
+    def _pass_on(self, process: _Process) -> None:
+        """Raises OSError when it has ended."""
+        for request in self._requests.drain():
+            if isinstance(request, Ask):
+                self._number += 1
+                if request.event is not None:
+                    self._asked[self._number] = request.event
+                    if len(self._asked) > MOST_ASKED:
+                        self._asked.popitem(last=False)
+                process.pipe.send((self._number, request))
+            else:
+                self._offer = request
+                process.pipe.send(request)
+
+    def _items_of(self, message: Message, mass: bytes) -> Iterator[Item]:
+        """What a message of the process tells. Raises OSError for one that is none of it."""
+        try:
+            if "log" in message:
+                level, text = message["log"]
+                logger.log(int(level), "%s", text)
+            elif "frame" in message:
+                yield self._frame(message, mass)
+            elif "notice" in message:
+                level, text = message["notice"]
+                yield Notice(source="stream", level=level if level in LEVELS else "warning", text=str(text))
+            elif "report" in message:
+                yield self._reported(message["report"])
+            else:
+                logger.warning("the process that receives the stream cannot work: %s", message.get("refused"))
+        except (KeyError, TypeError, ValueError) as error:
+            raise OSError("no message of ours") from error
+
+    def _frame(self, message: Message, data: bytes) -> Frame:
+        told = message["frame"]
+        if not NAME.fullmatch(told["name"]):
+            raise ValueError("no name of a frame")
+        return Frame(
+            name=told["name"],
+            path=Path(told["name"]),
+            data=data,
+            content_hash=content_hash(data),
+            size=len(data),
+            received=float(told["received"]),
+            modified=float(told["modified"]),
+            taken_for=self._asked.pop(message["asked"], None) if message["asked"] is not None else None,
+        )
+
+    def _reported(self, told: dict[str, Any]) -> SourceReport:
+        if told["state"] not in get_args(SourceState):
+            raise ValueError("no state")
+        counted = {name: int(told[name]) + before for name, before in self._counted.items()}
+        times = {name: told[name] for name in ("since_utc", "last_seen_utc")}
+        self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **times, **counted)
+        return self._report
+
+    def _gone(self, ended: str) -> Iterator[Item]:
+        last = self._report or SourceReport(kind="stream", name=stream_name(self._address), state="lost")
+        self._report = replace(last, state="lost", since_utc=time.time(), gaps=last.gaps + 1)
+        self._counted = {name: getattr(self._report, name) for name in COUNTS}
+        text = f"the process that receives the stream has ended ({ended}); it is started again"
+        yield Notice(source="stream", level="warning", text=text)
+        yield self._report
+
+
+class _Process:
+    """One process, and our end of its pipe."""
+
+    def __init__(self, address: str, settings: StreamSettings) -> None:
+        context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
+        self.pipe, theirs = context.Pipe()
+        self._process = context.Process(target=receive, args=(theirs, address, settings), name="stream", daemon=True)
+        try:
+            self._process.start()
+        except BaseException:
+            self.pipe.close()
+            raise
+        finally:
+            theirs.close()
+        atexit.register(self._process.kill)  # it does not end on a signal that is for the program
+
+    def end(self) -> str:
+        """Have it end; returns how it has."""
+        atexit.unregister(self._process.kill)
+        self.pipe.close()
+        self._process.join(GRACE_S)
+        self._process.kill()
+        self._process.join()
+        code = self._process.exitcode or 0
+        self._process.close()
+        return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def _started(address: str, settings: StreamSettings) -> _Process | None:
+    try:
+        return _Process(address, settings)
+    except OSError:
+        logger.warning("the process that receives the stream cannot be started", exc_info=True)
+        return None
