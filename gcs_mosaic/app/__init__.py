@@ -6,7 +6,7 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 |---|---|---|
 | main thread | the operating system | the ledger, the mosaic, the canvas, the documents; no other thread writes to them |
 | `link …`, `frames` | `inbox` | one link, or the frame source, whose originals it keeps; one queue leads to the main thread |
-| process `stream`, in it a thread of that name | `frames.rtsp.keeper`, with a live stream | the camera connection and the ring buffer of newest images |
+| process `stream` | `frames.rtsp.keeper`, with a live stream | the camera connection and the ring buffer of newest images |
 | `prepare` (pool of 2) | `prefetch` | nothing: has a file's bytes turned into pixels, and those into features |
 | process `decode` (2 at most) | `frames.decoding`, when frames are prepared | one file and its picture, until it is sent |
 | `register` (pool of 2) | `stitch.graph.candidates` | nothing: registers one pair of frames per task |
@@ -21,6 +21,6 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | process `adjust`, thread `adjust` | `stitch.bundle.worker` | a copy of one island's problem, until the result is sent |
 
 Objects passed between them are never changed afterwards. Processes end with the program, however it ends. One that dies is
-started again: `decode` for the next picture, after a pause if it died more than once; `stream` at once, and more slowly if it dies
-again; `adjust` for the next adjustment, some frames later.
+started again: `decode` for the next picture, after a pause if it died more than once; `stream` at once, and more slowly if it
+dies again; `adjust` for the next adjustment, some frames later.
 """
