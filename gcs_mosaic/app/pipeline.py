@@ -207,6 +207,7 @@ class Pipeline(Kept):
             self.store.settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
         self.store.changes.sizes[name] = (prepared.features.width, prepared.features.height)
+        self.store.changes.sharpness[name] = prepared.features.sharpness
         start = time.perf_counter()
         self._painter.begin_look(name, prepared.image)
         with stage("place", name):

@@ -19,6 +19,7 @@ class Changes(Kept):
 
     states: dict[str, tuple[FrameState, str | None]] = field(default_factory=dict)  # with reason, by frame name
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
+    sharpness: dict[str, float] = field(default_factory=dict)
     placements: dict[str, Placement] = field(default_factory=dict)
     covered: dict[str, Covered] = field(default_factory=dict)
     painted: dict[str, Painted] = field(default_factory=dict)

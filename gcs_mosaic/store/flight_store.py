@@ -141,6 +141,7 @@ class FlightStore(Kept):
         self.changes.sizes = {
             f.name: (f.width, f.height) for f in known if f.width is not None and f.height is not None
         }
+        self.changes.sharpness = {frame.name: frame.sharpness for frame in known if frame.sharpness is not None}
         return again
 
     def remove_tiles_but(self, known: Collection[TileKey]) -> None:
@@ -388,7 +389,7 @@ class FlightStore(Kept):
                 if island.merged_into is not None:
                     self.ledger.merge_island(island.id, island.merged_into)
             for name, (width, height) in changes.sizes.items():
-                self.ledger.record_size(name, width, height)
+                self.ledger.record_size(name, width, height, changes.sharpness.get(name))
             for name, (state, reason) in changes.states.items():
                 self.ledger.settle_frame(name, state, reason)
             self.ledger.record_estimates(estimates)

@@ -143,9 +143,10 @@ class Ledger(LedgerFile):
         """Record that the frame's original is no longer kept."""
         self.update("UPDATE frames SET original = NULL WHERE name = ?", stored(name))
 
-    def record_size(self, name: str, width: int, height: int) -> None:
-        """Record the frame's size in pixels, known once decoded."""
-        self.update("UPDATE frames SET width = ?, height = ? WHERE name = ?", width, height, stored(name))
+    def record_size(self, name: str, width: int, height: int, sharpness: float | None = None) -> None:
+        """Record the frame's size in pixels and its sharpness, known once decoded."""
+        told = (width, height, sharpness, stored(name))
+        self.update("UPDATE frames SET width = ?, height = ?, sharpness = ? WHERE name = ?", *told)
 
     def settle_frame(self, name: str, state: FrameState, reason: str | None = None) -> None:
         """Set a frame's outcome; `reason` is required for rejected, duplicate, damaged, dropped and unstitched."""
@@ -258,7 +259,8 @@ class Ledger(LedgerFile):
     def positions(self) -> list[PositionRecord]:
         """Every painted frame and how it lies, without relief and looks, in order of arrival. Quick: 100,000 take a second."""
         columns = (
-            f'frame, frames.name, island, "order", level, {POSE_COLUMNS}, frames.modified, cameras.width AS camera_width, '
+            f'frame, frames.name, island, "order", level, {POSE_COLUMNS}, frames.modified, '
+            f"{self._sharpness} AS sharpness, cameras.width AS camera_width, "
             f"cameras.height AS camera_height, {LENS_COLUMNS}, "
             "(SELECT corner_deviation_px FROM estimates WHERE estimates.frame = painted.frame) AS deviation"
         )
@@ -300,6 +302,12 @@ class Ledger(LedgerFile):
         return {row["state"]: row["n"] for row in self.rows(f"SELECT state, count(*) AS n FROM {table} GROUP BY state")}
 
     # Lookups
+
+    @property
+    def _sharpness(self) -> str:
+        """The column; nothing in an older ledger that is only read."""
+        known = any(row["name"] == "sharpness" for row in self.rows("PRAGMA table_info(frames)"))
+        return "frames.sharpness" if known else "NULL"
 
     def _frame_id(self, name: str) -> int:
         rows = self.rows("SELECT id FROM frames WHERE name = ?", stored(name))

@@ -69,6 +69,7 @@ class FrameRecord:
     height: int | None  # px
     received: float | None  # host monotonic clock, seconds
     modified: float | None  # seconds since 1970
+    sharpness: float | None = None  # see `stitch.features.sharpness`; None where it was not noted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +115,7 @@ class PositionRecord:
     camera: Camera
     modified: float | None  # capture time if known, else the file's; seconds since 1970
     corner_deviation_px: float | None = None  # as in `Estimate`
+    sharpness: float | None = None  # as in `FrameRecord`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -116,6 +116,7 @@ def frame_record_of(row: sqlite3.Row) -> FrameRecord:
         height=row["height"],
         received=row["received"],
         modified=row["modified"],
+        sharpness=row["sharpness"] if "sharpness" in row.keys() else None,  # noqa: SIM118 -- a row is no mapping
     )
 
 
@@ -237,6 +238,7 @@ def position_record_of(row: sqlite3.Row) -> PositionRecord:
         camera=camera_of(row),
         modified=row["modified"],
         corner_deviation_px=row["deviation"],
+        sharpness=row["sharpness"],
     )
 
 

@@ -11,13 +11,14 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
-VERSION = 9  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 10  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
 
 # Bit-exact numbers have no declared type, so that SQLite stores them unchanged (a REAL column
 # turns whole numbers into integers on disk, and -0.0 into 0).
+# As versions 6 to 9 have it; the migrations to those make it so.
 FRAMES = """CREATE TABLE frames (
     id INTEGER PRIMARY KEY,
     name NOT NULL UNIQUE,
@@ -50,7 +51,8 @@ CREATE TABLE flight (
     started_utc NOT NULL,
     canvas TEXT NOT NULL -- how frames are painted, JSON
 );
-{FRAMES}CREATE TABLE events (
+{FRAMES}ALTER TABLE frames ADD COLUMN sharpness; -- of its picture, see stitch.features.sharpness
+CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     state TEXT NOT NULL CHECK (state IN ('pending', 'matched', 'missing', 'duplicate', 'failed')),
     duplicate_of INTEGER REFERENCES events (id),
@@ -148,6 +150,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     6: "",  # one vignetting curve for all bands is read as one per band
     7: "",  # a display without factor and gamma is read as 1 for both
     8: NEW_FRAMES,
+    9: "ALTER TABLE frames ADD COLUMN sharpness;",
 }
 
 

@@ -48,8 +48,9 @@ class Grid:
 class Coverage:
     """What was seen of each cell (rows, columns): the number of frames, the finest ground resolution (canvas units per pixel of
     the picture that was stitched; infinite where nobody looked), the newest time (seconds since 1970; NaN), the least angle from
-    straight down (degrees; infinite) and the least stated deviation (one standard deviation of a frame's worst corner, canvas
-    units; infinite where that is not known)."""
+    straight down (degrees; infinite), the least stated deviation (one standard deviation of a frame's worst corner, canvas
+    units; infinite where that is not known), and the sharpest picture beside the others around (at most 1; NaN where that is
+    not known)."""
 
     grid: Grid
     looks: NDArray[np.uint16]
@@ -57,6 +58,7 @@ class Coverage:
     newest: Array
     steepest: FloatImage
     surest: FloatImage
+    sharpest: FloatImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,7 @@ def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
     looks = np.zeros((grid.rows, grid.columns), np.uint16)
     finest = np.full(looks.shape, np.inf, np.float32)
     newest = np.full(looks.shape, np.nan)
-    steepest, surest = finest.copy(), finest.copy()
+    steepest, surest, sharpest = finest.copy(), finest.copy(), np.full_like(finest, np.nan)
     for index in frames:
         found = _cells_of(grid, table.outlines[index])
         if found is None:
@@ -88,7 +90,8 @@ def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
             values[window][inside] = np.minimum(values[window][inside], value)
         if one.modified is not None:
             newest[window][inside] = np.fmax(newest[window][inside], one.modified)
-    return Coverage(grid, looks, finest, newest, steepest, surest)
+        sharpest[window][inside] = np.fmax(sharpest[window][inside], np.float32(table.sharpness[index]))
+    return Coverage(grid, looks, finest, newest, steepest, surest, sharpest)
 
 
 def gaps_in(coverage: Coverage, footprint: float) -> list[Gap]:

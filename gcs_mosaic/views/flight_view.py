@@ -21,6 +21,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, 
 from gcs_mosaic.stitch.camera.relief import as_seen, on_plane
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.revision import last_revision
+from gcs_mosaic.views.sharpness import relative_sharpness
 
 if TYPE_CHECKING:
     from gcs_mosaic.stitch.graph.placement import Homography
@@ -45,6 +46,7 @@ class FrameTable:
     islands: Array  # (n,) int
     outlines: Array  # (n, 16, 2) canvas, clockwise from the top left of the frame; NaN above the horizon
     boxes: Array  # (n, 4) canvas: left, top, right, bottom; NaN where nothing is seen
+    sharpness: Array  # (n,) beside the frames around, see `relative_sharpness`
 
     def near(self, island: int, box: Box) -> list[int]:
         """Indices of an island's frames whose bounding boxes touch a canvas box, in order of arrival."""
@@ -157,4 +159,6 @@ def table_of(revision: int, frames: Sequence[PositionRecord]) -> FrameTable:
     low, high = np.where(seen, outlines, np.inf).min(axis=1), np.where(seen, outlines, -np.inf).max(axis=1)
     boxes = np.hstack([low, high])
     boxes[~np.isfinite(boxes).all(axis=1)] = np.nan
-    return FrameTable(revision, frames, np.array([one.island for one in frames], dtype=int), outlines, boxes)
+    islands = np.array([one.island for one in frames], dtype=int)
+    sharpness = relative_sharpness(islands, boxes, [one.sharpness for one in frames])
+    return FrameTable(revision, frames, islands, outlines, boxes, sharpness)

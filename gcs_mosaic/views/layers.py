@@ -59,6 +59,11 @@ def _of_angle(seen: Coverage, _usual: float) -> Array:
     return np.asarray(1 - seen.steepest / 45, np.float64)
 
 
+def _of_sharpness(seen: Coverage, _usual: float) -> Array:
+    """By an octave: half as sharp as the pictures around is the worst colour; motion of a few pixels does that."""
+    return np.asarray(1 + np.log2(seen.sharpest), np.float64)
+
+
 def _of_confidence(seen: Coverage, usual: float) -> Array:
     """By octaves of pixels: a pixel is exact, 32 are not. It knows the noise of matches only. What is not known is the worst."""
     with np.errstate(divide="ignore"):
@@ -72,6 +77,14 @@ LAYERS = {
         MapLayer("looks", "Number of looks", "1", "6 or more", cv2.COLORMAP_VIRIDIS, _of_looks),
         MapLayer(
             "resolution", "How finely it was seen", "half as fine", "finest", cv2.COLORMAP_CIVIDIS, _of_resolution
+        ),
+        MapLayer(
+            "sharpness",
+            "How sharp the pictures were",
+            "half as sharp as others",
+            "sharp",
+            cv2.COLORMAP_CIVIDIS,
+            _of_sharpness,
         ),
         MapLayer("angle", "How steeply it was seen", "45°", "straight down", cv2.COLORMAP_CIVIDIS, _of_angle),
         MapLayer(
@@ -131,7 +144,15 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     known = ((down >= 0) & (down < whole.grid.rows))[:, None] & ((across >= 0) & (across < whole.grid.columns))
     at = np.ix_(down.clip(0, whole.grid.rows - 1), across.clip(0, whole.grid.columns - 1))
     looks = np.where(known, whole.looks[at], 0).astype(np.uint16)
-    return Coverage(grid, looks, whole.finest[at], whole.newest[at], whole.steepest[at], whole.surest[at])
+    return Coverage(
+        grid,
+        looks,
+        finest=whole.finest[at],
+        newest=whole.newest[at],
+        steepest=whole.steepest[at],
+        surest=whole.surest[at],
+        sharpest=whole.sharpest[at],
+    )
 
 
 def _encoded(layer: MapLayer, seen: Coverage, usual: float) -> bytes | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
+from gcs_mosaic.views.sharpness import sharpest
+
+if TYPE_CHECKING:
+    from gcs_mosaic.store.records import FrameRecord
 
 MOST = 200  # frames in one answer: more looks than anybody takes
 RIM = 0.125  # of a frame's shorter side: nearer to its border a look is worth less, down to half of it at the border itself
@@ -30,16 +35,19 @@ class Sighting:
     canvas_per_px: float  # ground resolution at this spot, canvas units per pixel of the original
     border_px: float  # from the frame's border
     covered: bool  # it is not painted itself, another frame shows all that it does
+    sharpness: float | None  # as in `FrameRecord`
+    as_sharp: float = 1.0  # its sharpness as a share of that of the sharpest look at this place
 
     @property
     def worth(self) -> float:
-        """Pixels per canvas unit, less near the border, where lenses are soft and what is sought may be cut off."""
+        """Pixels per canvas unit, as many as are sharp; less near the border, where lenses are soft and what is sought may be cut
+        off."""
         rim = RIM * min(self.width, self.height)
-        return (0.5 + 0.5 * min(self.border_px / rim, 1.0)) / self.canvas_per_px
+        return self.as_sharp * (0.5 + 0.5 * min(self.border_px / rim, 1.0)) / self.canvas_per_px
 
 
 def sightings(view: FlightView, island: int, x: float, y: float) -> list[Sighting]:
-    """Who saw a place on an island's canvas, the best first, by ground resolution and distance from the border."""
+    """Who saw a place on an island's canvas, the best first, by ground resolution, sharpness and distance from the border."""
     table, place = view.table(), np.array([[x, y]])
     near = [table.frames[index] for index in table.near(island, (x, y, x, y))]
     found: list[Sighting] = []
@@ -47,7 +55,9 @@ def sightings(view: FlightView, island: int, x: float, y: float) -> list[Sightin
         painted = view.painted(position.number)
         if painted is not None and painted.island == island:
             found += _looks(view, position.number, painted, pixels_of(painted, place))
-    return sorted(found, key=lambda one: -one.worth)[:MOST]
+    shares = sharpest([one.sharpness for one in found]).tolist()
+    compared = [replace(one, as_sharp=share) for one, share in zip(found, shares, strict=True)]
+    return sorted(compared, key=lambda one: -one.worth)[:MOST]
 
 
 def _looks(view: FlightView, number: int, painted: Painted, pixel: PointsNx2) -> Iterator[Sighting]:
@@ -58,17 +68,16 @@ def _looks(view: FlightView, number: int, painted: Painted, pixel: PointsNx2) ->
         size = own.width or painted.camera.width, own.height or painted.camera.height
         scale = size[0] / painted.camera.width
         dead = [lines * scale for lines in painted.dead]
-        yield from _look(number, painted.name, own.modified, size, _original(pixel, scale), gsd / scale, dead)
+        yield from _look(number, own, size, _original(pixel, scale), gsd / scale, dead)
         for hidden, other, keyframe_from_frame in view.covered_by(number):
             size = other.width or size[0], other.height or size[1]
             seen = _original(_mapped(np.linalg.inv(np.array(keyframe_from_frame)), pixel), scale)
-            yield from _look(hidden, other.name, other.modified, size, seen, gsd / scale, None)
+            yield from _look(hidden, other, size, seen, gsd / scale, None)
 
 
 def _look(
     number: int,
-    name: str,
-    utc: float | None,
+    frame: FrameRecord,
     size: tuple[int, int],
     pixel: PointsNx2,
     canvas_per_px: float,
@@ -80,8 +89,8 @@ def _look(
     if border > 0:  # NaN is outside too
         yield Sighting(
             number=number,
-            name=name,
-            utc=utc,
+            name=frame.name,
+            utc=frame.modified,
             width=width,
             height=height,
             x=x,
@@ -89,6 +98,7 @@ def _look(
             canvas_per_px=canvas_per_px,
             border_px=border,
             covered=dead is None,
+            sharpness=frame.sharpness,
         )
 
 

@@ -57,6 +57,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old.executescript("ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;")
     old.executescript("ALTER TABLE painted DROP COLUMN gain; ALTER TABLE painted DROP COLUMN vignetting;")
     old.executescript("ALTER TABLE painted DROP COLUMN dead_border; DROP TABLE covered;")
+    old.execute("ALTER TABLE frames DROP COLUMN sharpness")
     old.execute("PRAGMA user_version = 2")
     for column, gain in zip(("gain_b", "gain_g", "gain_r"), painted.gain, strict=True):
         old.execute(f"ALTER TABLE painted ADD COLUMN {column} NOT NULL DEFAULT {gain!r}")
@@ -89,7 +90,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
             ledger.record_frame(a_frame(name))
         ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame="b.jpg")
     old = sqlite3.connect(path)
-    old.executescript("DROP TABLE covered; PRAGMA writable_schema = ON;")
+    old.executescript("DROP TABLE covered; ALTER TABLE frames DROP COLUMN sharpness; PRAGMA writable_schema = ON;")
     old.execute("UPDATE sqlite_schema SET sql = replace(sql, ?, '') WHERE name = 'frames'", ["'covered', "])
     old.executescript("PRAGMA writable_schema = RESET; PRAGMA user_version = 5;")
     with pytest.raises(sqlite3.IntegrityError):
@@ -112,6 +113,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    10: "ALTER TABLE frames DROP COLUMN sharpness;",
     9: """PRAGMA writable_schema = ON;
         UPDATE sqlite_schema SET sql = replace(sql, ', ' || char(39) || 'unstitched' || char(39), '') WHERE name = 'frames';
         PRAGMA writable_schema = RESET;""",

@@ -18,6 +18,7 @@ from tests.web.small_flight import MIDDLE, RED, SmallFlight
 
 CAMERA = Camera(240, 180, focal=1.3)
 HOLE = (2, 1)
+BLURRED = 0.1  # sharpness of the last frame; the others have 0.2
 
 
 def seen_flight(root: Path) -> SmallFlight:
@@ -32,6 +33,7 @@ def seen_flight(root: Path) -> SmallFlight:
             name = f"{column}{row}.jpg"
             pose = Pose(column * 200.0, row * 150.0)
             ledger.record_frame(frame(name, modified=1.7e9))
+            ledger.record_size(name, CAMERA.width, CAMERA.height, BLURRED if (column, row) == (4, 3) else 0.2)
             ledger.record_painted(Painted(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
             flight.place(name, column * 200.0, row * 150.0)
     flight.paint(Tile(16, MIDDLE, MIDDLE), RED)

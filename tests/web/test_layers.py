@@ -34,7 +34,7 @@ def url(flight: SmallFlight) -> Iterator[str]:
 def test_each_layer_has_a_legend_and_tiles(url: str) -> None:
     client = Client(url)
     layers = json.loads(client.ask("/api/v1/layers")[1])["layers"]
-    assert [layer["name"] for layer in layers] == ["looks", "resolution", "angle", "confidence", "age"]
+    assert [layer["name"] for layer in layers] == ["looks", "resolution", "sharpness", "angle", "confidence", "age"]
     for layer in layers:
         path = f"/api/v1/layers/{layer['name']}/0/16/{MIDDLE}/{MIDDLE}.png"
         answer, data = client.ask(path)
