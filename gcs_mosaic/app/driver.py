@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from gcs_mosaic.app.heap import give_back
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame
+
+GIVE_BACK_EACH = 16  # frames: a thousandth of the time
 
 
 class Driver:
@@ -17,6 +20,7 @@ class Driver:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
+        self._processed = 0
 
     def accept(self, item: Frame | DamagedFile | DroppedFrame) -> Frame | None:
         """Accept an arrival; returns the frame to process, as kept, or None."""
@@ -35,6 +39,9 @@ class Driver:
         if between is not None:
             between(done)
         done.seconds["write"] = self.save()
+        self._processed += 1
+        if self._processed % GIVE_BACK_EACH == 0:
+            give_back()
         return done
 
     def finish(self) -> Iterator[None]:

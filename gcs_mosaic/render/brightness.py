@@ -55,7 +55,7 @@ class Brightness(Kept):
         for i, j, means in self._overlaps:
             changed = (i in names or j in names) and painted[i].island == painted[j].island
             again = self._overlap(painted[i], painted[j]) if changed else means
-            kept += [] if again is None else [(i, j, again)]
+            kept += [] if again is None else [(i, j, again.without_sums())]
         self._overlaps = kept
 
     def final(self, painted: Mapping[str, Painted]) -> dict[str, tuple[Gain, Vignetting]]:
@@ -75,7 +75,7 @@ class Brightness(Kept):
             if painted.island == new.island and painted.display == new.display:
                 means = self._overlap(new, painted)
                 if means is not None:
-                    self._overlaps.append((new.name, painted.name, means))
+                    self._overlaps.append((new.name, painted.name, means.without_sums()))
                     found.append((means, painted))
                     camera = _camera_of(painted)
                     self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)

@@ -48,6 +48,10 @@ class OverlapMeans:
     count: int
     radial: RadialSums = NO_SUMS
 
+    def without_sums(self) -> OverlapMeans:
+        """The same without what only the estimate of vignetting needs, once: there are a dozen overlaps to a frame."""
+        return replace(self, radial=replace(self.radial, products=(), wanted=()))
+
     def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:
         """The means with both frames' vignetting removed."""
         (fall_i,), (fall_j,) = (

@@ -73,11 +73,14 @@ class PaintedFrame:
 class PaintedFrames(Kept):
     """The painted frames by name, tile and island; pure bookkeeping."""
 
+    FIXED = frozenset({"_tiles"})
+
     def __init__(self) -> None:
         self._entries: dict[str, PaintedFrame] = {}
         self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
         self._islands: dict[int, frozenset[str]] = {}
         self._levels: dict[tuple[int, int], int] = {}  # number of frames by island and level
+        self._tiles: dict[Tile, Tile] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self._entries
@@ -96,15 +99,15 @@ class PaintedFrames(Kept):
     def add(self, painted: Painted, tiles: Iterable[Tile]) -> set[TileKey]:
         """Add or replace a frame; returns the tiles it touches now."""
         self.remove(painted.name)
-        touched = tuple(tiles)
+        touched, turn = tuple(self._shared(tile) for tile in tiles), painted.turn
         entry = PaintedFrame(painted, touched, _box_of_tiles(touched) if touched else None)
         self._entries[painted.name] = entry
         self._islands[painted.island] = self._islands.get(painted.island, frozenset()) | {painted.name}
         self._count(painted, 1)
         for tile in entry.tiles:
             turns = self._turns.get((painted.island, tile), ())
-            at = bisect(turns, painted.turn)
-            self._turns[painted.island, tile] = (*turns[:at], painted.turn, *turns[at:])
+            at = bisect(turns, turn)
+            self._turns[painted.island, tile] = (*turns[:at], turn, *turns[at:])
         return self.tiles_of(painted.name)
 
     def remove(self, name: str) -> set[TileKey]:
@@ -152,6 +155,10 @@ class PaintedFrames(Kept):
         later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
         found = min(later, default=None)
         return None if found is None else self[found[1]]
+
+    def _shared(self, tile: Tile) -> Tile:
+        """One object for each tile, whichever frames touch it: there are a hundred to a frame, and each is the key of much."""
+        return self._tiles.setdefault(tile, tile)
 
     def _has_finer(self, island: int, level: int) -> bool:
         return any((island, level + down) in self._levels for down in range(1, GUEST_LEVELS + 1))

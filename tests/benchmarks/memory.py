@@ -1,8 +1,9 @@
 """How the memory of a live flight grows: python -m tests.benchmarks.memory [FRAMES] [--megapixels 3] [--features 2000]
 
 A flight of marks on the ground (`long_growth`) is placed, painted and written, with checkpoints; all frames show one picture. The
-marks are made in a process of their own. Anonymous memory (MB) of the process that stitches, what of it is in use by the
-C library's heap, and what is held on the disk instead. At the end the growth per frame over the last three quarters.
+marks are made in a process of their own. The most anonymous memory (MB) of the process that stitches after any of the last
+frames, the size of the C library's heap, and what is in use of that. At the end the growth per frame over the last three
+quarters.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from tempfile import TemporaryDirectory
 
 import cv2
 
+from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.heap import share_heap
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
@@ -62,15 +64,18 @@ def main() -> None:
     share_heap()
     told: list[tuple[int, float]] = []
     print(f"{'frames':>8}{'anonymous':>11}{'heap':>8}{'in use':>8}{'s':>7}", flush=True)
-    began = time.monotonic()
+    began, most = time.monotonic(), 0.0
     with TemporaryDirectory(prefix="memory-") as folder:
         for number in flown(given.frames, given.megapixels, given.features, Path(folder)):
+            most = max(most, anonymous_mb())
             if number % EACH == 0 or number == given.frames:
-                told.append((number, anonymous_mb()))
+                told.append((number, most))
                 heap = heap_info()
-                in_use = heap.uordblks + heap.hblkhd
-                columns = f"{told[-1][1]:11.0f}{(heap.arena + heap.hblkhd) / 2**20:8.0f}{in_use / 2**20:8.0f}"
+                columns = (
+                    f"{most:11.0f}{(heap.arena + heap.hblkhd) / 2**20:8.0f}{(heap.uordblks + heap.hblkhd) / 2**20:8.0f}"
+                )
                 print(f"{number:8}{columns}{time.monotonic() - began:7.0f}", flush=True)
+                most = 0.0
     (early, first), (late, last) = told[len(told) // 4], told[-1]
     if late > early:
         print(f"{(last - first) / (late - early):.2f} MB a frame from frame {early} to {late}")
@@ -85,12 +90,12 @@ def flown(frames: int, megapixels: float, features: int, home: Path) -> Iterator
     out.mkdir()
     checkpoints = checkpoints_of(out, Config())
     with closing(Pipeline(out, Config(), lambda notice: print(notice.text), checkpoints=checkpoints)) as pipeline:
+        driver = Driver(pipeline)
         for number, one in enumerate(features_made_apart(frames, features), start=1):
             frame = pipeline.accept(brought(number, picture, home))
             assert frame is not None, "no two files are the same"
             seen = replace(one, points=one.points * factor, width=size[0], height=size[1], scale=one.scale * factor)
-            pipeline.process(DecodedFrame(frame, image, seen, thumbnail(image), {}))
-            pipeline.save()
+            driver.process(DecodedFrame(frame, image, seen, thumbnail(image), {}))
             pipeline.checkpoint()
             for _ in range(REPAINTS):
                 if pipeline.has_repaints and pipeline.repaint_some():

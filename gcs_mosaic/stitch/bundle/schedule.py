@@ -92,6 +92,8 @@ class Upkeep(Kept):
         May be called again after an exception, or at any other time: nothing is done twice.
         """
         self._pause = max(0, self._pause - 1)
+        if self._task is None:
+            self._worker_is_at = None  # its task holds a copy of all matches
         self._each(self._steps(self._take_in_when_due, self._due))
 
     def in_a_pause(self) -> bool:

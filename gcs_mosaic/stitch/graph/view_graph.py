@@ -13,7 +13,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Box4, BoxesNx4, FeaturePairsNx2, Indices, Mask, PointsNx2, SquareMatrix
+from gcs_mosaic.stitch.arrays import (
+    AnyPairsNx2,
+    Box4,
+    BoxesNx4,
+    FeaturePairsNx2,
+    Indices,
+    Mask,
+    PointsNx2,
+    SquareMatrix,
+)
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, footprint
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
@@ -212,7 +221,7 @@ class ViewGraph(Kept):
 
     def link(self, a: int, b: int, registration: Registration) -> None:
         """Keep the registration of frame a with frame b, thinned to well-spread matches."""
-        features = registration.features.astype(np.uint32)
+        features = self._as_stored(registration.features, a, b)
         apart = held_out(features)
         used = np.flatnonzero(~apart)
         chosen = used[well_spread(registration.pixels_a[used], self._matches_per_link)]
@@ -222,10 +231,15 @@ class ViewGraph(Kept):
             pixels_b=registration.pixels_b[chosen],
             features=features[used],
             held_out=features[apart],
-            doubtful=held_out_doubtful(registration.tentative, features),
+            doubtful=self._as_stored(held_out_doubtful(registration.tentative, features), a, b),
         )
         for frame, other in ((a, b), (b, a)):
             self.note(frame, inliers={**self.frames[frame].inliers, other: registration.independent_inliers})
+
+    def _as_stored(self, features: AnyPairsNx2, a: int, b: int) -> FeaturePairsNx2:
+        """Pairs of features of two frames, in the smallest type: there are a dozen links to a frame."""
+        most = max(len(self.frames[frame].features) for frame in (a, b))
+        return features.astype(np.uint16) if most <= np.iinfo(np.uint16).max else features.astype(np.uint32)
 
     def unlink(self, a: int, b: int) -> None:
         for first, second in ((a, b), (b, a)):

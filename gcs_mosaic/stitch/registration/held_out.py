@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.arrays import AnyPairsNx2, FeaturePairsNx2, Mask
+from gcs_mosaic.stitch.arrays import AnyPairsNx2, Mask
 
 # of a frame's features; a match is held out if either end is, so one match in ten. Features are numbered by strength,
 # independent of position: the held-out ones are spread over the image like all others.
@@ -23,10 +23,10 @@ def held_out(features: AnyPairsNx2) -> Mask:
     return np.asarray((features % EVERY == 0).any(axis=1))
 
 
-def held_out_doubtful(tentative: AnyPairsNx2, inliers: AnyPairsNx2) -> FeaturePairsNx2:
+def held_out_doubtful(tentative: AnyPairsNx2, inliers: AnyPairsNx2) -> AnyPairsNx2:
     """Tentative matches (n, 2) that are held out and are not inliers (m, 2)."""
     apart = tentative[held_out(tentative)]
-    return apart[~np.isin(_numbered(apart), _numbered(inliers))].astype(np.uint32)
+    return np.asarray(apart[~np.isin(_numbered(apart), _numbered(inliers))])
 
 
 def _numbered(matches: AnyPairsNx2) -> NDArray[np.uint64]:
