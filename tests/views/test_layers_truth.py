@@ -19,6 +19,7 @@ from sitl.geometry import pixels_from_ground
 from sitl.path import Plan
 from sitl.similarity import robust_similarity
 from tests.running import run
+from tests.sure import sure
 
 pytestmark = pytest.mark.long
 
@@ -73,7 +74,7 @@ class Flown:
     def certain(self) -> np.ndarray:
         """Cells that lie on no frame's border, where a pixel more or less decides."""
         unsure = [self.inside(number, -9) & ~self.inside(number, 9) for number in self.there]
-        return ~np.any(unsure, axis=0)
+        return np.asarray(~np.any(unsure, axis=0))
 
     def of_each(self, values: list[float], nothing: float) -> np.ndarray:
         """For each cell (frames, rows, columns) the value of each frame that sees it, else `nothing`."""
@@ -88,7 +89,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     for number, name in enumerate(flight.names):
         path = home / "pictures" / name
         if number == BLURRED:
-            path.write_bytes(cv2.imencode(".jpg", cv2.blur(cv2.imread(str(path)), (BLUR_PX, 1)))[1].tobytes())
+            path.write_bytes(cv2.imencode(".jpg", cv2.blur(sure(cv2.imread(str(path))), (BLUR_PX, 1)))[1].tobytes())
         utc = FIRST_UTC + EACH_S * number
         os.utime(path, (utc, utc))
         if number in MISSING:
