@@ -1,12 +1,8 @@
-"""A real browser for tests: headless chromium, spoken to over its DevTools protocol."""
+"""A real browser for tests: Debian's Chromium, driven by Playwright."""
 
 from __future__ import annotations
 
-import asyncio
-import base64
-import json
 import shutil
-import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,65 +10,53 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import aiohttp
+from playwright.sync_api import Error, sync_playwright
+from playwright.sync_api import Page as OpenPage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 QUIET = [
-    "--headless=new",
     "--no-sandbox",  # which needs rights that containers do not give
     "--disable-gpu",
-    "--disable-dev-shm-usage",
     "--disable-quic",
     "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-default-apps",
-    "--disable-extensions",
-    "--disable-sync",
-    "--no-first-run",
     "--hide-scrollbars",
-    "--remote-debugging-port=0",
 ]
-START_S = 20.0
-ANSWER_S = 15.0
+ANSWER_MS = 15_000
 
 
 class Page:
-    """One open page. Events that come while an answer is waited for are kept in `requests` and `complaints`."""
+    """One open page. `requests` are the URLs that it asked for, `complaints` what went wrong on it."""
 
-    def __init__(self, runner: asyncio.Runner, socket: aiohttp.ClientWebSocketResponse) -> None:
-        self._runner, self._socket, self._last_id = runner, socket, 0
+    def __init__(self, page: OpenPage) -> None:
+        self._page = page
         self.requests: list[str] = []
         self.complaints: list[str] = []
         self.received = 0  # bytes that have come over the network, headers included
-        for domain in ("Page", "Network", "Runtime", "Log"):
+        page.set_default_timeout(ANSWER_MS)
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self._devtools = page.context.new_cdp_session(page)
+        self._devtools.on("Network.dataReceived", self._note_bytes)
+        self._devtools.on("Network.responseReceived", lambda told: self._note_bytes(told["response"]))
+        self._devtools.on("Log.entryAdded", lambda told: self._note_entry(told["entry"]))
+        for domain in ("Network", "Log"):
             self.command(f"{domain}.enable")
         self.keep_nothing()
 
+    def _note_bytes(self, told: dict[str, Any]) -> None:
+        self.received += told.get("encodedDataLength", 0)
+
+    def _note_entry(self, entry: dict[str, Any]) -> None:
+        if entry["source"] == "security":
+            self.complaints.append(entry["text"])
+
     def command(self, method: str, **parameters: object) -> dict[str, Any]:
-        return self._runner.run(asyncio.wait_for(self._command(method, parameters), ANSWER_S))
-
-    async def _command(self, method: str, parameters: dict[str, object]) -> dict[str, Any]:
-        self._last_id += 1
-        await self._socket.send_json({"id": self._last_id, "method": method, "params": parameters})
-        while (message := await self._socket.receive_json()).get("id") != self._last_id:
-            self._note(message)
-        if "error" in message:
-            raise RuntimeError(f"{method}: {message['error']}")
-        result: dict[str, Any] = message["result"]
-        return result
-
-    def _note(self, message: dict[str, Any]) -> None:
-        match message["method"]:
-            case "Network.requestWillBeSent":
-                self.requests.append(message["params"]["request"]["url"])
-            case "Network.dataReceived":
-                self.received += message["params"]["encodedDataLength"]
-            case "Network.responseReceived":
-                self.received += message["params"]["response"].get("encodedDataLength", 0)
-            case "Runtime.exceptionThrown":
-                self.complaints.append(str(message["params"]["exceptionDetails"]))
-            case "Log.entryAdded" if message["params"]["entry"]["source"] == "security":
-                self.complaints.append(message["params"]["entry"]["text"])
+        """A command of the DevTools protocol. Raises RuntimeError."""
+        try:
+            answer: dict[str, Any] = self._devtools.send(method, parameters)
+        except Error as error:
+            raise RuntimeError(f"{method}: {error}") from error
+        return answer
 
     def keep_nothing(self, *, nothing: bool = True) -> None:
         """Whether the page is without its service worker, which answers for a server that is away."""
@@ -80,8 +64,7 @@ class Page:
 
     def open(self, url: str) -> None:
         """Go to `url` and wait until the document is there."""
-        self.command("Page.navigate", url=url)
-        self.wait_for("document.readyState === 'complete' && location.href === " + json.dumps(url))
+        self._page.goto(url)
 
     def resize(self, width: int, height: int, *, touch: bool = False) -> None:
         self.command(
@@ -89,18 +72,18 @@ class Page:
         )
 
     def evaluate(self, expression: str) -> Any:
-        """The value of a JavaScript expression (a promise is waited for)."""
-        answer = self.command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        if "exceptionDetails" in answer:
-            raise RuntimeError(answer["exceptionDetails"])
-        return answer["result"].get("value")
+        """The value of a JavaScript expression (a promise is waited for). Raises RuntimeError."""
+        try:
+            return self._page.evaluate(expression)
+        except Error as error:
+            raise RuntimeError(str(error)) from error
 
     def wait_for(self, expression: str, timeout_s: float = 10.0) -> None:
         """Until the expression is true."""
         end = time.monotonic() + timeout_s
         while not self.evaluate(expression):
             assert time.monotonic() < end, f"never true: {expression}\n{self.evaluate('document.body?.innerText')}"
-            time.sleep(0.05)
+            self._page.wait_for_timeout(50)
 
     def hosts(self) -> set[str]:
         """Every host that the page asked anything of."""
@@ -108,44 +91,18 @@ class Page:
         return {url.netloc for url in urls if url.scheme not in ("data", "blob", "about")}
 
     def screenshot(self, path: Path) -> None:
-        path.write_bytes(base64.b64decode(self.command("Page.captureScreenshot", format="png")["data"]))
+        self._page.screenshot(path=path)
 
 
 @contextmanager
 def open_browser(profile: Path) -> Iterator[Page]:
     """A browser with one empty page; it is ended with the block."""
     assert CHROMIUM is not None
-    command = [CHROMIUM, *QUIET, f"--user-data-dir={profile}", "about:blank"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch_persistent_context(
+            profile, executable_path=CHROMIUM, headless=True, args=QUIET, no_viewport=True
+        )
         try:
-            with asyncio.Runner() as runner:
-                port = devtools_port(profile / "DevToolsActivePort")
-                session, socket = runner.run(connect(port))
-                try:
-                    yield Page(runner, socket)
-                finally:
-                    runner.run(close(session, socket))
+            yield Page(browser.pages[0])
         finally:
-            process.terminate()
-            process.wait(10)
-
-
-def devtools_port(file: Path) -> int:
-    end = time.monotonic() + START_S
-    while not file.exists() or "\n" not in file.read_text():
-        assert time.monotonic() < end, "the browser did not start"
-        time.sleep(0.05)
-    return int(file.read_text().split("\n")[0])
-
-
-async def connect(port: int) -> tuple[aiohttp.ClientSession, aiohttp.ClientWebSocketResponse]:
-    session = aiohttp.ClientSession()
-    async with session.get(f"http://127.0.0.1:{port}/json/list") as answer:
-        targets = await answer.json()
-    url = next(target["webSocketDebuggerUrl"] for target in targets if target["type"] == "page")
-    return session, await session.ws_connect(url, max_msg_size=0)
-
-
-async def close(session: aiohttp.ClientSession, socket: aiohttp.ClientWebSocketResponse) -> None:
-    await socket.close()
-    await session.close()
+            browser.close()
