@@ -27,6 +27,7 @@ from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import Access
 from tests.running import until
+from tests.sure import sure
 from tests.web.browser import CHROMIUM, Page, open_browser
 from tests.web.small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 from tests.web.test_app import Client, Live
@@ -428,6 +429,11 @@ def middle(page: Page, folder: Path) -> tuple[float, float, float]:
     return red, green, blue
 
 
+COLOURED = """[...document.querySelectorAll("#side :is(img, input[type=checkbox], input[type=range])")]
+  .map((one) => one.getBoundingClientRect()).filter(({ width, height }) => width > 4 && height > 4)
+  .map(({ left, top, right, bottom }) => [left + 2, top + 2, right - 2, bottom - 2].map(Math.round))"""
+
+
 def test_dark_ground_can_be_lightened_and_the_night_is_red(
     page: Page, url: str, flight: SmallFlight, tmp_path: Path
 ) -> None:
@@ -451,6 +457,15 @@ def test_dark_ground_can_be_lightened_and_the_night_is_red(
     red, green, blue = middle(page, tmp_path)
     assert red > 40
     assert max(green, blue) < 16
+    for panel in ("islands", "anchors", "look"):  # pictures, boxes and sliders beside the map
+        page.evaluate(f"document.getElementById('open-{panel}').click()")
+        page.wait_for(f"{COLOURED}.length > 0")
+        page.screenshot(tmp_path / "seen.png")
+        seen = sure(cv2.imread(str(tmp_path / "seen.png")))
+        for left, top, right, bottom in page.evaluate(COLOURED):
+            blue, green, red = seen[top:bottom, left:right].reshape(-1, 3).mean(axis=0).tolist()
+            assert max(blue, green) < 0.5 * red, panel
+    page.evaluate("document.getElementById('side-close').click()")
     page.evaluate("document.getElementById('look-plain').click()")
     assert middle(page, tmp_path) == pytest.approx(as_it_came, abs=1)
     page.evaluate("localStorage.clear()")
