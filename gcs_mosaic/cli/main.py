@@ -153,6 +153,14 @@ def export(given: argparse.Namespace) -> None:
         print(export.export_png(given.flight, target, island=given.island, level=given.zoom))
 
 
+def anchor(given: argparse.Namespace) -> None:
+    """Show how the map lies on earth, and change what it is laid by."""
+    from gcs_mosaic.notes.anchor_flight import AnchorChange, anchor_flight
+
+    change = AnchorChange(points=given.points, deleted=given.delete, positions=given.positions)
+    print(anchor_flight(given.flight, change))
+
+
 def config(given: argparse.Namespace) -> None:
     """Print all settings with their defaults, as YAML suitable for --config."""
     from gcs_mosaic.config.settings_file import documented_defaults
@@ -176,6 +184,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "status": status,
     "vehicle": vehicle,
     "check": check,
+    "anchor": anchor,
     "export": export,
     "benchmark": benchmark,
     "config": config,

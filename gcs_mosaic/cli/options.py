@@ -269,6 +269,17 @@ def _add_check(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="as JSON")
 
 
+def _add_anchor(parser: argparse.ArgumentParser) -> None:
+    _add_flight(parser)
+    told = "control points: a table (name; frame, px, py; latitude, longitude; sigma_m) or OpenDroneMap's gcp_list.txt"
+    parser.add_argument("--points", type=Path, metavar="FILE", help=told)
+    parser.add_argument(
+        "--delete", type=int, action="append", default=[], metavar="N", help="pin N lays nothing any more"
+    )
+    told = "let the positions of the triggers lay islands without pins, or not"
+    parser.add_argument("--positions", action=argparse.BooleanOptionalAction, default=None, help=told)
+
+
 def _add_benchmark(parser: argparse.ArgumentParser) -> None:
     _add_frames(parser)
     parser.add_argument("--most", type=int, metavar="N", help="use the first N frames only")
@@ -320,6 +331,7 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "status": ("what a running or ended flight says of itself", _add_status, {}),
     "vehicle": ("which aircraft a running flight follows: list them, or choose one", _add_vehicle_command, {}),
     "check": ("whether a flight is whole, and its repair", _add_check, {}),
+    "anchor": ("where the map lies on earth: show it, set control points", _add_anchor, {}),
     "export": (
         "a flight for other programs: a picture, all bands, where each pixel lies, what was found",
         _add_export,

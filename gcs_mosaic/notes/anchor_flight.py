@@ -1,0 +1,146 @@
+"""`gcs-mosaic anchor DIR`: how a flight's map lies on earth, and what it is laid by."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.geo.coordinates import decimal_text
+from gcs_mosaic.geo.pins import PinnedMap, Refused
+from gcs_mosaic.geo.positions import PositionedMap
+from gcs_mosaic.notes.anchoring import Anchoring, IslandAnchor
+from gcs_mosaic.notes.binding import Binding, GroundFollower
+from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.control_points import ControlPoint, read_control_points
+from gcs_mosaic.notes.pins import NewPin, Pins
+from gcs_mosaic.notes.told import shown
+from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.views.flight_view import FlightView
+
+WHO = "command line"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnchorChange:
+    """What is to be changed of a flight's anchors: a file of control points to set, pins (by number) to delete, and whether the
+    positions of the triggers may lay the map; None: as it is."""
+
+    points: Path | None = None
+    deleted: Sequence[int] = ()
+    positions: bool | None = None
+
+
+def anchor_flight(flight: Path, change: AnchorChange) -> str:
+    """Make a change, and tell how each island lies then. Raises UsageError, and then nothing was changed; CannotWrite."""
+    view = FlightView(find_flight(flight))
+    follower = GroundFollower(view)
+    told = [] if change.points is None else read_control_points(change.points)
+    new = [_pin(view, follower, change.points, point) for point in told]
+    with closing(NotesBook(view.root)) as book:
+        pins = Pins(book)
+        _refuse_unknown(pins, change.deleted)
+        if new or change.deleted or change.positions is not None:
+            with book.change():
+                _make(pins, new, change)
+        laid = Anchoring(view, follower).islands(pins.all(), by_positions=pins.by_positions)
+    return "\n".join(_lines(view, laid))
+
+
+def _make(pins: Pins, new: Sequence[NewPin], change: AnchorChange) -> None:
+    for pin in new:
+        pins.create(pin)
+    for number in change.deleted:
+        pins.set_deleted(number, deleted=True)
+    if change.positions is not None:
+        pins.ask_for_positions(WHO, asked=change.positions)
+
+
+def _refuse_unknown(pins: Pins, numbers: Sequence[int]) -> None:
+    known = {pin.id for pin in pins.all()}
+    for number in numbers:
+        if number not in known:
+            there = ", ".join(map(str, sorted(known))) or "none"
+            raise UsageError(f"--delete {number}: there is no pin {number}; there are: {there}.")
+
+
+def _pin(view: FlightView, follower: GroundFollower, path: Path | None, point: ControlPoint) -> NewPin:
+    binding = _binding(view, follower, path, point)
+    return NewPin(
+        label=point.label,
+        written=decimal_text(point.longitude_deg, point.latitude_deg),
+        longitude_deg=point.longitude_deg,
+        latitude_deg=point.latitude_deg,
+        sigma_m=point.sigma_m,
+        who=WHO,
+        binding=binding,
+    )
+
+
+def _binding(view: FlightView, follower: GroundFollower, path: Path | None, point: ControlPoint) -> Binding:
+    if point.frame is None:
+        return follower.bound(point.island, *point.canvas)
+    where = f"{path}, {point.written}"
+    numbers = _frames_named(view, point.frame)
+    if not numbers:
+        raise UsageError(f"{where}: no frame on the map is called {shown(point.frame)}; nothing was set.")
+    if len(numbers) > 1:
+        raise UsageError(
+            f"{where}: {len(numbers)} frames are called {shown(point.frame)}: name its folder too; nothing was set."
+        )
+    found = follower.bound_to_pixel(numbers[0], *point.pixel)
+    if found is None:
+        x, y = point.pixel
+        raise UsageError(f"{where}: {shown(point.frame)} has no pixel {x:g}, {y:g} on the ground; nothing was set.")
+    return found
+
+
+def _frames_named(view: FlightView, name: str) -> list[int]:
+    """The painted frames of a name, or else those whose file is called so, whatever its folder."""
+    frames = view.table().frames
+    exact = [one.number for one in frames if one.name == name]
+    return exact or [one.number for one in frames if PurePosixPath(one.name).name == PurePosixPath(name).name]
+
+
+def _lines(view: FlightView, laid: Mapping[int, IslandAnchor]) -> Iterator[str]:
+    counts = Counter(frame.island for frame in view.table().frames)
+    for island, count in counts.most_common():
+        frames = "1 frame" if count == 1 else f"{count} frames"
+        yield f"island {island} ({frames}): {_sentence(laid.get(island))}"
+        if island in laid:
+            yield from _pins_of(laid[island])
+    if not counts:
+        yield "no frame is on the map yet"
+
+
+def _pins_of(laid: IslandAnchor) -> Iterator[str]:
+    missed = laid.result.residuals_m if isinstance(laid.result, PinnedMap) else [None] * len(laid.pins)
+    for pin, metres in zip(laid.pins, missed, strict=True):
+        new = pin.pin
+        off = "" if metres is None else f", {metres:.1f} m from where the map lays it"
+        where = decimal_text(new.longitude_deg, new.latitude_deg)
+        yield f"  pin {pin.id} {shown(new.label)}: {where} ± {new.sigma_m:g} m (1σ){off}"
+
+
+def _sentence(laid: IslandAnchor | None) -> str:
+    if laid is None:
+        return "no anchor; set two pins or more on the page or with --points FILE, or use --positions"
+    if isinstance(laid.result, Refused) or laid.anchor is None:
+        return f"no anchor: {laid.result.reason}" if isinstance(laid.result, Refused) else "no anchor"
+    middle = laid.anchor.middle
+    x, y = middle.real, -middle.imag
+    longitude, latitude = laid.anchor.places(np.array([x, y])).tolist()
+    where = f"{decimal_text(longitude, latitude)} ± {ceil(laid.anchor.error(x, y).major_m)} m (95 %) in the middle"
+    if isinstance(laid.result, PositionedMap):
+        found = laid.result
+        return f"laid by {found.shots} positions ({found.outliers} left out, told {found.lag_s:+.2f} s late): {where}"
+    checked = {True: "checked", False: "unchecked: a third pin checks them"}[laid.result.is_checked]
+    if not laid.result.fits:
+        checked = f"{laid.result.misfit} does not fit" if laid.result.misfit else "they do not fit each other"
+    return f"laid by {len(laid.pins)} pins ({checked}): {where}"
