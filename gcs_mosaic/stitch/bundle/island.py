@@ -13,9 +13,10 @@ from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, P
 from gcs_mosaic.stitch.bundle.certainty import note_adjusted
 from gcs_mosaic.stitch.bundle.lens import expected
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens
-from gcs_mosaic.stitch.bundle.problem import Problem
+from gcs_mosaic.stitch.bundle.normal_equations import Run
+from gcs_mosaic.stitch.bundle.problem import POSE, Problem
 from gcs_mosaic.stitch.bundle.relief import MatchedPoints, displacements, matched, note_relief, sightings
-from gcs_mosaic.stitch.bundle.uncertainty import POSE, island_certainty, resected_deviation, variance_factor
+from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
 from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
@@ -97,10 +98,10 @@ def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> 
     return IslandTask(island, tuple(members), root, problem, matches, tuple(numbers), tuple(cameras), settings)
 
 
-def adjusted(task: IslandTask) -> AdjustedIsland:
-    """Run the adjustment: a pure function, for any process."""
-    solution = adjust(task.problem, task.settings)
-    certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px)
+def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
+    """Run the adjustment: a pure function, for any process. `run` as in `normal_equations.solve`."""
+    solution = adjust(task.problem, task.settings, run)
+    certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px, run)
     return AdjustedIsland(
         poses=solution.poses,
         lenses=solution.lenses,

@@ -15,13 +15,12 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import sparse
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, PairValues, PosesNx6, Vector
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, Matrix, PairValues, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.lens import believable
-from gcs_mosaic.stitch.bundle.normal_equations import Normal, assembled, solve, unknowns
+from gcs_mosaic.stitch.bundle.normal_equations import Layout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
-from gcs_mosaic.stitch.bundle.residuals import parts, weighed, whitenings
+from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, weighed
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
@@ -49,45 +48,44 @@ class Solution:
     poses: PosesNx6  # (n, 6)
     lenses: LensesNx5  # (c, 5)
     residuals_px: PairValues  # the larger of both directions, pixels of the feature picture; NaN without a match
-    normal: sparse.csc_matrix  # of the free unknowns: six per free frame, then the lenses if they are free
+    normal: Normal  # of the free unknowns
     steps: int
 
 
-def adjust(problem: Problem, settings: AdjustmentSettings) -> Solution:
-    """Best poses and lenses for the matches and the priors.
+def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> Solution:
+    """Best poses and lenses for the matches and the priors; `run` as in `solve`.
 
     Model errors of more than a pixel (woods, rolling shutters) are correlated within a pair's matches, and a lens would follow
     them: the larger the final residuals, the firmer the lens prior, and everything is adjusted once more.
     """
-    state = _converged(_first_state(problem, settings), settings)
+    state = _converged(_first_state(problem, settings), settings, run)
     excess = _excess(state)
     if problem.lens_free and excess > 1:
-        state = _converged(_with_firmer_lens_prior(state, settings, excess), settings)
-    return Solution(
-        state.problem.poses, state.problem.lenses, state.residuals_px, sparse.csc_matrix(state.normal), state.steps
-    )
+        state = _converged(_with_firmer_lens_prior(state, settings, excess), settings, run)
+    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, state.steps)
 
 
-def _converged(state: _State, settings: AdjustmentSettings) -> _State:
+def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
     """Iterate until no step lowers the cost.
 
     A step that leaves the lens limits was computed for that lens; with the clipped lens it lowers nothing and the poses would
     stall. So the poses then continue alone.
     """
-    state = _descended(state, settings)
+    state = _descended(state, settings, run)
     if not state.stopped_lens:
         return state
-    held = _evaluate(replace(state.problem, lens_free=False), settings, state.whitenings)
-    held = _descended(replace(held, steps=state.steps), settings)
-    found = _evaluate(replace(held.problem, lens_free=True), settings, state.whitenings)
+    problem = replace(state.problem, lens_free=False)
+    held = _evaluate(problem, settings, state.discounts, layout_of(problem))
+    held = _descended(replace(held, steps=state.steps), settings, run)
+    found = _evaluate(replace(held.problem, lens_free=True), settings, state.discounts, state.normal.layout)
     return replace(found, steps=held.steps)
 
 
-def _descended(state: _State, settings: AdjustmentSettings) -> _State:
+def _descended(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
     damping, most, fall = 1e-4, state.steps + settings.steps, math.inf
     while state.steps < most and fall >= settings.step_tolerance:
         before = state
-        state, damping = _descend(before, settings, damping)
+        state, damping = _descend(before, settings, damping, run)
         if state.steps == before.steps:
             break
         fall = (before.cost - state.cost) / max(before.cost, 1e-12)
@@ -106,7 +104,7 @@ def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
     if problem.lens_prior is None:
         mean, sigma = (np.tile(row, (len(problem.lenses), 1)) for row in any_lens(settings))
         problem = replace(problem, lens_prior=np.stack([mean, sigma]))
-    return _evaluate(problem, settings, [whitenings(part) for part in parts(problem)])
+    return _evaluate(problem, settings, [discounts_of(part) for part in parts(problem)], layout_of(problem))
 
 
 def _excess(state: _State) -> float:
@@ -119,7 +117,7 @@ def _with_firmer_lens_prior(state: _State, settings: AdjustmentSettings, excess:
     assert state.problem.lens_prior is not None, "the first state fills it in"
     mean, sigma = state.problem.lens_prior
     firmer = replace(state.problem, lens_prior=np.stack([mean, sigma / math.sqrt(excess)]))
-    return replace(_evaluate(firmer, settings, state.whitenings), steps=state.steps)
+    return replace(_evaluate(firmer, settings, state.discounts, state.normal.layout), steps=state.steps)
 
 
 EXPECTED_SIZE2 = 2 * math.log(2)  # median squared norm of a residual with one pixel deviation per component
@@ -129,81 +127,76 @@ MOST_EXCESS = 25.0  # relative to that; more indicates wrong matches, not model 
 @dataclass(frozen=True, slots=True)
 class _State:
     problem: Problem
-    whitenings: list[Array]  # of each of its parts; fixed for the whole adjustment, see `residuals.whitenings`
+    discounts: list[Array]  # of each of its parts; fixed for the whole adjustment, see `residuals.discounts_of`
     cost: float
     normal: Normal  # over the free unknowns
-    gradient: Vector
+    gradient: Matrix  # (v, BLOCK), by vertex
     residuals_px: PairValues
     steps: int = 0  # number of steps so far
     stopped_lens: bool = False  # whether the last step, or those rejected since, left the lens limits
 
 
-def _descend(state: _State, settings: AdjustmentSettings, damping: float) -> tuple[_State, float]:
+def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: Run) -> tuple[_State, float]:
     """The state after one accepted step, or unchanged if no step lowers the cost, and the next damping."""
     stopped = False
     for _ in range(6):
-        step = solve(state.normal, state.gradient, damping)
-        problem = _stepped(state.problem, step)
-        stopped |= not np.array_equal(problem.lenses, _lenses_after(state.problem, step))
-        candidate = _evaluate(problem, settings, state.whitenings)
-        if candidate.cost < state.cost:
-            return replace(candidate, steps=state.steps + 1, stopped_lens=stopped), max(damping / 5, 1e-9)
+        step = solve(state.normal, state.gradient, damping, run)
+        if step is not None:
+            problem = _stepped(state.problem, state.normal.layout, step)
+            lenses = _lenses_after(state.problem, state.normal.layout, step)
+            stopped |= not np.array_equal(problem.lenses, lenses)
+            candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
+            if candidate.cost < state.cost:
+                return replace(candidate, steps=state.steps + 1, stopped_lens=stopped), max(damping / 5, 1e-9)
         damping *= 8
     return replace(state, stopped_lens=stopped), damping
 
 
-def _stepped(problem: Problem, step: Vector) -> Problem:
-    _, pose_unknowns = unknowns(problem)
-    poses, lenses = problem.poses.copy(), _lenses_after(problem, step)
-    poses[problem.free] += step[:pose_unknowns].reshape(-1, 6)
+def _stepped(problem: Problem, layout: Layout, step: Matrix) -> Problem:
+    """The problem after a step (v, BLOCK), with lenses that a camera can have."""
+    poses, lenses = problem.poses.copy(), _lenses_after(problem, layout, step)
+    poses[problem.free] += step[layout.frames[problem.free]]
     return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
 
 
-def _lenses_after(problem: Problem, step: Vector) -> LensesNx5:
+def _lenses_after(problem: Problem, layout: Layout, step: Matrix) -> LensesNx5:
     """The lenses (c, 5) after a step, before clipping to the limits."""
-    if not problem.lens_free:
-        return problem.lenses
-    return problem.lenses + step[unknowns(problem)[1] :].reshape(-1, LENS_TERMS)
+    return problem.lenses + step[layout.lenses, :LENS_TERMS] if problem.lens_free else problem.lenses
 
 
-def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array]) -> _State:
-    some = [weighed(*part, settings.loss_px) for part in zip(parts(problem), by_part, strict=True)]
-    blocks = np.concatenate([part.blocks for part in some])
-    slopes = np.concatenate([part.slopes for part in some])
-    residuals_px = np.concatenate([part.residuals_px for part in some])
-    prior_cost, prior_normal, prior_gradient = _priors(problem, settings)
-    normal, gradient = assembled(problem, blocks, slopes, prior_normal)
-    return _State(
-        problem=problem,
-        whitenings=by_part,
-        cost=sum(part.cost for part in some) + prior_cost,
-        normal=normal,
-        gradient=gradient + prior_gradient,
-        residuals_px=residuals_px,
-    )
+def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array], layout: Layout) -> _State:
+    """Cost, derivatives and residuals, part by part: only sums of the derivatives are held."""
+    normal, gradient = blank(layout)
+    cost = _add_priors(problem, settings, normal, gradient)
+    residuals_px = np.empty(problem.present.shape)
+    for number, (part, discounts) in enumerate(zip(parts(problem), by_part, strict=True)):
+        pairs = slice(number * PAIRS_AT_ONCE, (number + 1) * PAIRS_AT_ONCE)
+        some = weighed(part, discounts, settings.loss_px)
+        add_pairs(normal, gradient, pairs, some.blocks, some.slopes)
+        residuals_px[pairs] = some.residuals_px
+        cost += some.cost
+    return _State(problem, by_part, cost, normal, gradient, residuals_px)
 
 
-def _priors(problem: Problem, settings: AdjustmentSettings) -> tuple[float, Vector, Vector]:
-    """Cost, diagonal and gradient of the priors: nearly level flight, an ordinary lens."""
+def _add_priors(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
+    """Add the priors to normal matrix and gradient: nearly level flight, an ordinary lens. Returns their cost."""
+    frames, lenses = normal.layout.frames[problem.free], normal.layout.lenses
     tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
     # Cauchy again: a truly oblique frame must be possible.
     tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
     tilt_weight = 1 / (1 + tilt_size2[:, None])
-    diagonal, gradient = np.zeros((len(tilt), 6)), np.zeros((len(tilt), 6))
-    diagonal[:, 4:] = tilt_weight / settings.tilt_prior_sigma**2
-    gradient[:, 4:] = tilt_weight * tilt / settings.tilt_prior_sigma
+    normal.blocks[frames[:, None], TILT, TILT] += tilt_weight / settings.tilt_prior_sigma**2
+    gradient[frames[:, None], TILT] += tilt_weight * tilt / settings.tilt_prior_sigma
     cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
-    if not problem.lens_free:
-        return float(cost), diagonal.ravel(), gradient.ravel()
-    assert problem.lens_prior is not None, "the first state fills it in"
-    mean, sigma = problem.lens_prior
-    lens = (problem.lenses - mean) / sigma
-    cost += (lens**2).sum()
-    return (
-        float(cost),
-        np.concatenate([diagonal.ravel(), (1 / sigma**2).ravel()]),
-        np.concatenate([gradient.ravel(), (lens / sigma).ravel()]),
-    )
+    if problem.lens_free:
+        assert problem.lens_prior is not None, "the first state fills it in"
+        mean, sigma = problem.lens_prior
+        lens, terms = (problem.lenses - mean) / sigma, np.arange(LENS_TERMS)
+        normal.blocks[lenses[:, None], terms, terms] += 1 / sigma**2
+        gradient[lenses[:, None], terms] += lens / sigma
+        cost += (lens**2).sum()
+    return float(cost)
 
 
+TILT = np.array([4, 5])  # places of pitch and roll in a pose
 TILT_PRIOR_REACH = 3.0  # standard deviations within which the tilt prior is quadratic

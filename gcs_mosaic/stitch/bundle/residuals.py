@@ -25,7 +25,7 @@ from gcs_mosaic.stitch.arrays import (
     Vector,
 )
 from gcs_mosaic.stitch.bundle.problem import COLUMNS, Problem
-from gcs_mosaic.stitch.bundle.robust_parallax import whitening
+from gcs_mosaic.stitch.bundle.robust_parallax import discount, whitened
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS, product
 
@@ -56,9 +56,9 @@ class Weighed:
     residuals_px: PairValues  # (p, k)
 
 
-def weighed(problem: Problem, whitening_by_way: Array, loss_px: float) -> Weighed:
-    """Cost and derivatives of all matches, whitened (2, m, 2, 2), under a Cauchy loss of scale `loss_px`."""
-    residual, jacobian, valid = _residuals(problem, whitening_by_way)
+def weighed(problem: Problem, discounts: Array, loss_px: float) -> Weighed:
+    """Cost and derivatives of all matches, whitened by `discounts` (2, m, 2), under a Cauchy loss of scale `loss_px`."""
+    residual, jacobian, valid = _residuals(problem, discounts)
     size2 = (residual**2).sum(axis=2) / loss_px**2
     weight = np.where(valid, 1 / (1 + size2), 0.0)
     # A match that is no longer visible (beyond the horizon) costs as much as a very bad one and has no gradient.
@@ -73,16 +73,16 @@ def weighed(problem: Problem, whitening_by_way: Array, loss_px: float) -> Weighe
     return Weighed(float(cost), blocks, slopes, size)
 
 
-def whitenings(problem: Problem) -> Array:
-    """Whitening matrices of all match residuals in either direction, (2, m, 2, 2), from the present poses.
+def discounts_of(problem: Problem) -> Array:
+    """What whitens all match residuals in either direction, (2, m, 2), from the parallax at the present poses.
 
     Fixed for the whole adjustment. If they followed the poses, poses allowing more parallax would lower the cost, and the
     steps, which ignore that dependence, would stall.
     """
-    return np.stack([whitening(_passage(problem, *way).by_height * problem.relief) for way in ((0, 1), (1, 0))])
+    return np.stack([discount(_passage(problem, *way).by_height * problem.relief) for way in ((0, 1), (1, 0))])
 
 
-def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array, Mask]:
+def _residuals(problem: Problem, discounts: Array) -> tuple[Array, Array, Mask]:
     """Residuals (p, 2k, 2), their derivatives (p, 2k, 2, COLUMNS), and which exist (p, 2k).
 
     The two directions of a match are adjacent: a to b, then b to a.
@@ -92,11 +92,10 @@ def _residuals(problem: Problem, whitening_by_way: Array) -> tuple[Array, Array,
     valid = np.empty((p, k, 2), bool)
     for way, (source, target) in enumerate(((0, 1), (1, 0))):
         passage = _passage(problem, source, target)
-        whiten = whitening_by_way[way]
-        residual[:, :, way] = product(whiten, passage.residual[:, :, None])[:, :, 0].reshape(p, k, 2)
+        residual[:, :, way] = whitened(discounts[way], passage.residual[:, :, None]).reshape(p, k, 2)
         valid[:, :, way] = passage.valid.reshape(p, k) & problem.present
         for columns, derivative in passage.derivatives:
-            jacobian[:, :, way, :, columns] = product(whiten, derivative).reshape(p, k, 2, -1)
+            jacobian[:, :, way, :, columns] = whitened(discounts[way], derivative).reshape(p, k, 2, -1)
     residual[~valid], jacobian[~valid] = 0, 0  # NaN or infinity where nothing is visible
     return residual.reshape(p, 2 * k, 2), jacobian.reshape(p, 2 * k, 2, COLUMNS), valid.reshape(p, 2 * k)
 

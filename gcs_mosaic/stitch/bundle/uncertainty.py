@@ -12,16 +12,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
-from gcs_mosaic.stitch.arrays import Array, IndexRows, Indices, Matrices, PairValues, SquareMatrix, Vector
+from gcs_mosaic.stitch.arrays import Array, Indices, Matrices, PairValues, SquareMatrix, Vector
+from gcs_mosaic.stitch.bundle.elimination import BLOCK
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import Solution
-from gcs_mosaic.stitch.bundle.problem import Problem
+from gcs_mosaic.stitch.bundle.normal_equations import Normal, Run
+from gcs_mosaic.stitch.bundle.problem import POSE, Problem
 from gcs_mosaic.stitch.bundle.selected_inverse import Covariances, covariances
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera
+from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 
-POSE = 6  # unknowns of a pose
 GAUGE = 4  # the first four of these: position, scale and heading
 WAYS = 2  # a match enters the normal matrix in both directions, a to b and b to a, but is one measurement
 
@@ -37,32 +38,29 @@ class IslandCertainty:
 
 
 def island_certainty(
-    problem: Problem, solution: Solution, cameras: Sequence[Camera], root: int, loss_px: float
+    problem: Problem, solution: Solution, cameras: Sequence[Camera], root: int, loss_px: float, run: Run = map
 ) -> IslandCertainty:
-    """All n frames of the problem were free; `cameras` (c,) give the frames' sizes, `root` is the gauge frame."""
-    size, lens = solution.normal.shape[0], _lens_unknowns(problem)
-    factor = variance_factor(solution.residuals_px, loss_px, size - GAUGE)
-    shifts = corner_shifts(problem, solution, cameras)[..., : POSE + lens.shape[1]]
+    """All n frames of the problem were free; `cameras` (c,) give the frames' sizes, `root` is the gauge frame. `run` as in
+    `normal_equations.solve`."""
+    layout, terms = solution.normal.layout, LENS_TERMS if problem.lens_free else 0
+    factor = variance_factor(solution.residuals_px, loss_px, layout.unknowns - GAUGE)
+    shifts = corner_shifts(problem, solution, cameras)[..., : POSE + terms]
     dependence = _dependence_of_root(shifts[root])
     if not math.isfinite(factor) or dependence is None:
-        return IslandCertainty(np.full(len(lens), np.inf))
-    own = np.concatenate([POSE * root + np.arange(POSE), lens[root]])
-    substitution = _substitution(size, own, dependence)
-    normal = (substitution.T @ solution.normal @ substitution).tocsc()
-    found = covariances(normal, POSE, solution.poses[:, :2], own[:GAUGE])
+        return IslandCertainty(np.full(len(problem.poses), np.inf))
+    lenses = layout.lenses[problem.camera]
+    partners, known = np.full(layout.vertices, -1), np.zeros((layout.vertices, BLOCK), bool)
+    partners[layout.frames] = lenses
+    known[layout.frames[root], :GAUGE] = True
+    found = covariances(_in_gauge(solution.normal, layout.frames[root], lenses[root], dependence), partners, known, run)
     if found is None:
-        return IslandCertainty(np.full(len(lens), np.inf))
-    of_pose_and_lens = _joint(found, lens - POSE * len(lens))
+        return IslandCertainty(np.full(len(problem.poses), np.inf))
+    of_pose_and_lens = _joint(found, layout.frames, lenses, terms)
     of_pose_and_lens[root] = dependence @ of_pose_and_lens[root] @ dependence.T
     deviations_px = math.sqrt(factor) * worst_corner(shifts, of_pose_and_lens) * problem.half_diagonal[problem.camera]
-    return IslandCertainty(deviations_px, _lens_information(factor * found.of_common, len(problem.lenses)))
-
-
-def _lens_information(covariance: SquareMatrix, cameras: int) -> Matrices:
-    """Inverses (c, terms, terms) of each camera's block of the joint lens covariance."""
-    terms = len(covariance) // cameras
-    of_each = [covariance[i : i + terms, i : i + terms] for i in range(0, len(covariance), terms)]
-    return np.linalg.pinv(np.array(of_each), hermitian=True)
+    return IslandCertainty(
+        deviations_px, np.linalg.pinv(factor * found.own[layout.lenses, :terms, :terms], hermitian=True)
+    )
 
 
 def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[Camera], factor: float) -> float:
@@ -73,7 +71,7 @@ def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[C
     if not math.isfinite(factor):
         return math.inf
     shifts = corner_shifts(problem, solution, cameras)[:1, ..., :POSE]
-    covariance = factor * np.linalg.pinv(solution.normal.toarray())
+    covariance = factor * np.linalg.pinv(solution.normal.dense())
     return float(worst_corner(shifts, covariance[None])[0] * problem.half_diagonal[problem.camera[0]])
 
 
@@ -123,12 +121,6 @@ def worst_corner(shifts: Array, covariance: Matrices) -> Vector:
     return np.sqrt(np.where(np.isneginf(worst), np.inf, np.maximum(worst, 0)))
 
 
-def _lens_unknowns(problem: Problem) -> IndexRows:
-    """Indices (n, lens terms) of the unknowns of each frame's lens; empty if the lenses are fixed."""
-    terms = problem.lenses.shape[1] if problem.lens_free else 0
-    return np.asarray(POSE * len(problem.poses) + terms * problem.camera[:, None] + np.arange(terms))
-
-
 def _dependence_of_root(shifts: Array) -> SquareMatrix | None:
     """The root's pose and lens (u, u) with position, scale and heading as functions of the other unknowns.
 
@@ -146,19 +138,25 @@ def _dependence_of_root(shifts: Array) -> SquareMatrix | None:
     return dependence
 
 
-def _substitution(size: int, own: Indices, dependence: SquareMatrix) -> sparse.csc_matrix:
-    """Identity (size, size) except for the root, whose unknowns are `own`."""
-    substitution = sparse.identity(size, format="lil")
-    substitution[np.ix_(own, own)] = dependence
-    return substitution.tocsc()
+def _in_gauge(normal: Normal, root: int, lens: int, dependence: SquareMatrix) -> Normal:
+    """The normal matrix of unknowns of which those of the root and its lens, two vertices (lens -1: it is fixed), were replaced.
+
+    With D the identity but for `dependence`, D^T N D: only what these vertices have in common with others changes.
+    """
+    replaced = np.array([root, lens][: 1 if lens < 0 else 2])
+    whole = np.eye(BLOCK * len(replaced))
+    whole[: len(dependence), : len(dependence)] = dependence
+    columns = normal.columns(replaced) @ whole
+    own = whole.T @ columns[replaced].reshape(len(whole), -1)
+    columns[replaced] = own.reshape(len(replaced), BLOCK, -1)
+    return normal.with_columns(replaced, columns)
 
 
-def _joint(found: Covariances, lens: IndexRows) -> Matrices:
-    """Covariances (n, u, u) of each frame's pose and lens; `lens` (n, lens terms): indices into the common unknowns."""
-    frames, terms = lens.shape
-    joint = np.empty((frames, POSE + terms, POSE + terms))
-    joint[:, :POSE, :POSE] = found.of_frames
-    joint[:, :POSE, POSE:] = np.take_along_axis(found.with_common, lens[:, None, :], axis=2)
+def _joint(found: Covariances, frames: Indices, lenses: Indices, terms: int) -> Matrices:
+    """Covariances (n, u, u) of each frame's pose and lens, of these vertices (n,) each; a lens has so many free terms."""
+    joint = np.empty((len(frames), POSE + terms, POSE + terms))
+    joint[:, :POSE, :POSE] = found.own[frames]
+    joint[:, :POSE, POSE:] = found.with_partner[frames, :, :terms]
     joint[:, POSE:, :POSE] = joint[:, :POSE, POSE:].transpose(0, 2, 1)
-    joint[:, POSE:, POSE:] = found.of_common[lens[:, :, None], lens[:, None, :]]
+    joint[:, POSE:, POSE:] = found.own[lenses, :terms, :terms]
     return joint

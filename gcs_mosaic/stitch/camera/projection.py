@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, PointsNx2, PosesNx6, RowsNx3, Vector
+from gcs_mosaic.stitch.arrays import LensesNx5, Mask, Matrices, PointsNx2, PosesNx6, RowsNx3, Vector
 from gcs_mosaic.stitch.camera.geometry import LEAST_SLOPE, Camera, Pose, lens_reach, undistorted_radius
 
 LENS_TERMS = 5
@@ -63,9 +63,9 @@ def _many(entries: list[list[Vector]]) -> Matrices:
     return np.array(entries).transpose(2, 0, 1)
 
 
-def _side_by_side(count: int, *shape: int) -> Array:
-    """Zeros (count, *shape) with the memory layout of `_many`."""
-    return np.moveaxis(np.zeros((*shape, count)), -1, 0)
+def _side_by_side(count: int, i: int, j: int) -> Matrices:
+    """Zeros (count, i, j) with the memory layout of `_many`."""
+    return np.zeros((i, j, count)).transpose(2, 0, 1)
 
 
 def product(a: Matrices, b: Matrices) -> Matrices:

@@ -1,81 +1,89 @@
 """The selected inverse is the inverse where it is asked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy import sparse
+from linked_frames import equations_of, problem_with, shapes
 
-from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.arrays import Indices, Mask
+from gcs_mosaic.stitch.bundle import elimination
+from gcs_mosaic.stitch.bundle.elimination import BLOCK
+from gcs_mosaic.stitch.bundle.normal_equations import Normal
 from gcs_mosaic.stitch.bundle.selected_inverse import covariances
 
-U = 3  # unknowns per frame
+SHAPES = shapes(150)
+DETERMINED = [name for name in SHAPES if "without" not in name and name not in ("one frame", "no frame")]
 
 
-def graph(places: Array, reach: float, common: int) -> Array:
-    """A normal matrix in which each two frames nearer than `reach` are linked, and all with the common unknowns."""
-    rng = np.random.default_rng(4)
-    n = len(places)
-    size = n * U + common
-    dense = np.zeros((size, size))
-    far = np.linalg.norm(places[:, None] - places[None], axis=2)
-    for i, j in np.argwhere((far < reach) & (far > 0)):
-        block = np.concatenate([i * U + np.arange(U), j * U + np.arange(U), n * U + np.arange(common)])
-        rows = rng.normal(size=(2 * U + 2, len(block)))
-        dense[np.ix_(block, block)] += rows.T @ rows
-    return dense
+def normal_of(shape: str, cameras: int) -> Normal:
+    return equations_of(problem_with(*SHAPES[shape], cameras), rows=60)[0]
 
 
-def assert_blocks_of_inverse(dense: Array, places: Array, known: list[int]) -> None:
-    n, rest = len(places), np.setdiff1d(np.arange(len(dense)), known)
+def lens_of_each(normal: Normal) -> Indices:
+    """Frame by frame, as `problem_with` gives cameras to them."""
+    partners = np.full(normal.layout.vertices, -1)
+    partners[normal.layout.frames] = np.resize(normal.layout.lenses, len(normal.layout.frames))
+    return partners
+
+
+def assert_blocks_of_inverse(normal: Normal, known: Mask, partners: Indices) -> None:
+    layout, dense = normal.layout, normal.dense()
+    rest = np.flatnonzero(~known.ravel())
     inverse = np.zeros_like(dense)
     inverse[np.ix_(rest, rest)] = np.linalg.inv(dense[np.ix_(rest, rest)])
-    found = covariances(sparse.csc_matrix(dense), U, places, np.array(known, dtype=np.intp))
+    blocks = inverse.reshape(layout.vertices, BLOCK, layout.vertices, BLOCK)
+    found = covariances(normal, partners, known)
     assert found is not None
-    scale = np.abs(inverse).max()
-    for i in range(n):
-        own = slice(i * U, i * U + U)
-        assert np.abs(found.of_frames[i] - inverse[own, own]).max() < 1e-9 * scale
-        assert np.abs(found.with_common[i] - inverse[own, n * U :]).max(initial=0) < 1e-9 * scale
-    assert np.abs(found.of_common - inverse[n * U :, n * U :]).max(initial=0) < 1e-9 * scale
+    for vertex, partner in enumerate(partners.tolist()):
+        own = blocks[vertex, :, vertex]
+        assert np.abs(found.own[vertex] - own).max() < 1e-9 * np.abs(own).max()
+        common = blocks[vertex, :, partner] if partner >= 0 else np.zeros((BLOCK, BLOCK))
+        assert np.abs(found.with_partner[vertex] - common).max() < 1e-9 * np.abs(inverse).max()
 
 
-@pytest.mark.parametrize("common", [0, 2])
-@pytest.mark.parametrize("known", [[], [4, 5]])
-def test_a_survey(common: int, known: list[int]) -> None:
-    """Large enough for some cuts of the map, of which several cross."""
-    places = np.stack(np.meshgrid(np.arange(16.0), np.arange(12.0)), axis=-1).reshape(-1, 2)
-    dense = graph(np.random.default_rng(1).permutation(places), 1.5, common)
-    assert_blocks_of_inverse(dense, np.random.default_rng(1).permutation(places), known)
+@pytest.mark.parametrize("cameras", [1, 2])
+@pytest.mark.parametrize("shape", DETERMINED)
+def test_blocks_are_those_of_the_inverse(shape: str, cameras: int) -> None:
+    normal = normal_of(shape, cameras)
+    assert_blocks_of_inverse(normal, np.zeros((normal.layout.vertices, BLOCK), bool), lens_of_each(normal))
 
 
-def test_frames_that_all_overlap() -> None:
-    """No cut sets anything apart."""
-    places = np.random.default_rng(2).normal(size=(60, 2))
-    assert_blocks_of_inverse(graph(places, 99.0, 2), places, [0])
+@pytest.mark.parametrize("shape", DETERMINED)
+def test_what_is_known_is_certain_and_the_rest_is_the_inverse_without_it(shape: str) -> None:
+    normal = normal_of(shape, 1)
+    known = np.zeros((normal.layout.vertices, BLOCK), bool)
+    known[normal.layout.frames[1], :4] = True
+    assert_blocks_of_inverse(normal, known, lens_of_each(normal))
 
 
-def test_common_unknowns_that_some_frames_know_nothing_of() -> None:
-    """Two cameras: the frames of one half have no entries with the lens of the other."""
-    places = np.c_[np.arange(120.0), np.zeros(120)]
-    dense = graph(places, 2.5, 2)
-    first, second = 120 * U, 120 * U + 1
-    dense[first, : 60 * U] = dense[: 60 * U, first] = dense[second, 60 * U : 120 * U] = dense[
-        60 * U : 120 * U, second
-    ] = 0
-    dense[first, second] = dense[second, first] = 0
-    dense[[first, second], [first, second]] *= 2
-    assert_blocks_of_inverse(dense, places, [0])
+def test_two_lenses_that_have_nothing_to_do_with_each_other() -> None:
+    links, places = SHAPES["a survey"]
+    problem = problem_with(np.concatenate([links, links + 150]), np.concatenate([places, places]), cameras=2)
+    normal = equations_of(replace(problem, camera=np.arange(300) // 150), rows=60)[0]
+    first, second = normal.layout.lenses
+    assert not (normal.layout.edges == [first, second]).all(axis=1).any()
+    partners = np.full(normal.layout.vertices, -1)
+    partners[normal.layout.frames] = normal.layout.lenses.repeat(150)
+    assert_blocks_of_inverse(normal, np.zeros((normal.layout.vertices, BLOCK), bool), partners)
 
 
-def test_what_nothing_determines_is_said() -> None:
-    places = np.c_[np.arange(40.0), np.zeros(40)]
-    dense = graph(places, 2.5, 0)
-    dense[7 * U, :] = dense[:, 7 * U] = 0
-    assert covariances(sparse.csc_matrix(dense), U, places, np.empty(0, np.intp)) is None
+@pytest.mark.parametrize("shape", DETERMINED)
+def test_tasks_change_nothing(shape: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def found() -> list[bytes]:
+        normal = normal_of(shape, 1)
+        blocks = covariances(normal, lens_of_each(normal), np.zeros((normal.layout.vertices, BLOCK), bool))
+        assert blocks is not None
+        return [blocks.own.tobytes(), blocks.with_partner.tobytes()]
+
+    together = found()
+    monkeypatch.setattr(elimination, "WHOLE_VERTICES", 60)
+    monkeypatch.setattr(elimination, "TASK_VERTICES", 40)
+    assert found() == together
 
 
-@pytest.mark.parametrize("common", [0, 2])
-def test_halves_of_the_map_without_a_link_across_the_cut(common: int) -> None:
-    """On a long flight some cut falls where nothing overlaps once the frames of earlier cuts are set apart."""
-    x = np.concatenate([np.arange(40.0), 100 + np.arange(40.0)])
-    places = np.c_[x, np.zeros(80)]
-    assert_blocks_of_inverse(graph(places, 2.5, common), places, [4, 5])
+@pytest.mark.parametrize("shape", ["frames without links", "a survey and frames without links"])
+def test_what_nothing_determines_is_said(shape: str) -> None:
+    normal = normal_of(shape, 1)
+    vertices = normal.layout.vertices
+    assert covariances(normal, np.full(vertices, -1), np.zeros((vertices, BLOCK), bool)) is None
