@@ -1,10 +1,10 @@
 """How an adjustment grows with the flight: surveys of 3,000, 10,000 and 30,000 frames whose matches are given.
 
-    python -m tests.benchmarks.adjustment_at_scale [FRAMES ...] [--links 12] [--compare 10000]
+    python -m tests.benchmarks.adjustment_at_scale [FRAMES ...] [--links 12] [--compare 10000] [--tolerance 3e-4]
 
 CPU seconds on one BLAS thread, each number of frames in a process of its own (`survey_of_matches` makes the flight). Each pose
 begins some pixels and a third of a degree off and the whole bent, the lens as it is before any frame has come; the adjustment
-goes on until it has converged, as in a flight.
+goes on until it has converged, as in a flight: when a step has lowered the cost by less than that share (`--tolerance`).
 
 all: the adjustment, and each of its steps; order: of elimination, found once for all steps; factor: one factorisation with its
 solution; certainty: standard deviations of all frames, afterwards. MB: the most memory of the process until then; made: before
@@ -24,12 +24,14 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from gcs_mosaic.stitch.bundle import levenberg_marquardt
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, adjust
+from gcs_mosaic.stitch.bundle.normal_equations import solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty
 from tests.benchmarks.superlu import superlu_step
@@ -48,20 +50,25 @@ def main() -> None:
     parser.add_argument("frames", nargs="*", type=int, default=COUNTS)
     parser.add_argument("--links", type=int, default=LINKS)
     parser.add_argument("--compare", type=int, default=COMPARED)
+    parser.add_argument("--tolerance", type=float, default=AdjustmentSettings().step_tolerance)
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.here:
-        report(asked.frames[0], asked.links, asked.compare)
+        report(
+            asked.frames[0], asked.links, asked.compare, replace(AdjustmentSettings(), step_tolerance=asked.tolerance)
+        )
         return
     print("".join(f"{title:>10}" for title in TITLES), flush=True)
     for count in asked.frames:
-        words = [str(count), "--here", f"--links={asked.links}", f"--compare={asked.compare}"]
+        options = [f"--{name}={getattr(asked, name)}" for name in ("links", "compare", "tolerance")]
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-        subprocess.run([sys.executable, "-m", __spec__.name, *words], env=environment, check=True)
+        subprocess.run(
+            [sys.executable, "-m", __spec__.name, str(count), "--here", *options], env=environment, check=True
+        )
 
 
-def report(frames: int, links: int, compare: int) -> None:
-    flight, settings = survey(frames, links), AdjustmentSettings()
+def report(frames: int, links: int, compare: int, settings: AdjustmentSettings) -> None:
+    flight = survey(frames, links)
     made = memory_mb()
     seconds = defaultdict[str, list[float]](list)
     for name in ("layout_of", "solve"):
@@ -82,7 +89,7 @@ def report(frames: int, links: int, compare: int) -> None:
 
 def compare_with_superlu(problem: Problem, settings: AdjustmentSettings) -> None:
     state = levenberg_marquardt._first_state(problem, settings)
-    ours, seconds = timed(lambda: levenberg_marquardt.solve(state.normal, state.gradient, DAMPING))
+    ours, seconds = timed(lambda: solve(state.normal, state.gradient, DAMPING))
     theirs, of_superlu = timed(lambda: superlu_step(state.normal, state.gradient, DAMPING))
     assert ours is not None, "a damped normal matrix is positive definite"
     scale = np.sqrt(np.maximum(state.normal.diagonal, 1e-12))

@@ -80,7 +80,7 @@ def disturbed(truth: PosesNx6, rng: np.random.Generator) -> PosesNx6:
     poses = truth + rng.normal(size=truth.shape) * OFF
     extent = np.ptp(truth[:, :2], axis=0).max()
     poses[:, :2] += BEND_PX * np.sin(2 * np.pi * truth[:, [1, 0]] / extent)
-    return poses
+    return np.asarray(poses)
 
 
 def linked(poses: PosesNx6, links: int) -> IndexPairsNx2:

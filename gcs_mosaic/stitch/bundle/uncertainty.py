@@ -58,9 +58,8 @@ def island_certainty(
     of_pose_and_lens = _joint(found, layout.frames, lenses, terms)
     of_pose_and_lens[root] = dependence @ of_pose_and_lens[root] @ dependence.T
     deviations_px = math.sqrt(factor) * worst_corner(shifts, of_pose_and_lens) * problem.half_diagonal[problem.camera]
-    return IslandCertainty(
-        deviations_px, np.linalg.pinv(factor * found.own[layout.lenses, :terms, :terms], hermitian=True)
-    )
+    of_lenses = factor * found.own[layout.lenses, :terms, :terms]
+    return IslandCertainty(deviations_px, np.asarray(np.linalg.pinv(of_lenses, hermitian=True), dtype=np.float64))
 
 
 def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[Camera], factor: float) -> float:
@@ -71,7 +70,7 @@ def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[C
     if not math.isfinite(factor):
         return math.inf
     shifts = corner_shifts(problem, solution, cameras)[:1, ..., :POSE]
-    covariance = factor * np.linalg.pinv(solution.normal.dense())
+    covariance = factor * np.asarray(np.linalg.pinv(solution.normal.dense()), dtype=np.float64)
     return float(worst_corner(shifts, covariance[None])[0] * problem.half_diagonal[problem.camera[0]])
 
 
