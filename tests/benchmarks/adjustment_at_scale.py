@@ -1,10 +1,11 @@
 """How an adjustment grows with the flight: surveys of 3,000, 10,000 and 30,000 frames whose matches are given.
 
-    python -m tests.benchmarks.adjustment_at_scale [FRAMES ...] [--links 12] [--compare 10000] [--tolerance 3e-4]
+    python -m tests.benchmarks.adjustment_at_scale [FRAMES ...] [--level] [--links 12] [--compare 10000] [--tolerance 3e-4]
 
-CPU seconds on one BLAS thread, each number of frames in a process of its own (`survey_of_matches` makes the flight). Each pose
-begins some pixels and a third of a degree off and the whole bent, the lens as it is before any frame has come; the adjustment
-goes on until it has converged, as in a flight: when a step has lowered the cost by less than that share (`--tolerance`).
+CPU seconds on one BLAS thread, each number of frames in a process of its own (`survey_of_matches` makes the flight, with climbs
+to three times the height or `--level`). Each pose begins some pixels and a third of a degree off and the whole bent, the lens as
+it is before any frame has come; the adjustment goes on until it has converged, as in a flight: when a step has lowered the cost
+by less than that share (`--tolerance`).
 
 all: the adjustment, and each of its steps; order: of elimination, found once for all steps; factor: one factorisation with its
 solution; certainty: standard deviations of all frames, afterwards. MB: the most memory of the process until then; made: before
@@ -35,7 +36,7 @@ from gcs_mosaic.stitch.bundle.normal_equations import solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty
 from tests.benchmarks.superlu import superlu_step
-from tests.benchmarks.survey_of_matches import CAMERA, LINKS, rms_error_px, survey
+from tests.benchmarks.survey_of_matches import CAMERA, LINKS, Survey, rms_error_px, survey
 
 T = TypeVar("T")
 
@@ -48,28 +49,27 @@ TITLES = ("frames", "pairs", "steps", "all", "each", "order", "factor", "certain
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("frames", nargs="*", type=int, default=COUNTS)
+    parser.add_argument("--level", action="store_true")
     parser.add_argument("--links", type=int, default=LINKS)
     parser.add_argument("--compare", type=int, default=COMPARED)
     parser.add_argument("--tolerance", type=float, default=AdjustmentSettings().step_tolerance)
     parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.here:
-        report(
-            asked.frames[0], asked.links, asked.compare, replace(AdjustmentSettings(), step_tolerance=asked.tolerance)
-        )
+        settings = replace(AdjustmentSettings(), step_tolerance=asked.tolerance)
+        report(survey(asked.frames[0], asked.links, level=asked.level), asked.compare, settings)
         return
     print("".join(f"{title:>10}" for title in TITLES), flush=True)
+    options = [f"--{name}={getattr(asked, name)}" for name in ("links", "compare", "tolerance")]
+    options += ["--level"] if asked.level else []
     for count in asked.frames:
-        options = [f"--{name}={getattr(asked, name)}" for name in ("links", "compare", "tolerance")]
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-        subprocess.run(
-            [sys.executable, "-m", __spec__.name, str(count), "--here", *options], env=environment, check=True
-        )
+        command = [sys.executable, "-m", __spec__.name, str(count), "--here", *options]
+        subprocess.run(command, env=environment, check=True)
 
 
-def report(frames: int, links: int, compare: int, settings: AdjustmentSettings) -> None:
-    flight = survey(frames, links)
-    made = memory_mb()
+def report(flight: Survey, compare: int, settings: AdjustmentSettings) -> None:
+    frames, made = len(flight.truth), memory_mb()
     seconds = defaultdict[str, list[float]](list)
     for name in ("layout_of", "solve"):
         setattr(levenberg_marquardt, name, watched(getattr(levenberg_marquardt, name), seconds[name]))

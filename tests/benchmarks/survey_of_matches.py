@@ -6,7 +6,7 @@ The path is that of `flight_of_points`. Nothing is searched for, so that an adju
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,12 @@ class Survey:
     truth: PosesNx6
 
 
-def survey(frames: int, links: int = LINKS, seed: int = 1) -> Survey:
-    """A flight of so many frames."""
-    rng = np.random.default_rng([seed, 11])
-    truth = np.array([canvas_pose(state) for state in fly("survey", LENS, plan(frames))])
+def survey(frames: int, links: int = LINKS, *, level: bool = False, seed: int = 1) -> Survey:
+    """A flight of so many frames; `level`: at one height, without climbs."""
+    rng, route = np.random.default_rng([seed, 11]), plan(frames)
+    truth = np.array(
+        [canvas_pose(state) for state in fly("survey", LENS, replace(route, climbs=0) if level else route)]
+    )
     pairs = linked(truth, links)
     pixels_a, pixels_b, present = matched(truth, pairs, rng)
     problem = Problem(
