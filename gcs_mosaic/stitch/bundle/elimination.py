@@ -46,7 +46,7 @@ class Handover:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class EliminationPiece:
     """Steps of one task, or of the top of the tree. Its vertices are numbered 0 to k - 1, its border k to k + b - 1."""
 
     vertices: Indices  # (k,) numbers in the matrix, ascending
@@ -56,27 +56,27 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class EliminationPlan:
     """Subtrees, each a task that depends on no other, and the top of the tree above them all."""
 
-    tasks: tuple[Piece, ...]
-    top: Piece
+    tasks: tuple[EliminationPiece, ...]
+    top: EliminationPiece
 
 
-def planned(tree: Separator, sizes: Sequence[int], edges: IndexPairsNx2) -> Plan:
+def planned(tree: Separator, sizes: Sequence[int], edges: IndexPairsNx2) -> EliminationPlan:
     """Plan for a matrix whose vertices are numbered in the tree's order, so many (`sizes`) for each of its separators.
 
     Edges (e, 2) are sorted, the earlier vertex first in each. Sums are the same in the same order whatever the tasks are.
     """
     nodes = _nodes(tree, sizes, edges)
     most = TASK_VERTICES if sum(sizes) > WHOLE_VERTICES else 0
-    tasks, top = list[Piece](), list[_Node | Handover]()
+    tasks, top = list[EliminationPiece](), list[_Node | Handover]()
     for end, node in enumerate(nodes):
         top.append(node)
         if node.subtree <= most < nodes[node.above].subtree:
             tasks.append(_piece(nodes[node.start : end + 1], edges))
             top[len(top) - (end + 1 - node.start) :] = [Handover(node.border)]
-    return Plan(tuple(tasks), _piece(top, edges))
+    return EliminationPlan(tuple(tasks), _piece(top, edges))
 
 
 @dataclass(slots=True)
@@ -122,7 +122,7 @@ def _nodes(tree: Separator, sizes: Sequence[int], edges: IndexPairsNx2) -> list[
     return nodes
 
 
-def _piece(steps: Sequence[_Node | Handover], edges: IndexPairsNx2) -> Piece:
+def _piece(steps: Sequence[_Node | Handover], edges: IndexPairsNx2) -> EliminationPiece:
     """The steps with numbers of their own."""
     nodes = [step for step in steps if isinstance(step, _Node)]
     vertices = np.concatenate([np.arange(node.first, node.last) for node in nodes])
@@ -139,4 +139,4 @@ def _piece(steps: Sequence[_Node | Handover], edges: IndexPairsNx2) -> Piece:
         found.append(Front(vertex, last, later, slice(edge, stop), ends, step.below))
         vertex, edge = last, stop
     chosen = np.concatenate([np.arange(node.edges.start, node.edges.stop) for node in nodes])
-    return Piece(vertices, border, chosen, tuple(found))
+    return EliminationPiece(vertices, border, chosen, tuple(found))

@@ -18,7 +18,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import Array, LensesNx5, Matrix, PairValues, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.lens import believable
-from gcs_mosaic.stitch.bundle.normal_equations import Layout, Normal, Run, add_pairs, blank, layout_of, solve
+from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, weighed
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
@@ -152,19 +152,19 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
     return replace(state, stopped_lens=stopped), damping
 
 
-def _stepped(problem: Problem, layout: Layout, step: Matrix) -> Problem:
+def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
     """The problem after a step (v, BLOCK), with lenses that a camera can have."""
     poses, lenses = problem.poses.copy(), _lenses_after(problem, layout, step)
     poses[problem.free] += step[layout.frames[problem.free]]
     return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
 
 
-def _lenses_after(problem: Problem, layout: Layout, step: Matrix) -> LensesNx5:
+def _lenses_after(problem: Problem, layout: EquationLayout, step: Matrix) -> LensesNx5:
     """The lenses (c, 5) after a step, before clipping to the limits."""
     return problem.lenses + step[layout.lenses, :LENS_TERMS] if problem.lens_free else problem.lenses
 
 
-def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array], layout: Layout) -> _State:
+def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array], layout: EquationLayout) -> _State:
     """Cost, derivatives and residuals, part by part: only sums of the derivatives are held."""
     normal, gradient = blank(layout)
     cost = _add_priors(problem, settings, normal, gradient)

@@ -19,16 +19,16 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from gcs_mosaic.stitch.arrays import Indices, Matrices, Matrix, SquareMatrix, Vector
-from gcs_mosaic.stitch.bundle.elimination import BLOCK, Front, Handover, Piece
+from gcs_mosaic.stitch.bundle.elimination import BLOCK, EliminationPiece, Front, Handover
 
 Stretches = list[tuple[slice, slice]]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class MatrixPart:
     """What a piece needs of a matrix and of a right-hand side. Picklable."""
 
-    piece: Piece
+    piece: EliminationPiece
     diagonal: Matrices  # (k, BLOCK, BLOCK)
     blocks: Matrices  # (m, BLOCK, BLOCK) of its edges: rows of the earlier vertex
     right: Matrix  # (k, BLOCK)
@@ -59,7 +59,7 @@ class Factor:
 Steps = list[Factor | Handover]  # of a piece, eliminated
 
 
-def eliminated(part: Part, below: Iterable[Update] = ()) -> tuple[Steps, Update]:
+def eliminated(part: MatrixPart, below: Iterable[Update] = ()) -> tuple[Steps, Update]:
     """Factors of a piece's fronts, and what it hands on; `below` are the updates that it takes over, in order.
 
     Raises LinAlgError if the matrix is not positive definite.
@@ -78,7 +78,7 @@ def eliminated(part: Part, below: Iterable[Update] = ()) -> tuple[Steps, Update]
     return steps, waiting[-1][1]
 
 
-def _eliminated(part: Part, front: Front, below: list[tuple[Indices, Update]]) -> tuple[Factor, Update]:
+def _eliminated(part: MatrixPart, front: Front, below: list[tuple[Indices, Update]]) -> tuple[Factor, Update]:
     own, across, complement, right = _gathered(part, front, below)
     o = len(own)
     if not o:  # a cut that nothing crosses; LAPACK takes no empty matrices
@@ -94,7 +94,7 @@ def _eliminated(part: Part, front: Front, below: list[tuple[Indices, Update]]) -
 
 
 def _gathered(
-    part: Part, front: Front, below: list[tuple[Indices, Update]]
+    part: MatrixPart, front: Front, below: list[tuple[Indices, Update]]
 ) -> tuple[SquareMatrix, Matrix, SquareMatrix, Vector]:
     """Own block (o, o), that across to the border (o, b), the border's (b, b), and the right-hand side (o + b,)."""
     n, b = front.last - front.first, len(front.border)
@@ -143,7 +143,7 @@ def _less(some: slice, by: int) -> slice:
     return slice(some.start - by, some.stop - by)
 
 
-def substituted(steps: Steps, piece: Piece, of_border: Matrix) -> Matrix:
+def substituted(steps: Steps, piece: EliminationPiece, of_border: Matrix) -> Matrix:
     """Solution (k, BLOCK) for a piece's vertices, given that for its border (b, BLOCK)."""
     solution = np.concatenate([np.zeros((len(piece.vertices), BLOCK)), of_border])
     for factor in reversed(steps):

@@ -14,8 +14,8 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import AnyArray, Array, IndexPairsNx2, Indices, Matrices, Matrix
 from gcs_mosaic.stitch.bundle.dissection import dissected
-from gcs_mosaic.stitch.bundle.elimination import BLOCK, Piece, Plan, planned
-from gcs_mosaic.stitch.bundle.multifrontal import Part, Update, eliminated, substituted
+from gcs_mosaic.stitch.bundle.elimination import BLOCK, EliminationPiece, EliminationPlan, planned
+from gcs_mosaic.stitch.bundle.multifrontal import MatrixPart, Update, eliminated, substituted
 from gcs_mosaic.stitch.bundle.problem import POSE, Problem
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 
@@ -28,7 +28,7 @@ PLACES = np.concatenate([np.arange(2 * BLOCK), *(side * BLOCK + np.arange(LENS_T
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class EquationLayout:
     """Vertices of an adjustment in order of elimination, and its edges: pairs of vertices that have a block in common.
 
     A lens has fewer terms than a block has places: the last is an unknown that nothing depends on.
@@ -38,7 +38,7 @@ class Layout:
     lenses: Indices  # (c,) each lens' vertex, -1 if they are fixed
     edges: IndexPairsNx2  # (e, 2) the earlier vertex first, sorted
     entries: AnyArray  # (p, ENDS, ENDS) where blocks of pairs are added: a vertex, v + an edge, or -1 for nowhere
-    plan: Plan
+    plan: EliminationPlan
 
     @property
     def vertices(self) -> int:
@@ -49,7 +49,7 @@ class Layout:
         return int(POSE * (self.frames >= 0).sum() + LENS_TERMS * (self.lenses >= 0).sum())
 
 
-def layout_of(problem: Problem) -> Layout:
+def layout_of(problem: Problem) -> EquationLayout:
     """Layout by the places of a problem's frames and by its pairs."""
     free, lenses = np.flatnonzero(problem.free), np.full(len(problem.lenses), -1)
     links = (np.cumsum(problem.free) - 1)[problem.pairs[problem.free[problem.pairs].all(axis=1)]]
@@ -62,11 +62,11 @@ def layout_of(problem: Problem) -> Layout:
         lenses = len(free) + np.arange(len(lenses))
         sizes[-1] += len(lenses)
     edges, entries = _edges(frames, lenses[problem.camera], problem.pairs, sum(sizes))
-    return Layout(frames, lenses, edges, entries, planned(tree, sizes, edges))
+    return EquationLayout(frames, lenses, edges, entries, planned(tree, sizes, edges))
 
 
 def _edges(frames: Indices, lenses: Indices, pairs: IndexPairsNx2, vertices: int) -> tuple[IndexPairsNx2, AnyArray]:
-    """Edges and entries as in `Layout`; `lenses` (n,): the vertex of each frame's lens."""
+    """Edges and entries as in `EquationLayout`; `lenses` (n,): the vertex of each frame's lens."""
     ends = np.concatenate([frames[pairs], lenses[pairs]], axis=1)
     first, second = np.broadcast_arrays(ends[:, :, None], ends[:, None, :])
     kept = (first >= 0) & (first <= second)  # of the two orders of two vertices; a lens of both frames has both orders
@@ -82,7 +82,7 @@ def _edges(frames: Indices, lenses: Indices, pairs: IndexPairsNx2, vertices: int
 class Normal:
     """Normal matrix of a layout with v vertices and e edges: the vertices' own blocks, then those of the edges."""
 
-    layout: Layout
+    layout: EquationLayout
     blocks: Matrices  # (v + e, BLOCK, BLOCK); of an edge: rows of its first vertex
 
     @property
@@ -120,7 +120,7 @@ class Normal:
         return Normal(self.layout, blocks)
 
 
-def blank(layout: Layout) -> tuple[Normal, Matrix]:
+def blank(layout: EquationLayout) -> tuple[Normal, Matrix]:
     """Normal matrix and gradient (v, BLOCK) of a layout without matches: zero, but for what only fills a lens' block."""
     v = layout.vertices
     blocks = np.zeros((v + len(layout.edges), BLOCK, BLOCK))
@@ -159,7 +159,7 @@ def solve(normal: Normal, gradient: Matrix, damping: float, run: Run = map) -> M
     held = np.eye(BLOCK) * max(damping, 1e-7)
     plan = normal.layout.plan
 
-    def part(piece: Piece) -> Part:
+    def part(piece: EliminationPiece) -> MatrixPart:
         return scaled_part(normal, piece, scale, held, gradient)
 
     try:
@@ -174,13 +174,13 @@ def solve(normal: Normal, gradient: Matrix, damping: float, run: Run = map) -> M
     return -scale * solution if np.isfinite(solution).all() else None
 
 
-def scaled_part(normal: Normal, piece: Piece, scale: Matrix, added: Matrices, right: Matrix) -> Part:
+def scaled_part(normal: Normal, piece: EliminationPiece, scale: Matrix, added: Matrices, right: Matrix) -> MatrixPart:
     """A piece of the matrix and of the right-hand side (v, BLOCK), rows and columns scaled (v, BLOCK); `added` to its diagonal
     blocks ((k,) BLOCK, BLOCK) after that."""
     v = normal.layout.vertices
     first, second = normal.layout.edges[piece.edges].T
     own = scale[piece.vertices]
-    return Part(
+    return MatrixPart(
         piece=piece,
         diagonal=normal.blocks[piece.vertices] * own[:, :, None] * own[:, None, :] + added,
         blocks=normal.blocks[v + piece.edges] * scale[first, :, None] * scale[second, None, :],
@@ -188,12 +188,12 @@ def scaled_part(normal: Normal, piece: Piece, scale: Matrix, added: Matrices, ri
     )
 
 
-def handed_on(part: Part) -> Update:
+def handed_on(part: MatrixPart) -> Update:
     """The task of a subtree on the way up: what it adds to the equations of its border."""
     return eliminated(part)[1]
 
 
-def resolved(task: tuple[Part, Matrix]) -> Matrix:
+def resolved(task: tuple[MatrixPart, Matrix]) -> Matrix:
     """The task of a subtree on the way back: its solution (k, BLOCK), given that of its border (b, BLOCK)."""
     part, of_border = task
     return substituted(eliminated(part)[0], part.piece, of_border)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import Indices, Mask, Matrices, SquareMatrix
-from gcs_mosaic.stitch.bundle.elimination import BLOCK, Front, Piece
-from gcs_mosaic.stitch.bundle.multifrontal import Part, Steps, eliminated, inverted
+from gcs_mosaic.stitch.bundle.elimination import BLOCK, EliminationPiece, Front
+from gcs_mosaic.stitch.bundle.multifrontal import MatrixPart, Steps, eliminated, inverted
 from gcs_mosaic.stitch.bundle.normal_equations import Normal, Run, handed_on, scaled_part
 
 
@@ -35,7 +35,7 @@ def covariances(normal: Normal, partners: Indices, known: Mask, run: Run = map) 
     scale = np.where(known, 0.0, 1 / np.sqrt(np.maximum(normal.diagonal, 1e-300)))
     plan, held = normal.layout.plan, known[:, :, None] * np.eye(BLOCK)
 
-    def part(piece: Piece) -> Part:
+    def part(piece: EliminationPiece) -> MatrixPart:
         return scaled_part(normal, piece, scale, held[piece.vertices], np.zeros_like(scale))
 
     try:
@@ -55,7 +55,7 @@ def covariances(normal: Normal, partners: Indices, known: Mask, run: Run = map) 
     )
 
 
-def selected(task: tuple[Part, Indices, SquareMatrix]) -> Covariances:
+def selected(task: tuple[MatrixPart, Indices, SquareMatrix]) -> Covariances:
     """The task of a subtree of k vertices: their blocks, given their partners (k,) and the inverse on its border."""
     part, partners, of_border = task
     found = _zeros(len(part.piece.vertices))
@@ -83,7 +83,7 @@ def _enter(front: Front, inverse: SquareMatrix, partners: Indices, found: Covari
     found.with_partner[front.first + with_one] = blocks[with_one, :, at]
 
 
-def _within(piece: Piece, partners: Indices) -> Indices:
+def _within(piece: EliminationPiece, partners: Indices) -> Indices:
     """Partners (k,) of a piece's vertices, with its own numbers."""
     of_own = partners[piece.vertices]
     return np.where(of_own >= 0, np.searchsorted(np.concatenate([piece.vertices, piece.border]), of_own), -1)
