@@ -31,7 +31,7 @@ ALLOWED = {
     "triggers": {"messages"},
     "frames": {"stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
-    "export": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
+    "export": {"views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
     "check": {
         *("notes", "store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph"),
         *("messages", "errors"),
@@ -39,7 +39,7 @@ ALLOWED = {
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "hints": {"views", "store", "render", "stitch.arrays", "stitch.camera", "errors"},
-    "web": {"hints", "geo", "notes", "views", "store", "export", "render", "messages", "errors"},
+    "web": {"hints", "geo", "notes", "views", "store", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
     "app": {
@@ -70,7 +70,7 @@ ONLY = {
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("views", "stitch.graph"): {"placement"},
     ("views", "frames"): {"decode"},
-    ("web", "export"): {"tile_reader"},
+    ("export", "views"): {"tile_reader", "hole_filling"},
     ("export", "frames"): {"decode"},
     ("config", "web"): {"settings"},
     ("config", "hints"): {"settings"},

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.export.tile_reader import level_within, picture, pixel_bounds
+from gcs_mosaic.views.tile_reader import level_within, picture, pixel_bounds
 from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.camera.relief import on_plane

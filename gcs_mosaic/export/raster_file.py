@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tifffile
 
-from gcs_mosaic.export.hole_filling import Tiles, filled_picture
+from gcs_mosaic.views.hole_filling import Tiles, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import Bands
 

@@ -7,7 +7,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 
-from gcs_mosaic.export.tile_reader import EncodedTile
+from gcs_mosaic.views.tile_reader import EncodedTile
 from gcs_mosaic.render.tile_grid import Tile, ancestor
 from gcs_mosaic.web.change import Change, Painted
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-from gcs_mosaic.export.tile_reader import filled
+from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
 from gcs_mosaic.store.journal import JOURNAL_NAME, told_after

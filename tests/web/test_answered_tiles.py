@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from gcs_mosaic.export.tile_reader import EncodedTile
+from gcs_mosaic.views.tile_reader import EncodedTile
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.web import answered_tiles
 from gcs_mosaic.web.answered_tiles import AnsweredTiles

@@ -5,8 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.export.hole_filling import WrittenTiles, filled_picture
-from gcs_mosaic.export.tile_reader import EncodedTile, filled, level_within, picture
+from gcs_mosaic.views.hole_filling import WrittenTiles, filled_picture
+from gcs_mosaic.views.tile_reader import EncodedTile, filled, level_within, picture
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile, ancestor, tile_box
 from gcs_mosaic.store.tiles import mask_path, tile_path, write_tile
