@@ -38,8 +38,9 @@ ALLOWED = {
     },
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
+    "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
     "hints": {"views", "store", "render", "stitch.arrays", "stitch.camera", "errors"},
-    "web": {"hints", "geo", "notes", "views", "store", "render", "messages", "errors"},
+    "web": {"hints", "geo", "geotiles", "notes", "views", "store", "render", "messages", "errors"},
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
     "app": {
@@ -71,6 +72,7 @@ ONLY = {
     ("views", "stitch.graph"): {"placement"},
     ("views", "frames"): {"decode"},
     ("export", "views"): {"tile_reader", "hole_filling"},
+    ("geotiles", "views"): {"hole_filling"},
     ("export", "frames"): {"decode"},
     ("config", "web"): {"settings"},
     ("config", "hints"): {"settings"},
