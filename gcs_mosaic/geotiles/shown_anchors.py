@@ -3,8 +3,8 @@
 During a flight an anchor by positions is fitted anew with every frame, and each fit lies a little elsewhere. Other maps keep
 tiles, and people compare what they see with what they saw. So an anchor stays until another one is worth it:
 
-* a corner of the island would move by more than a third of the new one's stated error there, that is, until what is shown is off
-  by something that the statement does not cover anyway;
+* a corner of the island would move by more than a third of the new one's stated error there: less is little against what the
+  map may be off by anyway;
 * or the stated error of the worst corner fell by a quarter or grew by a third: what was said of the map is no longer true;
 * or people have changed what lays it (set or deleted pins, asked for positions): then at once.
 
