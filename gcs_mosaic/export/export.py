@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.views.tile_reader import level_within, picture, pixel_bounds
 from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.camera.relief import on_plane
@@ -24,6 +23,7 @@ from gcs_mosaic.store.listing import FrameNews, Listing
 from gcs_mosaic.store.records import Estimate, FrameState
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.store.tiles import encode
+from gcs_mosaic.views.tile_reader import level_within, picture, pixel_bounds
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points lens distortion is linear to a hundredth of a pixel
 LARGEST_PICTURE = 100_000_000  # pixels, if no level is given; more than most programs open

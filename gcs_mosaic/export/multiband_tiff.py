@@ -15,9 +15,9 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.export import MOST_PIXELS, chosen_island, telling_where
 from gcs_mosaic.export.raster_file import Region, write_raster
 from gcs_mosaic.export.rebuild import RebuildSource, RebuiltTiles, rebuilt, source_of
-from gcs_mosaic.views.tile_reader import level_within
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, level_from_canvas, pixel_size, tile_box, tile_range
 from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.views.tile_reader import level_within
 
 
 def export_tiff(

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import tifffile
 
-from gcs_mosaic.views.hole_filling import Tiles, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.views.hole_filling import Tiles, filled_picture
 
 BIG = 3_900_000_000  # bytes before compression beyond which 32-bit offsets might not suffice
 GDAL_NODATA = 42113  # tag: the nodata value, as text

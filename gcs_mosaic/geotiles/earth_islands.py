@@ -22,14 +22,20 @@ Bounds: TypeAlias = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class EarthIsland:
-    """An island where its anchor lays it. `box`: of its canvas; `coarsest`, `finest`: the canvas' levels with tiles."""
+class CanvasIsland:
+    """An island as mosaic.json tells it. `box`: of its canvas; `coarsest`, `finest`: the canvas' levels with tiles."""
 
     id: int
     frames: int
     box: Box
     coarsest: int
     finest: int
+
+
+@dataclass(frozen=True)
+class EarthIsland(CanvasIsland):
+    """An island where its anchor lays it."""
+
     anchor: Anchor
 
     @cached_property
@@ -76,25 +82,25 @@ class EarthIsland:
         return max(self.anchor.error(x, y).major_m for x, y in corners)
 
 
-def earth_islands(entries: Iterable[Mapping[str, Any]], anchors: Mapping[int, Anchor]) -> tuple[EarthIsland, ...]:
-    """Of the entries of mosaic.json those that have an anchor, the one with most frames last: it is shown on top.
+def canvas_islands(document: Mapping[str, Any]) -> tuple[CanvasIsland, ...]:
+    """Those of mosaic.json that were not joined to another. Raises KeyError, TypeError and ValueError if it is none."""
+    return tuple(_canvas_island(entry) for entry in document["islands"] if entry.get("merged_into") is None)
 
-    One that has been joined to another is gone, and its anchor with it. Raises KeyError, TypeError and ValueError of entries that
-    are none.
-    """
+
+def earth_islands(islands: Iterable[CanvasIsland], anchors: Mapping[int, Anchor]) -> tuple[EarthIsland, ...]:
+    """Those that have an anchor, the one with most frames last: it is shown on top."""
     found = [
-        EarthIsland(
-            id=int(entry["id"]),
-            frames=int(entry["frames"]),
-            box=tuple(map(float, entry["bounds"])),  # type: ignore[arg-type]
-            coarsest=int(entry["minzoom"]),
-            finest=int(entry["maxzoom"]),
-            anchor=anchors[entry["id"]],
-        )
-        for entry in entries
-        if entry.get("merged_into") is None and entry["id"] in anchors
+        EarthIsland(one.id, one.frames, one.box, one.coarsest, one.finest, anchors[one.id])
+        for one in islands
+        if one.id in anchors
     ]
     return tuple(sorted((one for one in found if one.is_on_earth), key=lambda one: (one.frames, -one.id)))
+
+
+def _canvas_island(entry: Mapping[str, Any]) -> CanvasIsland:
+    left, top, right, bottom = map(float, entry["bounds"])
+    frames, coarsest, finest = (int(entry[name]) for name in ("frames", "minzoom", "maxzoom"))
+    return CanvasIsland(int(entry["id"]), frames, (left, top, right, bottom), coarsest, finest)
 
 
 def outline_of(box: Box, per_side: int = PER_SIDE) -> CanvasPlaces:

@@ -61,6 +61,16 @@ class GeoPyramid:
         found = {place for one in self.islands for place in _tiles_over(one.mercator_bounds, level)}
         yield from sorted(found, key=lambda place: place[::-1])
 
+    def corner_tiles(self, level: int) -> tuple[tuple[int, int], tuple[int, int]]:
+        """x and y of the first and the last tile of a level between which all lies. ValueError without an island."""
+        if self.mercator_bounds is None:
+            raise ValueError("a map without an island has no corners")
+        west, south, east, north = self.mercator_bounds
+        side, last = resolution_m(level) * TILE_SIZE, (1 << level) - 1
+        first = int((west + HALF_WORLD_M) // side), int((HALF_WORLD_M - north) // side)
+        final = int((east + HALF_WORLD_M) // side), int((HALF_WORLD_M - south) // side)
+        return (max(first[0], 0), max(first[1], 0)), (min(final[0], last), min(final[1], last))
+
     def picture(self, grid: PictureGrid) -> ImageBGRA | None:
         """A picture (h, w, 4) with the islands in it; None if there is none."""
         found = [(one, window) for one in self.islands for window in windows(grid, one)]

@@ -26,7 +26,7 @@ from gcs_mosaic.views.sharpness import relative_sharpness
 if TYPE_CHECKING:
     from gcs_mosaic.stitch.graph.placement import Homography
     from gcs_mosaic.store.ledger import Ledger
-    from gcs_mosaic.store.records import EventRecord, FrameRecord, PositionRecord, ReportedPosition
+    from gcs_mosaic.store.records import EventRecord, FlightRecord, FrameRecord, PositionRecord, ReportedPosition
 
 logger = logging.getLogger(__name__)
 
@@ -80,6 +80,11 @@ class FlightView:
     def painted(self, number: int) -> Painted | None:
         """How a frame is painted, with relief; None if it is not."""
         return self._painted(number, self.table().revision)
+
+    def flight(self) -> FlightRecord | None:
+        """What the ledger says of the flight. Raises UsageError."""
+        with self._ledger() as ledger:
+            return ledger.flight()
 
     def frame(self, number: int) -> FrameRecord | None:
         """What the ledger says of a frame."""

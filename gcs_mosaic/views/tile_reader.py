@@ -14,10 +14,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.views.hole_filling import WrittenTiles, fade, filled_picture
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
 from gcs_mosaic.stitch.arrays import ImageBGRA
 from gcs_mosaic.store.tiles import encode, encode_jpeg, mask_path, tile_path
+from gcs_mosaic.views.hole_filling import WrittenTiles, fade, filled_picture
 
 logger = logging.getLogger(__name__)
 

@@ -1,10 +1,13 @@
 """Who may look: whoever sits at this machine, and from elsewhere whoever has the token.
 
-The link with the token is opened once; a cookie keeps it, which no script can read and no other site can send.
+The link with the token is opened once; a cookie keeps it, which no script can read and no other site can send. Other programs
+that show the map can neither open a link nor keep a cookie: for reading what is under `MAPS`, and for nothing else, the token may
+be in the address.
 """
 
 from __future__ import annotations
 
+import hashlib
 import secrets
 import time
 from collections import OrderedDict, deque
@@ -18,6 +21,7 @@ from gcs_mosaic.web.token import Access
 
 COOKIE_S = 30 * 24 * 3600  # a tablet is switched off between flights
 TRIES, TRIES_S = 10, 60.0  # wrong tokens of one address within so long
+MAPS = "/maps/"  # what other programs read
 REMEMBERED = 1000  # addresses of wrong tokens
 NOT_YET = """\
 <!doctype html>
@@ -54,8 +58,12 @@ def is_local(request: web.Request) -> bool:
 
 
 def identify(access: Access, wrong: WrongTokens, request: web.Request) -> None:
-    """Raises HTTPUnauthorized unless the request's cookie, or a program's `Authorization: Bearer`, has the token."""
+    """Raises HTTPUnauthorized unless the request's cookie, a program's `Authorization: Bearer`, or a map's address has the
+    token."""
     if same(request.cookies.get(cookie_name(request)), access.token):
+        return
+    if request.path.startswith(MAPS) and request.method == "GET" and "token" in request.query:
+        admit(access, wrong, request, request.query["token"])
         return
     scheme, _, given = request.headers.get("Authorization", "").partition(" ")
     if scheme.lower() != "bearer":
@@ -69,7 +77,7 @@ def admit(access: Access, wrong: WrongTokens, request: web.Request, given: str) 
     if wrong.are_too_many(origin, time.monotonic()):
         raise web.HTTPTooManyRequests(text="Too many wrong tokens: wait a minute.\n", headers={"Retry-After": "60"})
     if not same(given, access.token):
-        wrong.note(origin, time.monotonic())
+        wrong.note(origin, time.monotonic(), given)
         raise refusal(request)
 
 
@@ -109,17 +117,24 @@ def cookie_name(request: web.Request) -> str:
 
 
 class WrongTokens:
-    """Remembers who tried wrong tokens lately."""
+    """Remembers who tried wrong tokens lately.
+
+    The same token again is no other guess: a program with the link of an earlier flight asks for many tiles a second, and must
+    not shut out one at the same address that has the right one.
+    """
 
     def __init__(self) -> None:
-        self._tries: OrderedDict[str, deque[float]] = OrderedDict()
+        self._tries: OrderedDict[str, deque[tuple[float, bytes]]] = OrderedDict()
 
     def are_too_many(self, origin: str, now: float) -> bool:
         tries = self._tries.get(origin, deque())
-        return len(tries) == TRIES and now - tries[0] < TRIES_S
+        return len(tries) == TRIES and now - tries[0][0] < TRIES_S
 
-    def note(self, origin: str, now: float) -> None:
-        self._tries.setdefault(origin, deque(maxlen=TRIES)).append(now)
+    def note(self, origin: str, now: float, given: str) -> None:
+        tries = self._tries.setdefault(origin, deque(maxlen=TRIES))
         self._tries.move_to_end(origin)
+        guess = hashlib.blake2b(given.encode("utf-8", "surrogateescape"), digest_size=8).digest()
+        if all(guess != known for _, known in tries):
+            tries.append((now, guess))
         if len(self._tries) > REMEMBERED:
             self._tries.popitem(last=False)

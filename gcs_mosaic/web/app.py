@@ -19,20 +19,22 @@ from pathlib import Path
 from aiohttp import web
 from aiohttp.typedefs import Handler
 
-from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
 from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
 from gcs_mosaic.store.revision import last_revision
+from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.web.access import access_check, is_local
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
+from gcs_mosaic.web.api.common import VIEW
 from gcs_mosaic.web.api.routes import add_api
 from gcs_mosaic.web.change import Change, NotesChange
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
 from gcs_mosaic.web.feed import Feed, News
 from gcs_mosaic.web.guard import add_headers, host_check, origin_check
 from gcs_mosaic.web.hidden_paths import without_paths
+from gcs_mosaic.web.maps.routes import add_maps
 from gcs_mosaic.web.places import Places, origin_of
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.tile_answer import tile_answer
@@ -96,6 +98,7 @@ def make_app(
     app.router.add_get("/live", live, allow_head=False)
     app.router.add_post(PATH, choose_vehicle)
     add_api(app, root, app[FEED], hints or HintSettings())
+    add_maps(app, app[VIEW], app[FEED], settings)
     return app
 
 

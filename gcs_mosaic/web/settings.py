@@ -13,6 +13,10 @@ class WebSettings:
     open: bool = False  # other machines need no token
     certificate: str | None = None  # PEM file: the page is served over HTTPS
     key: str | None = None  # PEM file with its private key, unless that is in the certificate's file
+    cors: bool = False  # pages of other sites may show the map on earth
+    underlay: str | None = (
+        None  # an MBTiles file, or a folder z/x/y.png: shown under the map where a program asks for it
+    )
     qr: Literal["auto", "always", "never"] = "auto"  # the link for others as a QR code; auto: on a terminal
     connections: int = 200  # at a time; each takes two files at most, and 1,024 is the usual limit
     # ... of one address: four pages in browsers. As many are kept for this machine itself.

@@ -19,6 +19,7 @@ logger = logging.getLogger(__name__)
 LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # that nobody mistakes for another; it may have to be typed
 LENGTH = 16  # 79 bits: nobody guesses it, at any number of tries
 TOKEN = re.compile(f"[{LETTERS}]{{{LENGTH}}}")
+IN_ADDRESS = re.compile(r"(token=)[^&\s'\"]*", re.IGNORECASE)
 OWNER_ONLY = 0o600
 
 
@@ -58,6 +59,11 @@ def kept_token(flight: Path, earlier: Iterable[Path] = ()) -> str:
 
 def new_token() -> str:
     return "".join(secrets.choice(LETTERS) for _ in range(LENGTH))
+
+
+def without_token(text: str) -> str:
+    """What somebody has sent, for the log."""
+    return IN_ADDRESS.sub(r"\1…", text)
 
 
 def _read(folder: Path) -> str | None:

@@ -11,6 +11,7 @@ from aiohttp.http import HttpProcessingError
 
 from gcs_mosaic.web.guard import HEADERS
 from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.token import without_token
 
 logger = logging.getLogger(__name__)
 
@@ -95,6 +96,7 @@ class Visitor(web.RequestHandler):
         """What a peer got wrong is no fault of ours: one line, without a traceback."""
         error = more.get("exc_info")
         if isinstance(error, HttpProcessingError):
-            logger.warning("a request cannot be read: %.*s", SHOWN, " ".join(str(error.message).split()))
+            said = without_token(" ".join(str(error.message).split()))
+            logger.warning("a request cannot be read: %.*s", SHOWN, said)
         else:
             super().log_exception(*args, **more)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, resolution_m
-from gcs_mosaic.geotiles.earth_islands import earth_islands
+from gcs_mosaic.geotiles.earth_islands import canvas_islands, earth_islands
 from gcs_mosaic.geotiles.picture_grid import PictureGrid, grid_of_tile
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
 from tests.geotiles.ground import anchor, island, noisy, pyramid, waves
@@ -101,7 +101,7 @@ def test_of_islands_that_overlap_the_one_with_most_frames_is_on_top() -> None:
         {"id": 7, "frames": 70, "bounds": [-9, -9, 9, 9], "minzoom": 13, "maxzoom": 16, "merged_into": 4},
         {"id": 8, "frames": 70, "bounds": [-9, -9, 9, 9], "minzoom": 13, "maxzoom": 16},
     ]
-    laid = earth_islands(entries, {4: anchor(), 2: anchor(), 7: anchor()})
+    laid = earth_islands(canvas_islands({"islands": entries}), {4: anchor(), 2: anchor(), 7: anchor()})
     assert [one.id for one in laid] == [2, 4]
 
     def canvas(one: object, _tile: object) -> np.ndarray:
@@ -169,4 +169,4 @@ def test_the_finest_level_is_the_nearest_to_the_ground_s_pixels() -> None:
 
 def test_an_island_far_from_what_its_anchor_was_made_of_is_left_out() -> None:
     entry = {"id": 0, "frames": 1, "bounds": [-6e6, -9, 9, 9], "minzoom": 1, "maxzoom": 16}
-    assert earth_islands([entry], {0: anchor()}) == ()
+    assert earth_islands(canvas_islands({"islands": [entry]}), {0: anchor()}) == ()

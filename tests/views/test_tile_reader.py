@@ -5,11 +5,11 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.views.hole_filling import WrittenTiles, filled_picture
-from gcs_mosaic.views.tile_reader import EncodedTile, filled, level_within, picture
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile, ancestor, tile_box
 from gcs_mosaic.store.tiles import mask_path, tile_path, write_tile
+from gcs_mosaic.views.hole_filling import WrittenTiles, filled_picture
+from gcs_mosaic.views.tile_reader import EncodedTile, filled, level_within, picture
 from tests.sure import sure
 
 TILE = Tile(16, 32768, 32768)

@@ -146,14 +146,21 @@ def test_guessing_is_stopped_but_not_for_who_is_let_in_already(stranger: Served)
 
 def test_wrong_tokens_are_forgotten_in_time_and_of_many_addresses() -> None:
     wrong = module.WrongTokens()
-    for _ in range(module.TRIES):
-        wrong.note("a", 0.0)
+    for n in range(module.TRIES):
+        wrong.note("a", 0.0, str(n))
     assert wrong.are_too_many("a", 1.0)
     assert not wrong.are_too_many("b", 1.0)
     assert not wrong.are_too_many("a", module.TRIES_S)
     for n in range(module.REMEMBERED):
-        wrong.note(str(n), 1.0)
+        wrong.note(str(n), 1.0, "x")
     assert not wrong.are_too_many("a", 1.0)
+
+
+def test_the_same_wrong_token_is_one_guess_however_often_it_comes() -> None:
+    wrong = module.WrongTokens()
+    for n in range(100):
+        wrong.note("a", 0.1 * n, "of the last flight")
+    assert not wrong.are_too_many("a", 10.0)
 
 
 def test_everybody_may_look_only_if_the_settings_say_so(flight: SmallFlight, from_elsewhere: None) -> None:

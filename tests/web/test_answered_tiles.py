@@ -6,9 +6,9 @@ import itertools
 
 import pytest
 
-from gcs_mosaic.views.tile_reader import EncodedTile
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.web import answered_tiles
+from gcs_mosaic.views.tile_reader import EncodedTile
+from gcs_mosaic.web import answered_tiles, recent_answers
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.change import Change
 
@@ -89,7 +89,7 @@ def test_what_was_made_while_something_was_painted_is_not_kept() -> None:
 def test_a_tile_is_made_anew_after_some_seconds_whatever_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     kept, make = AnsweredTiles(lambda: 0), Maker()
     data(kept, make)
-    monkeypatch.setattr(answered_tiles, "KEPT_S", 0.0)
+    monkeypatch.setattr(recent_answers, "KEPT_S", 0.0)
     assert data(kept, make) == b"1"
 
 

@@ -1,0 +1,70 @@
+"""What the protocols of the map share: the map that is served, checked addresses, answers."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+
+from aiohttp import web
+
+from gcs_mosaic.geo.mercator import FINEST_LEVEL
+from gcs_mosaic.web.access import MAPS
+from gcs_mosaic.web.maps.pictures import Look, Suffix
+from gcs_mosaic.web.maps.served_map import MapNow, ServedMap
+from gcs_mosaic.web.tile_answer import tile_answer
+
+FLIGHT = MAPS + r"{flight:[A-Za-z0-9._-]{1,80}}"
+TILE = "{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
+ISLAND = re.compile("[0-9]{1,6}")
+NO_ANCHOR = "Nothing is shown here yet: no island of the flight has an anchor. Set two pins on the page, under Anchor."
+
+MAP = web.AppKey("map", ServedMap)
+
+
+async def map_now(request: web.Request) -> MapNow:
+    """The map as it is now. Raises HTTPNotFound for another flight's name: its tiles are not these."""
+    now = await request.app[MAP].now()
+    if request.match_info["flight"] != now.flight:
+        raise web.HTTPNotFound(
+            text=f"This is flight {now.flight}: take its addresses from the page, under On other maps.\n"
+        )
+    return now
+
+
+async def tile_of(request: web.Request, level: int, x: int, y: int, look: Look) -> web.Response:
+    """A tile, or 304."""
+    if level > FINEST_LEVEL or max(x, y) >= 1 << level:
+        raise web.HTTPNotFound(text="There is no such tile.\n")
+    encoded = await request.app[MAP].tile(level, x, y, look)
+    return tile_answer(request, encoded.data, encoded.media_type)
+
+
+def look_of(request: web.Request, suffix: Suffix = "png") -> Look:
+    """What the query says of island and underlay. Raises HTTPBadRequest."""
+    island = request.query.get("island")
+    if island is not None and not ISLAND.fullmatch(island):
+        raise web.HTTPBadRequest(text="island= is to be the number of an island.\n")
+    return Look(suffix, None if island is None else int(island), request.query.get("underlay") == "1")
+
+
+def document(request: web.Request, text: str, media_type: str, download: str | None = None) -> web.Response:
+    """A text with an ETag; 304 to whom knows it. `download`: the name of the file as which a browser keeps it."""
+    data = text.encode("utf-8", "replace")
+    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
+    headers = {"ETag": f'"{etag}"'}
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers=headers)
+    if download is not None:
+        headers["Content-Disposition"] = f'attachment; filename="{download}"'
+    return web.Response(body=data, content_type=media_type, charset="utf-8", headers=headers)
+
+
+def about(now: MapNow) -> str:
+    """What is shown, and how exactly, in a sentence or two."""
+    if now.error_m is None:
+        return NO_ANCHOR
+    told = f"The map of the flight {now.title}, ± {now.error_m:.0f} m (95 %) at its worst corner."
+    if now.unanchored:
+        names = ", ".join(map(str, now.unanchored))
+        told += f" Not shown, without an anchor: island {names}."
+    return told

@@ -1,0 +1,50 @@
+"""XYZ tiles and their TileJSON, for QGroundControl, QGIS, Leaflet, MapLibre, OpenLayers and many more."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, cast
+
+from aiohttp import web
+
+from gcs_mosaic.geotiles.pyramid import OVERZOOM
+from gcs_mosaic.web.maps.addresses import addresses_for
+from gcs_mosaic.web.maps.common import FLIGHT, TILE, about, document, look_of, map_now, tile_of
+from gcs_mosaic.web.maps.pictures import Suffix
+
+
+def add_routes(app: web.Application) -> None:
+    app.router.add_get(f"{FLIGHT}/{TILE}.{{suffix:(png|jpg|webp)}}", tile)
+    app.router.add_get(f"{FLIGHT}/tilejson.json", tilejson)
+
+
+async def tile(request: web.Request) -> web.StreamResponse:
+    """GET ?island=&underlay=1: a tile of 256 px; transparent where nothing was seen, never 404 within the grid."""
+    await map_now(request)
+    level, x, y = (int(request.match_info[name]) for name in ("z", "x", "y"))
+    return await tile_of(request, level, x, y, look_of(request, cast("Suffix", request.match_info["suffix"])))
+
+
+async def tilejson(request: web.Request) -> web.StreamResponse:
+    """GET: TileJSON 3.0; `revision` is another whenever something looks different."""
+    now = await map_now(request)
+    addresses = addresses_for(request, now.flight)
+    told: dict[str, Any] = {
+        "tilejson": "3.0.0",
+        "tiles": [addresses.xyz],
+        "scheme": "xyz",
+        "name": now.title,
+        "description": about(now),
+        "version": "1.0.0",
+        "revision": now.token,
+        "vector_layers": [],
+    }
+    levels, bounds = now.pyramid.levels, now.pyramid.bounds
+    if levels is not None and bounds is not None:
+        west, south, east, north = bounds
+        told |= {"minzoom": levels[0], "maxzoom": levels[1], "bounds": [west, south, east, north]}
+        told |= {
+            "center": [(west + east) / 2, (south + north) / 2, levels[1] - 2],
+            "maxzoom_served": levels[1] + OVERZOOM,
+        }
+    return document(request, json.dumps(told), "application/json")
