@@ -98,7 +98,7 @@ def make_app(
     app.router.add_get("/live", live, allow_head=False)
     app.router.add_post(PATH, choose_vehicle)
     add_api(app, root, app[FEED], hints or HintSettings())
-    add_maps(app, app[VIEW], app[FEED], settings)
+    add_maps(app, app[VIEW], app[FEED], settings, address)
     return app
 
 

@@ -33,7 +33,8 @@ VIOLATIONS = f"""axe.run(document, {RULES}).then(({{ violations, passes }}) => {
   return passes.length < 10 ? [...told, {{ id: "too little was looked at" }}] : told;
 }})"""
 SHOWN_TILES = "[...document.querySelectorAll('.leaflet-tile-loaded img')].filter((one) => one.naturalWidth).length"
-PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look"]
+PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look", "elsewhere"]
+UNFOLD = "document.querySelectorAll('#elsewhere details').forEach((one) => { one.open = true; })"
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +167,31 @@ def test_pins_lay_the_map_and_the_cursor_tells_its_coordinate(page: Page, url: s
     assert page.complaints == []
 
 
+def test_the_addresses_for_other_maps_can_be_pasted_and_scanned(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-elsewhere")
+    someone.sees("elsewhere-told", "Nothing is shown on other maps")
+    someone.sees("elsewhere-reach", "Start gcs-mosaic with --http 0.0.0.0:8470")
+    writer = Writer(url)
+    for x, y, coordinate in ((0, 0, "44.5, 7.0"), (400, 0, "44.5, 7.003"), (0, 300, "44.4984, 7.0")):
+        writer.send("POST", "/pins", {"island": 0, "x": x, "y": y, "coordinate": coordinate, "who": "Ann"})
+    someone.sees("elsewhere-told", "Shown on other maps, ±")
+    stations = "[...document.querySelectorAll('#elsewhere details')]"
+    page.evaluate(f"{stations}[0].querySelector('summary').click()")
+    page.wait_for(f"{stations}[0].open && {stations}[0].innerText.includes('It refuses this address')")
+    address = page.evaluate(f"{stations}[0].querySelector('input').value")
+    assert address.startswith(f"{url}maps/small-")
+    filled = address.replace("{z}", "0").replace("{x}", "0").replace("{y}", "0")
+    assert page.evaluate(f"fetch('{filled}').then((answer) => answer.status)") == 200
+    page.evaluate(f"{stations}[0].querySelectorAll('button')[0].click()")
+    page.wait_for(f"{stations}[0].innerText.includes('opied') || {stations}[0].innerText.includes('by hand')")
+    page.evaluate(f"{stations}[2].open = true; {stations}[2].querySelectorAll('button')[1].click()")
+    page.wait_for(f"{stations}[2].querySelector('img').naturalWidth > 100")
+    links = page.evaluate(f"[...{stations}[2].querySelectorAll('a')].map((one) => one.href)")
+    assert links[0].startswith("tak://com.atakmap.app/import?url=http%3A%2F%2F")
+    assert page.complaints == []
+
+
 def test_islands_stand_side_by_side_and_the_flight_is_played_again(page: Page, url: str, flight: SmallFlight) -> None:
     flight.islands.append(IslandEntry(id=3, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=1))
     flight.write()
@@ -199,6 +225,7 @@ def test_everything_can_be_reached_with_a_finger_and_the_map_stays_large(
     assert share >= 0.7
     for panel in PANELS:
         someone.press(f"open-{panel}")
+        page.evaluate(UNFOLD)
         small: list[Any] = page.evaluate(
             "[...document.querySelectorAll('button, select, input, textarea, #side a, summary')].filter((one) => {"
             " const { width, height } = one.getBoundingClientRect();"
@@ -235,6 +262,7 @@ def test_nothing_hinders_who_sees_hears_or_moves_otherwise(page: Page, url: str,
     found: dict[str, Any] = {}
     for panel in [*PANELS, "help"]:
         someone.press(f"open-{panel}")
+        page.evaluate(UNFOLD)
         for violation in page.evaluate(VIOLATIONS):
             found[violation["id"]] = violation
     page.evaluate("document.getElementById('help').close()")

@@ -9,12 +9,23 @@ from aiohttp import web
 
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.api import anchors, finds, flight, frames, hints, hints_dismissed, layers, reviews, scale
+from gcs_mosaic.web.api import anchors, finds, flight, frames, hints, hints_dismissed, layers, maps, reviews, scale
 from gcs_mosaic.web.api.common import POOL, THREADS, VIEW
 from gcs_mosaic.web.api.notes import add_notes
 from gcs_mosaic.web.feed import Feed
 
-ROOMS = (flight, frames, layers, finds, scale, reviews, hints, hints_dismissed, anchors)  # modules with `add_routes`
+ROOMS = (
+    flight,
+    frames,
+    layers,
+    finds,
+    scale,
+    reviews,
+    hints,
+    hints_dismissed,
+    anchors,
+    maps,
+)  # modules with `add_routes`
 
 
 def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings) -> None:

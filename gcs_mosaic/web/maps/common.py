@@ -9,6 +9,7 @@ from aiohttp import web
 
 from gcs_mosaic.geo.mercator import FINEST_LEVEL
 from gcs_mosaic.web.access import MAPS
+from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.maps.pictures import Look, Suffix
 from gcs_mosaic.web.maps.served_map import MapNow, ServedMap
 from gcs_mosaic.web.tile_answer import tile_answer
@@ -19,6 +20,8 @@ ISLAND = re.compile("[0-9]{1,6}")
 NO_ANCHOR = "Nothing is shown here yet: no island of the flight has an anchor. Set two pins on the page, under Anchor."
 
 MAP = web.AppKey("map", ServedMap)
+ADDRESS = web.AppKey("address", HttpAddress)
+CORS = web.AppKey("cors", bool)
 
 
 async def map_now(request: web.Request) -> MapNow:

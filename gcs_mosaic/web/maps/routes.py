@@ -6,10 +6,11 @@ from aiohttp import web
 
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.access import MAPS
+from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.notes import NOTES
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.maps import atak, kml, qgis, wms, wmts, xyz
-from gcs_mosaic.web.maps.common import MAP
+from gcs_mosaic.web.maps.common import ADDRESS, CORS, MAP
 from gcs_mosaic.web.maps.served_map import ServedMap
 from gcs_mosaic.web.maps.underlay import underlay_of
 from gcs_mosaic.web.settings import WebSettings
@@ -17,9 +18,10 @@ from gcs_mosaic.web.settings import WebSettings
 PROTOCOLS = (xyz, wms, wmts, atak, kml, qgis)  # modules with `add_routes`
 
 
-def add_maps(app: web.Application, view: FlightView, feed: Feed, settings: WebSettings) -> None:
+def add_maps(app: web.Application, view: FlightView, feed: Feed, settings: WebSettings, address: HttpAddress) -> None:
     """Show the flight on other maps; after `add_api`, whose notes hold the anchors. Raises UsageError."""
     app[MAP] = ServedMap(view, app[NOTES], feed, underlay_of(settings.underlay))
+    app[ADDRESS], app[CORS] = address, settings.cors
     feed.before_telling(app[MAP].forget)
     app.on_cleanup.append(_end)
     if settings.cors:

@@ -5,7 +5,7 @@ import { byId } from "/viewer/dom.js";
 import { openPanel } from "/viewer/panels.js";
 import { t } from "/viewer/words.js";
 
-const PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look"];
+const PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look", "elsewhere"];
 
 const press = (id) => byId(id).click();
 /** @type {[string, string, (() => void) | null][]} key, what it does, action */
@@ -21,7 +21,7 @@ const KEYS = [
   }],
   ["r", "Flight up", () => press("turn-flight-up")],
   ["f", "Full screen", () => press("full")],
-  ["1 … 9", "Layers, Finds, Hints, Measure, Review, Anchor, Islands, Flight, Look", null],
+  ["1 … 9, 0", "Layers, Finds, Hints, Measure, Review, Anchor, Islands, Flight, Look, On other maps", null],
   ["+  −", "Nearer, farther", null],
   ["← ↑ → ↓", "Move the map; step through originals", null],
   ["b", "Blink between two originals", null],
@@ -45,7 +45,7 @@ export function listenForKeys() {
 function onKey({ key, target, ctrlKey, altKey, metaKey }) {
   const isTyping = target.matches?.("input:not([type=range], [type=checkbox]), textarea, select");
   if (ctrlKey || altKey || metaKey || isTyping || byId("help").open) return;
-  const panel = /^[1-9]$/.test(key) && PANELS[key - 1];
+  const panel = /^[0-9]$/.test(key) && PANELS[(Number(key) + 9) % 10];
   if (panel) press(`open-${panel}`);
   else if (byId("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();
 }

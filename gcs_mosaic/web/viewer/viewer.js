@@ -5,6 +5,7 @@ import { Absent } from "/viewer/absent.js";
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
 import { byId } from "/viewer/dom.js";
+import { Elsewhere } from "/viewer/elsewhere.js";
 import { Finds } from "/viewer/finds.js";
 import { FlightPath } from "/viewer/flightpath.js";
 import { Hints } from "/viewer/hints.js";
@@ -44,6 +45,7 @@ const finds = new Finds(map, pointing, (find) => originals.ask(find.island, find
 const measure = new Measure(map, pointing);
 const anchors = new Anchors(map, pointing);
 new Reviews(map);
+new Elsewhere();
 const islands = new Islands(map);
 const flightPath = new FlightPath(map, placements);
 new Absent(map);
