@@ -7,6 +7,7 @@ invalid tile counts as unseen.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
@@ -47,12 +48,25 @@ class WrittenTiles:
         return read_mask(self.root, self.island, tile)
 
 
+class _ReadOnce:
+    """Tiles, of which each is read, and its fading found, once for all that one is filled from."""
+
+    def __init__(self, tiles: Tiles) -> None:
+        self.picture, self.mask = cache(tiles.picture), cache(tiles.mask)
+        self._fades: dict[Tile, FloatImage | None] = {}
+
+    def fade(self, tile: Tile) -> FloatImage | None:
+        if tile not in self._fades:
+            self._fades[tile] = fade(self, tile)
+        return self._fades[tile]
+
+
 def filled_picture(tiles: Tiles, tile: Tile) -> TilePicture | None:
     """A tile with its holes filled from the nearest non-empty ancestors; None if all are empty."""
-    layers = _layers(tiles, tile)
+    once = _ReadOnce(tiles)
     shown: TilePicture | None = None
-    for level, picture in reversed(layers):
-        shown = picture if shown is None else _over(picture, shown, _opacity(tiles, tile, level))
+    for level, picture in reversed(_layers(once, tile)):
+        shown = picture if shown is None else _over(picture, shown, _opacity(once, tile, level))
     return shown if shown is not None and shown.coverage.any() else None
 
 
@@ -70,7 +84,7 @@ def fade(tiles: Tiles, tile: Tile) -> FloatImage | None:
     return np.asarray(np.minimum(distance / FADE, 1), dtype=np.float32)
 
 
-def _layers(tiles: Tiles, tile: Tile) -> list[tuple[int, TilePicture]]:
+def _layers(tiles: _ReadOnce, tile: Tile) -> list[tuple[int, TilePicture]]:
     """The tile and the ancestors needed to fill it, enlarged to its size; finest first."""
     layers: list[tuple[int, TilePicture]] = []
     for level in range(tile.z, max(tile.z - DEEPEST, 0) - 1, -1):
@@ -78,13 +92,13 @@ def _layers(tiles: Tiles, tile: Tile) -> list[tuple[int, TilePicture]]:
         picture = tiles.picture(source)
         if picture is not None:
             layers.append((level, picture if level == tile.z else _enlarged(picture, tile, level)))
-            if picture.coverage is full_coverage(TILE_SIZE) and fade(tiles, source) is None:
+            if picture.coverage is full_coverage(TILE_SIZE) and tiles.fade(source) is None:
                 break
     return layers
 
 
-def _opacity(tiles: Tiles, tile: Tile, level: int) -> FloatImage | None:
-    at_level = fade(tiles, ancestor(tile, level))
+def _opacity(tiles: _ReadOnce, tile: Tile, level: int) -> FloatImage | None:
+    at_level = tiles.fade(ancestor(tile, level))
     if at_level is None or level == tile.z:
         return at_level
     return _resampled(at_level, coarse_from_tile(tile, level))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -95,12 +95,12 @@ class Page:
 
 
 @contextmanager
-def open_browser(profile: Path) -> Iterator[Page]:
+def open_browser(profile: Path, options: Sequence[str] = ()) -> Iterator[Page]:
     """A browser with one empty page; it is ended with the block."""
     assert CHROMIUM is not None
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch_persistent_context(
-            profile, executable_path=CHROMIUM, headless=True, args=QUIET, no_viewport=True
+            profile, executable_path=CHROMIUM, headless=True, args=[*QUIET, *options], no_viewport=True
         )
         try:
             yield Page(browser.pages[0])

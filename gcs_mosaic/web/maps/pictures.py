@@ -19,9 +19,9 @@ from gcs_mosaic.web.maps.underlay import Underlay
 Suffix: TypeAlias = Literal["png", "jpg", "webp"]
 MEDIA_TYPES: dict[Suffix, str] = {"png": "image/png", "jpg": "image/jpeg", "webp": "image/webp"}
 QUALITY = 90
-# How each is encoded. PNG: four times as fast as the usual level, and a tenth larger.
+# How each is encoded. PNG: twice as fast as by OpenCV's own choice, and a tenth larger.
 HOW: dict[Suffix, list[int]] = {
-    "png": [cv2.IMWRITE_PNG_COMPRESSION, 1],
+    "png": [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE],
     "jpg": [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444],
     "webp": [cv2.IMWRITE_WEBP_QUALITY, QUALITY],
 }
@@ -54,7 +54,9 @@ def encoded_tile(
 def encoded(picture: ImageBGRA, look: Look) -> EncodedTile:
     """A picture (h, w, 4) as the bytes of a file."""
     background = look.background or (WHITE if look.suffix == "jpg" else None)
-    image = picture if background is None else over(picture, plain(picture.shape[:2], background))[..., :3]
+    image = picture if background is None else over(picture, plain(picture.shape[:2], background))
+    if int(image[..., 3].min()) == 255:
+        image = np.ascontiguousarray(image[..., :3])  # what is opaque needs no transparency
     return EncodedTile(encode(f".{look.suffix}", image, HOW[look.suffix]), MEDIA_TYPES[look.suffix])
 
 

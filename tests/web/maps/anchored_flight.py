@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from gcs_mosaic.geo.anchor import Anchor
@@ -20,6 +21,7 @@ from gcs_mosaic.store.records import FlightRecord
 from gcs_mosaic.store.tiles import write_tile
 from tests.factories import frame
 from tests.geotiles.ground import anchor, island, painted, waves
+from tests.geotiles.test_warp import tile_at
 from tests.sure import sure
 from tests.web.small_flight import SmallFlight
 from tests.web.test_notes_api import Writer
@@ -84,13 +86,10 @@ class AnchoredFlight:
 
 
 def picture_of(data: bytes) -> AnyImage:
-    """(h, w, 3 or 4), blue first."""
-    import cv2
-
-    return sure(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+    """(h, w, 4), blue first; what has no transparency is opaque."""
+    image = sure(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+    return image if image.shape[2] == 4 else np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
 
 
 def laid_at(laid: EarthIsland, level: int, x: float = 0.0, y: float = 0.0) -> tuple[int, int]:
-    from tests.geotiles.test_warp import tile_at
-
     return tile_at(laid, level, x, y)
