@@ -12,10 +12,14 @@ from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
 from gcs_mosaic.web.maps.common import FLIGHT, about, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
 
+REFRESH_MS = 5000
 VERSION = "3.22.0"  # of the project; newer ones take it over
 SYSTEM = (
     "<spatialrefsys><authid>EPSG:3857</authid><srsid>3857</srsid><srid>3857</srid>"
     "<description>WGS 84 / Pseudo-Mercator</description></spatialrefsys>"
+)
+IN_ONE_SYSTEM = (  # or the project's own is not read
+    '<properties><SpatialRefSys><ProjectionsEnabled type="int">1</ProjectionsEnabled></SpatialRefSys></properties>'
 )
 WHOLE = (-HALF_WORLD_M, -HALF_WORLD_M, HALF_WORLD_M, HALF_WORLD_M)
 
@@ -32,10 +36,13 @@ async def project(request: web.Request) -> web.StreamResponse:
 
 
 def as_project(now: MapNow, addresses: MapAddresses) -> str:
-    """The XML of a .qgs file. The WMS layer is there but not shown: it is the same picture, for prints."""
+    """The XML of a .qgs file. The WMS layer is there but not shown: it is the same picture, for prints.
+
+    QGIS takes names of layers of more than ten letters only, and gives others new ones, which the tree does not know.
+    """
     layers = (
-        ("mosaic_xyz", f"{now.title} (XYZ)", _xyz(now, addresses), True),
-        ("mosaic_wms", f"{now.title} (WMS)", _wms(addresses), False),
+        ("gcs_mosaic_xyz", f"{now.title} (XYZ)", _xyz(now, addresses), True),
+        ("gcs_mosaic_wms", f"{now.title} (WMS)", _wms(addresses), False),
     )
     tree = "".join(
         f'<layer-tree-layer id="{id_}" name={quoteattr(name)} providerKey="wms" source={quoteattr(source)} '
@@ -46,7 +53,7 @@ def as_project(now: MapNow, addresses: MapAddresses) -> str:
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
         f'<qgis version="{VERSION}" projectname={quoteattr(now.title)}><title>{escape(now.title)}</title>'
-        f"<projectCrs>{SYSTEM}</projectCrs><layer-tree-group>{tree}</layer-tree-group>"
+        f"{IN_ONE_SYSTEM}<projectCrs>{SYSTEM}</projectCrs><layer-tree-group>{tree}</layer-tree-group>"
         f'<mapcanvas name="theMapCanvas"><units>meters</units>{_extent(now)}<destinationsrs>{SYSTEM}</destinationsrs></mapcanvas>'
         f"<projectlayers>{told}</projectlayers><projectMetadata><abstract>{escape(about(now))}</abstract></projectMetadata>"
         "</qgis>\n"
@@ -65,10 +72,10 @@ def _wms(addresses: MapAddresses) -> str:
 
 
 def _layer(id_: str, name: str, source: str) -> str:
+    refresh = f'autoRefreshEnabled="1" autoRefreshMode="ReloadData" autoRefreshTime="{REFRESH_MS}"'
     return (
-        f'<maplayer type="raster" autoRefreshMode="ReloadData" autoRefreshTime="5000" refreshOnNotifyEnabled="0">'
-        f"<id>{id_}</id><datasource>{escape(source)}</datasource><layername>{escape(name)}</layername>"
-        f"<srs>{SYSTEM}</srs><provider>wms</provider></maplayer>"
+        f'<maplayer type="raster" {refresh}><id>{id_}</id><datasource>{escape(source)}</datasource>'
+        f"<layername>{escape(name)}</layername><srs>{SYSTEM}</srs><provider>wms</provider></maplayer>"
     )
 
 
