@@ -40,7 +40,10 @@ ALLOWED = {
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
     "hints": {"views", "store", "render", "stitch.arrays", "stitch.camera", "errors"},
-    "web": {"hints", "geo", "geotiles", "notes", "views", "store", "render", "messages", "errors"},
+    "web": {
+        *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
+        *("messages", "errors"),
+    },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
     "app": {
@@ -74,6 +77,7 @@ ONLY = {
     ("export", "views"): {"tile_reader", "hole_filling"},
     ("geotiles", "views"): {"hole_filling"},
     ("export", "frames"): {"decode"},
+    ("web", "frames"): {"decode"},
     ("config", "web"): {"settings"},
     ("config", "hints"): {"settings"},
     ("cli", "hints"): {"settings"},

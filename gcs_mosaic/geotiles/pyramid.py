@@ -12,7 +12,7 @@ from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE, resolution_m
 from gcs_mosaic.geotiles.canvas_tiles import CanvasTiles, divided
 from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland
 from gcs_mosaic.geotiles.picture_grid import PictureGrid, grid_of_tile
-from gcs_mosaic.geotiles.warp import Window, warped, windows
+from gcs_mosaic.geotiles.warp import PixelWindow, warped, windows
 from gcs_mosaic.stitch.arrays import ImageBGRA
 
 OVERZOOM = 6  # levels beyond the finest: stations that ask go on to 22 or so, whatever the map's resolution
@@ -84,11 +84,11 @@ class GeoPyramid:
         return None if picture is None or not picture.any() else divided(picture)
 
 
-def blocks(window: Window) -> Iterator[Window]:
+def blocks(window: PixelWindow) -> Iterator[PixelWindow]:
     """A window in parts of `BLOCK` px at most, as the whole picture is divided."""
     for top in range(window.top // BLOCK * BLOCK, window.bottom, BLOCK):
         for left in range(window.left // BLOCK * BLOCK, window.right, BLOCK):
-            yield Window(
+            yield PixelWindow(
                 max(left, window.left),
                 max(top, window.top),
                 min(left + BLOCK, window.right),

@@ -27,7 +27,7 @@ UNEQUAL = 4.0  # a pixel's longer side by its shorter one, beyond which its shor
 MOST_SAMPLES = 8  # along a side of a pixel
 
 
-class Window(NamedTuple):
+class PixelWindow(NamedTuple):
     """Pixels of a picture: left, top, and right, bottom exclusive."""
 
     left: int
@@ -54,7 +54,7 @@ class SourcePlaces:
     y: FloatImage
 
 
-def windows(grid: PictureGrid, island: EarthIsland) -> Iterator[Window]:
+def windows(grid: PictureGrid, island: EarthIsland) -> Iterator[PixelWindow]:
     """The parts of a picture that an island may lie in; two where it lies across the 180th meridian."""
     west, south, east, north = grid.bounds_of(island)
     (left, _, _, top), (across, down) = grid.bounds, grid.steps
@@ -63,7 +63,7 @@ def windows(grid: PictureGrid, island: EarthIsland) -> Iterator[Window]:
         columns = _touched((west + shifted) / across, (east + shifted) / across, grid.width)
         rows = _touched((top - north) / down, (top - south) / down, grid.height)
         if columns is not None and rows is not None:
-            yield Window(columns[0], rows[0], columns[1], rows[1])
+            yield PixelWindow(columns[0], rows[0], columns[1], rows[1])
 
 
 def sampling_of(grid: PictureGrid, island: EarthIsland) -> Sampling:
@@ -78,7 +78,7 @@ def sampling_of(grid: PictureGrid, island: EarthIsland) -> Sampling:
     return Sampling(level, *samples)
 
 
-def warped(grid: PictureGrid, window: Window, island: EarthIsland, tiles: CanvasTiles) -> ImageBGRA | None:
+def warped(grid: PictureGrid, window: PixelWindow, island: EarthIsland, tiles: CanvasTiles) -> ImageBGRA | None:
     """A window of a picture, colour multiplied by coverage; None if nothing of the island is in it."""
     sampling = sampling_of(grid, island)
     places = source_places(grid, window, island, sampling)
@@ -94,7 +94,7 @@ def warped(grid: PictureGrid, window: Window, island: EarthIsland, tiles: Canvas
     return np.asarray(whole, dtype=np.uint8)
 
 
-def source_places(grid: PictureGrid, window: Window, island: EarthIsland, sampling: Sampling) -> SourcePlaces:
+def source_places(grid: PictureGrid, window: PixelWindow, island: EarthIsland, sampling: Sampling) -> SourcePlaces:
     """Where the samples of a window lie on a level of the canvas."""
     columns, rows = (np.linspace(first, last, NODES) for first, last in (window[::2], window[1::2]))
     canvas = island.anchor.canvas(grid.places(columns, rows))

@@ -27,7 +27,7 @@ from gcs_mosaic.geotiles.pyramid import GeoPyramid
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
 from gcs_mosaic.store.tiles import write_tile
-from gcs_mosaic.web.maps.pictures import Look, encoded, encoded_tile
+from gcs_mosaic.web.maps.pictures import MapLook, encoded, encoded_tile
 from gcs_mosaic.web.maps.served_map import CANVAS_BYTES
 from tests.geotiles.ground import anchor, island
 
@@ -62,12 +62,12 @@ def told(level: int, pyramid: GeoPyramid, tiles: int, laid: EarthIsland) -> list
     taken, png = [], []
     for x, y in places:
         start = time.thread_time()
-        encoded_tile(pyramid, (level, x, y), Look(), None)
+        encoded_tile(pyramid, (level, x, y), MapLook(), None)
         taken.append(1000 * (time.thread_time() - start))
         shown = pyramid.tile(level, x, y)
         if shown is not None:
             start = time.thread_time()
-            encoded(shown, Look())
+            encoded(shown, MapLook())
             png.append(1000 * (time.thread_time() - start))
     finest = " (finest)" if level == laid.levels[1] else ""
     print(

@@ -10,7 +10,7 @@ from aiohttp import web
 from gcs_mosaic.geo.mercator import FINEST_LEVEL
 from gcs_mosaic.web.access import MAPS
 from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.maps.pictures import Look, Suffix
+from gcs_mosaic.web.maps.pictures import MapLook, Suffix
 from gcs_mosaic.web.maps.served_map import MapNow, ServedMap
 from gcs_mosaic.web.tile_answer import tile_answer
 
@@ -34,7 +34,7 @@ async def map_now(request: web.Request) -> MapNow:
     return now
 
 
-async def tile_of(request: web.Request, level: int, x: int, y: int, look: Look) -> web.Response:
+async def tile_of(request: web.Request, level: int, x: int, y: int, look: MapLook) -> web.Response:
     """A tile, or 304."""
     if level > FINEST_LEVEL or max(x, y) >= 1 << level:
         raise web.HTTPNotFound(text="There is no such tile.\n")
@@ -42,12 +42,12 @@ async def tile_of(request: web.Request, level: int, x: int, y: int, look: Look) 
     return tile_answer(request, encoded.data, encoded.media_type)
 
 
-def look_of(request: web.Request, suffix: Suffix = "png") -> Look:
+def look_of(request: web.Request, suffix: Suffix = "png") -> MapLook:
     """What the query says of island and underlay. Raises HTTPBadRequest."""
     island = request.query.get("island")
     if island is not None and not ISLAND.fullmatch(island):
         raise web.HTTPBadRequest(text="island= is to be the number of an island.\n")
-    return Look(suffix, None if island is None else int(island), request.query.get("underlay") == "1")
+    return MapLook(suffix, None if island is None else int(island), request.query.get("underlay") == "1")
 
 
 def document(request: web.Request, text: str, media_type: str, download: str | None = None) -> web.Response:

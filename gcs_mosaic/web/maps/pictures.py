@@ -29,7 +29,7 @@ WHITE = (255, 255, 255)
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class MapLook:
     """How a picture is to be. `background`: red, green, blue; None: transparent where nothing is; JPEG is white there then."""
 
     suffix: Suffix = "png"
@@ -39,7 +39,7 @@ class Look:
 
 
 def encoded_tile(
-    pyramid: GeoPyramid, place: tuple[int, int, int], look: Look, underlay: Underlay | None
+    pyramid: GeoPyramid, place: tuple[int, int, int], look: MapLook, underlay: Underlay | None
 ) -> EncodedTile:
     """An XYZ tile (level, x, y)."""
     shown = pyramid.tile(*place)
@@ -51,7 +51,7 @@ def encoded_tile(
     return encoded(shown, look)
 
 
-def encoded(picture: ImageBGRA, look: Look) -> EncodedTile:
+def encoded(picture: ImageBGRA, look: MapLook) -> EncodedTile:
     """A picture (h, w, 4) as the bytes of a file."""
     background = look.background or (WHITE if look.suffix == "jpg" else None)
     image = picture if background is None else over(picture, plain(picture.shape[:2], background))

@@ -9,12 +9,14 @@ import re
 import time
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
+from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geotiles.canvas_tiles import canvas_tile
@@ -34,7 +36,7 @@ from gcs_mosaic.web.answered_tiles import near_painted
 from gcs_mosaic.web.api.notes import Notes
 from gcs_mosaic.web.change import Change
 from gcs_mosaic.web.feed import Feed
-from gcs_mosaic.web.maps.pictures import Look, encoded_tile
+from gcs_mosaic.web.maps.pictures import MapLook, encoded_tile
 from gcs_mosaic.web.maps.underlay import Underlay
 from gcs_mosaic.web.recent_answers import RecentAnswers
 
@@ -82,7 +84,7 @@ class TileKey:
     level: int
     x: int
     y: int
-    look: Look
+    look: MapLook
 
 
 class ServedMap:
@@ -94,6 +96,7 @@ class ServedMap:
         self._pool = ThreadPoolExecutor(THREADS, thread_name_prefix="maps")
         self._looking = asyncio.Lock()
         self._known: tuple[object, float, MapNow] | None = None
+        self._pinned: tuple[list[SetPin], bool] | None = None  # pins, and whether positions may lay the map
         self._named: str | None = None
         revision = partial(last_revision, view.root)
         self._canvas: RecentAnswers[tuple[int, Tile], ImageBGRA | None] = RecentAnswers(
@@ -108,11 +111,19 @@ class ServedMap:
         async with self._looking:
             told = self._feed.revision, self._feed.notes
             if self._known is None or self._known[0] != told or time.monotonic() - self._known[1] > LOOK_EVERY_S:
-                _, pins, by_positions = await self._notes.run(self._notes.pinned)
-                self._known = told, time.monotonic(), await self.work(self._look, pins, by_positions)
+                self._known = told, time.monotonic(), await self._looked()
             return self._known[2]
 
-    async def tile(self, level: int, x: int, y: int, look: Look) -> EncodedTile:
+    async def _looked(self) -> MapNow:
+        """Raises HTTPServiceUnavailable if the pins were never read; else those that were read last hold."""
+        with suppress(web.HTTPServiceUnavailable):
+            _, pins, by_positions = await self._notes.run(self._notes.pinned)
+            self._pinned = pins, by_positions
+        if self._pinned is None:
+            raise web.HTTPServiceUnavailable(text="The notes, which hold the anchors, cannot be read now.\n")
+        return await self.work(self._look, *self._pinned)
+
+    async def tile(self, level: int, x: int, y: int, look: MapLook) -> EncodedTile:
         """An XYZ tile, transparent (or of the look's background) where nothing was seen."""
         changes = self._answers.changes
         now = await self.now()

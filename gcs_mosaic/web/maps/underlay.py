@@ -18,7 +18,6 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
 from gcs_mosaic.stitch.arrays import Bands, ImageBGRA
 from gcs_mosaic.views.hole_filling import coarse_from_tile
@@ -122,6 +121,8 @@ class MbtilesFile:
 
 def decoded(data: bytes) -> Bands | None:
     """A tile's pixels, BGR (256, 256, 3); None if it is no picture, or too large a one."""
+    from gcs_mosaic.frames.decode import Unreadable, decode_image  # it loads what reads TIFFs
+
     image = None if len(data) > LARGEST_BYTES else decode_image(data, LARGEST_PIXELS)
     if image is None or isinstance(image, Unreadable) or image.shape[2] not in (1, 3) or min(image.shape[:2]) < 1:
         return None

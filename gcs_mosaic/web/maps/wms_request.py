@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 from gcs_mosaic.geotiles.picture_grid import PictureGrid
 from gcs_mosaic.web.maps.addresses import WMS_LAYER
-from gcs_mosaic.web.maps.pictures import Look, Suffix
+from gcs_mosaic.web.maps.pictures import MapLook, Suffix
 
 Version: TypeAlias = Literal["1.1.1", "1.3.0"]
 MOST_SIDE = 4096  # px
@@ -37,7 +37,7 @@ class MapRequest:
 
     version: Version
     grid: PictureGrid
-    look: Look
+    look: MapLook
 
 
 def lower_names(query: Mapping[str, str]) -> dict[str, str]:
@@ -62,7 +62,7 @@ def map_request(asked: Mapping[str, str]) -> MapRequest:
     grid = _grid(asked, version, width, height)
     is_transparent = asked.get("transparent", "").upper() == "TRUE" and suffix != "jpg"
     background = None if is_transparent else _background(asked, version)
-    return MapRequest(version, grid, Look(suffix, None, asked.get("underlay") == "1", background))
+    return MapRequest(version, grid, MapLook(suffix, None, asked.get("underlay") == "1", background))
 
 
 def _check_layers(asked: Mapping[str, str], version: Version) -> None:

@@ -162,4 +162,5 @@ def test_the_flight_lies_over_it_where_a_program_asks_for_that(tmp_path: Path, f
     query += "&width=256&height=256&srs=EPSG:4326&format=image/png&underlay=1"
     assert (picture_of(client.ask(f"/maps/{FLIGHT}/wms?{query}")[1]) == both).all()
     assert b"underlay=1" in client.ask(f"/maps/{FLIGHT}/tilejson.json?underlay=1")[1]
+    assert client.get("/maps")["over_underlay"]["xyz"].endswith("/{z}/{x}/{y}.png?underlay=1")
     server.stop()

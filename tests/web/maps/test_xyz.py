@@ -7,10 +7,12 @@ import time
 
 import numpy as np
 import pytest
+from aiohttp import web
 
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
 from gcs_mosaic.render.tile_grid import Tile, ancestor
+from gcs_mosaic.web.api.notes import Notes
 from gcs_mosaic.web.feed import Feed
 from tests.running import until
 from tests.web.maps.anchored_flight import FLIGHT, AnchoredFlight, laid_at, picture_of
@@ -156,6 +158,20 @@ def test_an_island_that_joins_another_takes_its_anchor_away(pinned: Writer, flig
     flight.small.islands = [flight.entry(0, merged_into=3), flight.entry(3)]
     flight.small.write()
     until(lambda: not picture_of(pinned.ask(path)[1]).any(), "gone", 15)
+
+
+def test_while_the_notes_cannot_be_read_the_map_stays(
+    pinned: Writer, flight: AnchoredFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = address(flight.laid, flight.laid.levels[1])
+    before = pinned.ask(path)[1]
+
+    async def broken(*_given: object) -> None:
+        raise web.HTTPServiceUnavailable
+
+    monkeypatch.setattr(Notes, "run", broken)
+    time.sleep(1.1)  # until it is looked at again
+    assert pinned.ask(path)[1] == before
 
 
 def test_another_flight_s_tiles_are_not_these(pinned: Writer, flight: AnchoredFlight) -> None:
