@@ -31,7 +31,9 @@ ALLOWED = {
     "triggers": {"messages"},
     "frames": {"stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
-    "export": {"views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
+    "export": {
+        *("geotiles", "geo", "notes", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"),
+    },
     "check": {
         *("notes", "store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph"),
         *("messages", "errors"),
@@ -74,7 +76,7 @@ ONLY = {
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("views", "stitch.graph"): {"placement"},
     ("views", "frames"): {"decode"},
-    ("export", "views"): {"tile_reader", "hole_filling"},
+    ("export", "views"): {"tile_reader", "hole_filling", "flight_view", "coverage"},
     ("geotiles", "views"): {"hole_filling"},
     ("export", "frames"): {"decode"},
     ("web", "frames"): {"decode"},

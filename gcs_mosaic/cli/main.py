@@ -132,25 +132,21 @@ def check(given: argparse.Namespace) -> int:
     return table.run(given.flight, Console(), **how)
 
 
-def export(given: argparse.Namespace) -> None:
+def export_flight(given: argparse.Namespace) -> None:
     """Export a flight for other programs."""
-    from gcs_mosaic.export import export
+    from gcs_mosaic.export.formats import Wish, export
 
-    if given.format == "tiff":
-        from gcs_mosaic.export.multiband_tiff import export_tiff
-
-        target = given.to or given.flight / "mosaic.tif"
-        print(export_tiff(given.flight, target, island=given.island, level=given.zoom, gains=not given.no_gains))
-    elif given.format == "placements":
-        target = given.to or given.flight / "placements-export.json"
-        print(export.export_placements(given.flight, target))
-    elif given.format.startswith("finds-"):
-        from gcs_mosaic.notes.export_finds import export_finds
-
-        print(export_finds(given.flight, given.format.removeprefix("finds-"), given.to))
-    else:
-        target = given.to or given.flight / "mosaic.png"
-        print(export.export_png(given.flight, target, island=given.island, level=given.zoom))
+    wish = Wish(
+        to=given.to,
+        island=given.island,
+        zoom=given.zoom,
+        no_gains=given.no_gains,
+        box=tuple(given.box) if given.box else None,
+        crs=given.crs,
+        bands=given.bands,
+        tiles=given.tiles,
+    )
+    print(export(given.flight, given.format, wish, Console(stderr=True)))
 
 
 def anchor(given: argparse.Namespace) -> None:
@@ -185,7 +181,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "vehicle": vehicle,
     "check": check,
     "anchor": anchor,
-    "export": export,
+    "export": export_flight,
     "benchmark": benchmark,
     "config": config,
     "demo": demo,

@@ -247,16 +247,32 @@ def _system_or_folder(text: str) -> int | Path:
     return int(text)
 
 
-FORMATS = ("png", "tiff", "placements", "finds-geojson", "finds-csv", "finds-kml", "finds-report")
+CANVAS_FORMATS = ("png", "tiff", "placements", "finds-geojson", "finds-csv", "finds-kml", "finds-report")
+EARTH_FORMATS = ("geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson")  # of maps that have an anchor
 
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
-    parser.add_argument("--format", choices=FORMATS, required=True)
+    parser.add_argument("--format", choices=(*CANVAS_FORMATS, *EARTH_FORMATS), required=True)
     parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or the like, in DIR")
-    parser.add_argument("--island", type=int, metavar="N", help="which island; default: the largest")
-    parser.add_argument("--zoom", type=int, metavar="Z", help="level of the picture; default: the finest that fits")
-    parser.add_argument("--no-gains", action="store_true", help="tiff: counts as the camera wrote them, seams and all")
+    told = "which island; default: the largest, or all that have an anchor"
+    parser.add_argument("--island", type=int, metavar="N", help=told)
+    parser.add_argument("--zoom", type=int, metavar="Z", help="finest level; default: the finest that fits")
+    told = "cut out, in degrees; for what has coordinates"
+    parser.add_argument("--box", type=float, nargs=4, metavar=("W", "S", "E", "N"), help=told)
+    parser.add_argument("--crs", type=_crs, metavar="EPSG:3857|utm", help="geotiff, cog: default EPSG:3857")
+    parser.add_argument("--bands", action="store_true", help="geotiff, cog: every band of the frames at its depth")
+    parser.add_argument("--no-gains", action="store_true", help="bands: counts as the camera wrote them, seams and all")
+    parser.add_argument("--tiles", choices=["png", "webp", "jpg"], help="mbtiles, pmtiles, xyz: default png")
+
+
+def _crs(text: str) -> str:
+    known = {"epsg:3857": "EPSG:3857", "utm": "utm"}
+    if text.lower() not in known:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not written: give EPSG:3857 (Web Mercator) or utm (the map's zone)"
+        )
+    return known[text.lower()]
 
 
 def _add_check(parser: argparse.ArgumentParser) -> None:
@@ -333,7 +349,7 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "check": ("whether a flight is whole, and its repair", _add_check, {}),
     "anchor": ("where the map lies on earth: show it, set control points", _add_anchor, {}),
     "export": (
-        "a flight for other programs: a picture, all bands, where each pixel lies, what was found",
+        "a flight for other programs: a picture, all bands, a map with coordinates, what was found",
         _add_export,
         {},
     ),

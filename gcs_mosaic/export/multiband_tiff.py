@@ -29,7 +29,7 @@ def export_tiff(
     """
     folder = find_flight(flight)
     source = source_of(folder, chosen_island(folder, island)["id"])
-    bands, kind = _bands_of(source)
+    bands, kind = bands_of(source)
     with (
         telling_where(target),
         rebuilt(source, "gained" if gains else "raw", target.resolve().parent) as tiles,
@@ -47,7 +47,7 @@ def export_tiff(
     return (
         f"island {tiles.island} at level {zoom}, {region.width} x {region.height} pixels, {bands} "
         f"{'band' if bands == 1 else 'bands'} of {8 * kind.itemsize} bits and transparency, "
-        f"{'with gains' if gains else 'without gains'}, written to {target}{finer}{_left_out(source)}"
+        f"{'with gains' if gains else 'without gains'}, written to {target}{finer}{left_out(source)}"
     )
 
 
@@ -61,7 +61,7 @@ def region_of(box: Box, level: int) -> Region:
     return Region(first, last, width, height)
 
 
-def _bands_of(source: RebuildSource) -> tuple[int, np.dtype[Any]]:
+def bands_of(source: RebuildSource) -> tuple[int, np.dtype[Any]]:
     """Number of bands of the frames, and their type."""
     image = source.load(source.frames[0].name)
     if image is None:
@@ -82,7 +82,7 @@ def _about(tiles: RebuiltTiles, region: Region, gains: bool) -> dict[str, Any]:
     }
 
 
-def _left_out(source: RebuildSource) -> str:
+def left_out(source: RebuildSource) -> str:
     reasons = {"of another kind": source.of_another_kind, "whose originals are gone": source.gone}
     told = [f"{count} frames {reason}" for reason, count in reasons.items() if count]
     return f"; left out: {', '.join(told)}" if told else ""

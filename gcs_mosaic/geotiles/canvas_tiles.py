@@ -12,13 +12,13 @@ import numpy as np
 
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, level_from_canvas
-from gcs_mosaic.stitch.arrays import ImageBGRA
+from gcs_mosaic.stitch.arrays import AnyImage, ImageBGRA
 from gcs_mosaic.views.hole_filling import WrittenTiles, filled_picture
 
 KEPT = 128  # tiles in memory while a flight at rest is read: 256 KB each
 
-# A tile of an island's canvas, BGRA (256, 256, 4), colour multiplied by coverage; None where nothing was seen.
-CanvasTiles: TypeAlias = Callable[[EarthIsland, Tile], ImageBGRA | None]
+# A tile of an island's canvas, BGRA (256, 256, 4), or bands and coverage, multiplied by coverage; None where nothing was seen.
+CanvasTiles: TypeAlias = Callable[[EarthIsland, Tile], AnyImage | None]
 
 
 def tiles_at_rest(root: Path) -> CanvasTiles:

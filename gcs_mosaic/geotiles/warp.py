@@ -19,7 +19,7 @@ from gcs_mosaic.geotiles.canvas_tiles import CanvasTiles
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
 from gcs_mosaic.geotiles.picture_grid import PictureGrid
 from gcs_mosaic.render.tile_grid import BASE_LEVEL, TILE_SIZE, Tile, level_from_canvas, pixel_size
-from gcs_mosaic.stitch.arrays import FloatImage, ImageBGRA
+from gcs_mosaic.stitch.arrays import AnyImage, FloatImage
 
 NODES = 17  # exact places along each side of a window
 MARGIN_PX = 2  # about an island's bounds in a picture, and about what a window needs of the canvas
@@ -78,8 +78,9 @@ def sampling_of(grid: PictureGrid, island: EarthIsland) -> Sampling:
     return Sampling(level, *samples)
 
 
-def warped(grid: PictureGrid, window: PixelWindow, island: EarthIsland, tiles: CanvasTiles) -> ImageBGRA | None:
-    """A window of a picture, colour multiplied by coverage; None if nothing of the island is in it."""
+def warped(grid: PictureGrid, window: PixelWindow, island: EarthIsland, tiles: CanvasTiles) -> AnyImage | None:
+    """A window of a picture (h, w, channels), of the tiles' type, colour multiplied by coverage; None if nothing of the island is
+    in it."""
     sampling = sampling_of(grid, island)
     places = source_places(grid, window, island, sampling)
     patch = _patch(island, sampling.level, places, tiles)
@@ -88,10 +89,15 @@ def warped(grid: PictureGrid, window: PixelWindow, island: EarthIsland, tiles: C
     image, left, top = patch
     x = places.x + np.float32(places.left - left - 0.5)
     y = places.y + np.float32(places.top - top - 0.5)
-    samples = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
     size = window.right - window.left, window.bottom - window.top
-    whole = samples if size == samples.shape[1::-1] else cv2.resize(samples, size, interpolation=cv2.INTER_AREA)
-    return np.asarray(whole, dtype=np.uint8)
+    parts = [_resampled(image[..., at : at + 4], x, y, size) for at in range(0, image.shape[2], 4)]
+    return parts[0] if len(parts) == 1 else np.dstack(parts)
+
+
+def _resampled(image: AnyImage, x: FloatImage, y: FloatImage, size: tuple[int, int]) -> AnyImage:
+    """At most four channels: samples at places of an image, and their means."""
+    samples = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    return samples if size == samples.shape[1::-1] else cv2.resize(samples, size, interpolation=cv2.INTER_AREA)
 
 
 def source_places(grid: PictureGrid, window: PixelWindow, island: EarthIsland, sampling: Sampling) -> SourcePlaces:
@@ -125,7 +131,7 @@ def _samples(pixels: float) -> int:
 
 def _patch(
     island: EarthIsland, level: int, places: SourcePlaces, tiles: CanvasTiles
-) -> tuple[ImageBGRA, int, int] | None:
+) -> tuple[AnyImage, int, int] | None:
     """The part of a level that samples touch, and its first column and row; None if nothing was seen there."""
     box = level_from_canvas(level, np.array(island.box))
     first = places.left + float(places.x.min()), places.top + float(places.y.min())
@@ -134,18 +140,18 @@ def _patch(
     high = [math.ceil(min(pair)) + MARGIN_PX for pair in zip(last, box[2:], strict=True)]
     if low[0] >= high[0] or low[1] >= high[1]:
         return None
-    image = np.zeros((high[1] - low[1], high[0] - low[0], 4), np.uint8)
-    is_seen = False
+    image: AnyImage | None = None
     for y in range(low[1] // TILE_SIZE, (high[1] - 1) // TILE_SIZE + 1):
         for x in range(low[0] // TILE_SIZE, (high[0] - 1) // TILE_SIZE + 1):
             tile = tiles(island, Tile(level, x, y))
             if tile is not None:
-                is_seen = True
+                if image is None:
+                    image = np.zeros((high[1] - low[1], high[0] - low[0], tile.shape[2]), tile.dtype)
                 _put(image, tile, x * TILE_SIZE - low[0], y * TILE_SIZE - low[1])
-    return (image, low[0], low[1]) if is_seen else None
+    return None if image is None else (image, low[0], low[1])
 
 
-def _put(image: ImageBGRA, tile: ImageBGRA, left: int, top: int) -> None:
+def _put(image: AnyImage, tile: AnyImage, left: int, top: int) -> None:
     """A tile into a larger picture, as far as it lies within."""
     part = tile[max(-top, 0) :, max(-left, 0) :]
     into = image[max(top, 0) : max(top + TILE_SIZE, 0), max(left, 0) : max(left + TILE_SIZE, 0)]

@@ -6,6 +6,8 @@ import time
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.notes.anchoring import anchor_of
+from gcs_mosaic.notes.at_rest import anchors_of
 from gcs_mosaic.notes.binding import GroundFollower
 from gcs_mosaic.notes.book import NotesFile
 from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
@@ -16,15 +18,13 @@ from gcs_mosaic.store.disk import DiskFull, write_beside
 from gcs_mosaic.store.folder import NOTES_NAME, find_flight
 from gcs_mosaic.views.flight_view import FlightView
 
-ENDINGS = {"geojson": "geojson", "csv": "csv", "kml": "kml", "report": "html"}
 
-
-def export_finds(flight: Path, kind: str, to: Path | None) -> str:
-    """Write all finds as geojson, csv, kml or a report, by default into the flight's folder; returns a message. Raises
+def export_finds(flight: Path, kind: str, target: Path) -> str:
+    """Write all finds as geojson, csv, kml or a report, with coordinates where the map has an anchor; returns a message. Raises
     UsageError."""
     view = FlightView(find_flight(flight))
-    found, target = finds_in(flight), to or flight / f"finds.{ENDINGS[kind]}"
-    shown, name = placed(found, GroundFollower(view)), flight.resolve().name
+    found = finds_in(flight)
+    shown, name = placed(found, GroundFollower(view), anchor_of(anchors_of(view))), flight.resolve().name
     match kind:
         case "csv":
             text = as_csv(shown)

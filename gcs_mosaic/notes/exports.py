@@ -25,7 +25,7 @@ def as_geojson(finds: Sequence[PlacedFind], flight: str) -> str:
     document: dict[str, Any] = {"type": "FeatureCollection", "flight": shown(flight)}
     if not _are_anchored(finds):
         document["comment"] = NO_ANCHOR
-    document["features"] = [_feature(one) for one in finds]
+    document["features"] = [find_feature(one) for one in finds]
     return json.dumps(document, indent=1, allow_nan=False)
 
 
@@ -53,7 +53,8 @@ def _are_anchored(finds: Sequence[PlacedFind]) -> bool:
     return bool(finds) and all(one.geo is not None for one in finds)
 
 
-def _feature(one: PlacedFind) -> dict[str, Any]:
+def find_feature(one: PlacedFind) -> dict[str, Any]:
+    """A find as a Feature; its geometry is null without an anchor."""
     told, geo = find_document(one), one.geo
     point = None if geo is None else {"type": "Point", "coordinates": [geo.longitude_deg, geo.latitude_deg]}
     texts = {name: told[name] for name in ("kind", "label", "note", "who", "changed_by", "frame", "follows")}

@@ -1,0 +1,114 @@
+"""`gcs-mosaic export --format geojson`: outlines of the frames, the camera's path, gaps and finds, each with its error."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gcs_mosaic.export.earth_map import EarthMap, left_out_words
+from gcs_mosaic.export.whole_file import whole_file
+from gcs_mosaic.geo.anchor import CanvasPlaces
+from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland
+from gcs_mosaic.notes.anchoring import anchor_of
+from gcs_mosaic.notes.binding import GroundFollower
+from gcs_mosaic.notes.export_finds import finds_in
+from gcs_mosaic.notes.exports import find_feature
+from gcs_mosaic.notes.told import iso, placed, shown
+from gcs_mosaic.views.coverage import IslandCoverage
+
+DIGITS = 8  # of degrees: a millimetre
+Feature = dict[str, Any]
+
+
+def export_geojson(found: EarthMap, target: Path) -> str:
+    """Write a FeatureCollection (RFC 7946); returns a message. Raises UsageError."""
+    features = [one for one in _features(found) if _is_within(one, found.box)]
+    document = {"type": "FeatureCollection", "gcs_mosaic": found.about(), "features": features}
+    with whole_file(target) as path:
+        path.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+    kinds = [one["properties"]["is"] for one in features]
+    told = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in dict.fromkeys(kinds))
+    return f"{told or 'nothing'}, {found.about()['error']}, written to {target}{left_out_words(found)}"
+
+
+def _features(found: EarthMap) -> Iterator[Feature]:
+    for island in found.pyramid.islands:
+        yield from _footprints(found, island)
+        yield from _path(found, island)
+        yield from _gaps(found, island)
+    yield from _finds(found)
+
+
+def _footprints(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
+    table = found.view.table()
+    for index, frame in enumerate(table.frames):
+        outline = table.outlines[index]
+        outline = outline[np.isfinite(outline).all(axis=1)]
+        if frame.island == island.id and len(outline) >= 3:
+            middle = outline.mean(axis=0)
+            told = {
+                "is": "footprint",
+                "frame": shown(frame.name),
+                "island": island.id,
+                "error_m": _error(island, *middle),
+            }
+            told |= {} if frame.modified is None else {"time": iso(frame.modified)}
+            yield _feature("Polygon", [_ring(island, outline)], told)
+
+
+def _path(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
+    """The camera's own places over the ground, in the order in which the frames were taken."""
+    frames = sorted((one for one in found.view.table().frames if one.island == island.id), key=lambda one: one.order)
+    if len(frames) >= 2:
+        places = island.anchor.places(np.array([[one.pose.x, one.pose.y] for one in frames]))
+        told = {"is": "path", "island": island.id, "frames": [shown(one.name) for one in frames]}
+        yield _feature("LineString", _degrees(places), told)
+
+
+def _gaps(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
+    _, gaps = IslandCoverage(found.view).of(island.id)
+    for gap in gaps:
+        area = gap.area * island.anchor.metres_per_unit**2
+        told = {"is": "gap", "island": island.id, "area_m2": round(area, 1), "error_m": _error(island, *gap.inside)}
+        yield _feature("Polygon", [_ring(island, np.array(gap.outline))], told)
+
+
+def _finds(found: EarthMap) -> Iterator[Feature]:
+    follower = GroundFollower(found.view)
+    for one in placed(finds_in(found.view.root), follower, anchor_of(found.laid)):
+        if one.geo is not None and any(one.place.island == island.id for island in found.pyramid.islands):
+            feature = find_feature(one)
+            yield feature | {"properties": {"is": "find", **feature["properties"]}}
+
+
+def _feature(kind: str, coordinates: Sequence[Any], told: dict[str, Any]) -> Feature:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": told}
+
+
+def _ring(island: EarthIsland, outline: CanvasPlaces) -> list[list[float]]:
+    """Closed, counterclockwise as RFC 7946 wants it: outlines on the canvas, whose y grows downwards, may go either way."""
+    ring = _degrees(island.anchor.places(np.concatenate([outline, outline[:1]])))
+    x, y = np.array(ring).T
+    signed = float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum())
+    return ring if signed >= 0 else ring[::-1]
+
+
+def _degrees(places: CanvasPlaces) -> list[list[float]]:
+    return [[round(value, DIGITS) for value in place] for place in places.tolist()]
+
+
+def _error(island: EarthIsland, x: float, y: float) -> int:
+    return math.ceil(island.anchor.error(float(x), float(y)).major_m)
+
+
+def _is_within(feature: Feature, box: Bounds | None) -> bool:
+    """Whether any corner lies in the box."""
+    if box is None:
+        return True
+    points = np.array(feature["geometry"]["coordinates"], np.float64).reshape(-1, 2)
+    return bool(((points >= box[:2]) & (points <= box[2:])).all(axis=1).any())
