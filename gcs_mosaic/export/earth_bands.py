@@ -31,8 +31,10 @@ FULL = 255  # coverage of what was seen wholly
 
 @contextmanager
 def painted_again(found: EarthMap, target: Path, *, gains: bool) -> Iterator[Bandwise]:
-    """What is written of each pixel. `gains`: with gain compensation between frames, as on the map; else the raw counts; `target`:
-    beside it lies what does not fit into memory. Raises UsageError, also if the islands' frames have other bands."""
+    """What is written of each pixel. `gains`: with gain compensation between frames, as on the map; else the raw counts.
+
+    What does not fit into memory lies beside the target. Raises UsageError, also if the islands' frames have other bands.
+    """
     root = found.view.root
     sources = {one.id: source_of(root, one.id) for one in found.pyramid.islands}
     bands, kind = _common_bands(sources)

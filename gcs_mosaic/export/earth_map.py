@@ -45,6 +45,16 @@ class EarthMap:
         assert whole is not None, "a map without an island is not exported"
         return whole if self.box is None else _common(whole, self.box)
 
+    def finest_level(self, wanted: int | None) -> int:
+        """Of Web Mercator: that of the map's own pixels, or a coarser one that is wanted. Raises UsageError."""
+        levels = self.pyramid.levels
+        assert levels is not None, "a map without an island is not exported"
+        if wanted is None:
+            return levels[1]
+        if not levels[0] <= wanted <= levels[1]:
+            raise UsageError(f"--zoom {wanted}: on earth this map has the levels {levels[0]} to {levels[1]}.")
+        return wanted
+
     @property
     def error_m(self) -> float:
         """How far off the worst corner may be (95 %)."""
@@ -75,8 +85,7 @@ def earth_map(flight: Path, island: int | None = None, box: Bounds | None = None
     if box is not None:
         _check(box)
     folder = find_flight(flight)
-    if island is not None:
-        chosen_island(folder, island)
+    chosen_island(folder, island)  # raises if there is none
     view = FlightView(folder)
     record = view.flight()
     laid = anchors_of(view)

@@ -86,11 +86,7 @@ def of_tiles(found: EarthMap) -> Bandwise:
 
 def grid_of(found: EarthMap, crs: Crs, level: int | None = None) -> PictureGrid:
     """The picture's pixels. Those of Web Mercator lie on the pixels of its tiles. Raises UsageError."""
-    levels = found.pyramid.levels
-    assert levels is not None, "a map without an island is not exported"
-    last = levels[1] if level is None else level
-    if not levels[0] <= last <= levels[1]:
-        raise UsageError(f"--zoom {last}: on earth this map has the levels {levels[0]} to {levels[1]}.")
+    last = found.finest_level(level)
     while True:
         grid = _mercator_grid(found, last) if crs == "EPSG:3857" else _utm_grid(found, last)
         if grid.width * grid.height <= MOST_PIXELS:
@@ -181,7 +177,7 @@ def _write(path: Path, found: EarthMap, grids: list[PictureGrid], pixels: Bandwi
                 predictor=True,
                 subfiletype=0 if first else 1,
                 metadata=None,
-                description=found.sentence() if first else None,
+                description=found.sentence().encode() if first else None,
                 software=False,
                 extratags=_tags(found, grid, pixels) if first else [],
             )

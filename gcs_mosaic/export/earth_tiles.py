@@ -11,7 +11,6 @@ from typing import Literal, TypeAlias
 import cv2
 import numpy as np
 
-from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.earth_map import EarthMap
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE, mercator, resolution_m
 from gcs_mosaic.store.tiles import encode
@@ -45,11 +44,8 @@ class TilePlan:
 
 def planned_tiles(found: EarthMap, kind: TileFormat, finest: int | None = None) -> TilePlan:
     """All tiles from the coarsest level on; `finest`: the finest one, at most that of the map's own pixels. Raises UsageError."""
-    levels = found.pyramid.levels
+    levels, last = found.pyramid.levels, found.finest_level(finest)
     assert levels is not None, "a map without an island is not exported"
-    last = levels[1] if finest is None else finest
-    if not levels[0] <= last <= levels[1]:
-        raise UsageError(f"--zoom {last}: on earth this map has the levels {levels[0]} to {levels[1]}.")
     places = tuple(
         (z, x, y) for z in range(levels[0], last + 1) for x, y in found.pyramid.tiles(z) if _within(found, z, x, y)
     )

@@ -136,8 +136,9 @@ def _tiled(kind: str) -> Write:
 def _kmz(flight: Path, target: Path, wish: Wish, console: Console) -> str:
     from gcs_mosaic.export.kmz import export_kmz
 
+    found = _earth_map(flight, wish)
     with _progress(console) as progress:
-        return export_kmz(_earth_map(flight, wish), target, wish.zoom, progress)
+        return export_kmz(found, target, wish.zoom, progress)
 
 
 def _earth_map(flight: Path, wish: Wish) -> EarthMap:
@@ -154,7 +155,7 @@ def _known_by(option: str) -> str:
 def _progress(console: Console) -> Iterator[Progress]:
     """A bar that disappears when done."""
     columns = (TextColumn("exporting"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with ProgressBar(*columns, console=console, transient=True) as bar:
+    with ProgressBar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("exporting", total=None)
         yield lambda done, count: bar.update(task, completed=done, total=count)
 

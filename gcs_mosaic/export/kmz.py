@@ -72,12 +72,10 @@ def export_kmz(found: EarthMap, target: Path, level: int | None, progress: Progr
 
 def _size(found: EarthMap, level: int | None) -> tuple[int, int]:
     """Pixels of the whole map."""
-    levels = found.pyramid.levels
-    assert levels is not None, "a map without an island is not exported"
     west, south, east, north = found.bounds
     middle = (south + north) / 2
     along_parallel, along_meridian = metres_per_degree(middle).tolist()
-    step = resolution_m(levels[1] if level is None else level) * math.cos(math.radians(middle))
+    step = resolution_m(found.finest_level(level)) * math.cos(math.radians(middle))
     return max(1, round((east - west) * along_parallel / step)), max(1, round((north - south) * along_meridian / step))
 
 
@@ -96,22 +94,27 @@ def _tree(found: EarthMap, archive: zipfile.ZipFile, pixels: int, progress: Prog
     depths = math.ceil(math.log2(pixels / SIDE))
     root = _Part(0, 0, 0, _square(found, depths))
     archive.writestr("doc.kml", f"{HEAD}{_about(found)}{_link(root, 0)}{TAIL}", zipfile.ZIP_DEFLATED)
-    most, done = sum(4**depth for depth in range(depths + 1)), 0
-    waiting, count = [root], 0
-    while waiting:
-        part = waiting.pop()
-        done += 1
-        picture = _seen(found, part)
-        if picture is None:
-            done += sum(4**depth for depth in range(1, depths - part.depth + 1))
-            progress(min(done, most), most)
-            continue
-        progress(min(done, most), most)
-        children = part.children() if part.depth < depths else []
+    most, done, count = sum(4**depth for depth in range(depths + 1)), 0, 0
+
+    def seen(part: _Part) -> ImageBGRA | None:
+        nonlocal done
+        picture = _picture(found, part)
+        done += 1 if picture is not None else sum(4**depth for depth in range(depths - part.depth + 1))
+        progress(done, most)
+        return picture
+
+    def write(part: _Part, picture: ImageBGRA) -> None:
+        nonlocal count
+        quarters = part.children() if part.depth < depths else []
+        shown = [(quarter, below) for quarter in quarters if (below := seen(quarter)) is not None]
         archive.writestr(f"{part.name}.png", encoded(picture, "png"))
-        archive.writestr(f"{part.name}.kml", _document(part, children), zipfile.ZIP_DEFLATED)
-        waiting += children[::-1]
+        archive.writestr(f"{part.name}.kml", _document(part, [quarter for quarter, _ in shown]), zipfile.ZIP_DEFLATED)
         count += 1
+        for quarter, below in shown:
+            write(quarter, below)
+
+    top = seen(root)
+    write(root, np.zeros((SIDE, SIDE, 4), np.uint8) if top is None else top)
     return count
 
 
@@ -123,7 +126,7 @@ def _square(found: EarthMap, depths: int) -> Bounds:
     return west, north - side_m / along_meridian, west + side_m / along_parallel, north
 
 
-def _seen(found: EarthMap, part: _Part) -> ImageBGRA | None:
+def _picture(found: EarthMap, part: _Part) -> ImageBGRA | None:
     west, south, east, north = part.bounds
     whole = found.bounds
     if west >= whole[2] or east <= whole[0] or south >= whole[3] or north <= whole[1]:

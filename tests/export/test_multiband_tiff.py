@@ -4,50 +4,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
-from rich.console import Console
 
-import sitl.flight
-from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.cli.main import main
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.multiband_tiff import export_tiff
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
-from sitl.camera import SHARPNESS, Camera
-from sitl.flight import Flight
-from sitl.path import Plan
-from sitl.score import islands_of, lay, score
-from sitl.sensor import Sensor
+from sitl.score import score
+from tests.export.multiband_flight import WINDOW, Flown, finest_gsd, flown, ground_counts, ground_from_canvas, middle
 from tests.sure import sure
-
-QUIET = Console(quiet=True)
-WINDOW = 384  # px of the map that are compared with the ground
-
-
-class Flown(NamedTuple):
-    flight: Flight
-    out: Path
-    placements: dict[str, Any]
-
-
-def flown(
-    tmp_path_factory: pytest.TempPathFactory, world_cache: Path, exposure_step: float = 1.0, **sensor: int
-) -> Flown:
-    """A small flight of a camera with hardly a fault, stitched."""
-    folder = tmp_path_factory.mktemp("flight")
-    camera = Camera(vignetting=0.0, noise=0.5, exposure_step=exposure_step, step_every=2, sensor=Sensor(**sensor))
-    route = Plan(frames=8)
-    flight = sitl.flight.make("survey", folder / "frames", (480, 360), cache=world_cache, route=route, camera=camera)
-    out = stitch([folder / "frames" / "DCIM"], folder / "out", Config(), QUIET)
-    assert main(["export", str(out), "--format", "placements", "--to", str(folder / "placements.json")]) == 0
-    return Flown(flight, out, json.loads((folder / "placements.json").read_text()))
 
 
 @pytest.fixture(scope="module")
@@ -75,24 +46,10 @@ def exported(one: Flown, tmp_path: Path, **options: Any) -> tuple[np.ndarray, di
 
 def truth(one: Flown, about: dict[str, Any], columns: slice, rows: slice) -> np.ndarray:
     """The counts (h, w, bands) that the ground has under a window of the map."""
-    laid = lay(islands_of(one.flight.truth(), one.placements)[0][0])
-    ground_from_canvas, canvas_from_edges = laid[0].ground_from_canvas, np.array(about["canvas_from_pixel_edges"])
+    canvas_from_edges = np.array(about["canvas_from_pixel_edges"])
     edges = np.stack(np.meshgrid(np.r_[columns] + 0.5, np.r_[rows] + 0.5, [1.0]), axis=-1)[:, :, 0]
     canvas = np.concatenate([edges @ canvas_from_edges.T, edges[..., 2:]], axis=-1)
-    x, y = np.moveaxis(canvas @ ground_from_canvas[:2].T, -1, 0)
-    scene = one.flight.scene
-    gsd = one.flight.states[0].height / scene.camera.lens.focal_px * about["canvas_from_pixel_edges"][0][0]
-    octave = np.log2(gsd / scene.world.gsd) - SHARPNESS
-    sensor = scene.camera.sensor
-    return sensor.counts(sensor.levels(scene.world.colours(x, y, np.full(x.shape, octave, np.float32))))
-
-
-def middle(image: np.ndarray, side: int = WINDOW) -> tuple[slice, slice]:
-    """Columns and rows of a window that is covered all over."""
-    covered = cv2.erode((image[..., -1] == image[..., -1].max()).astype(np.uint8), np.ones((side, side)))
-    y, x = (int(np.median(place)) for place in np.nonzero(covered))
-    half = side // 2
-    return slice(x - half, x + half), slice(y - half, y + half)
+    return ground_counts(one, canvas @ ground_from_canvas(one)[:2].T, finest_gsd(one) * canvas_from_edges[0, 0])
 
 
 @pytest.mark.long
@@ -117,7 +74,9 @@ def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.Fix
     ours, wanted = image[rows, columns, :-1].astype(float), truth(one, about, columns, rows).astype(float)
     assert wanted.min() > 0
     shifts = [
-        cv2.phaseCorrelate(wanted[..., k], ours[..., k], cv2.createHanningWindow((WINDOW, WINDOW), cv2.CV_64F))[0]
+        cv2.phaseCorrelate(
+            wanted[..., k].copy(), ours[..., k].copy(), cv2.createHanningWindow((WINDOW, WINDOW), cv2.CV_64F)
+        )[0]
         for k in range(sensor.bands)
     ]
     assert np.abs(shifts).max() < 0.3

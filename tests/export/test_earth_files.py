@@ -1,0 +1,330 @@
+"""The map on earth as files, read by the programs that others read them with; each ground point is where the pins say."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+import rasterio
+from pmtiles.reader import MmapSource, Reader
+from pykml.factory import KML_ElementMaker  # noqa: F401  (its schema parser needs the package's data)
+from pykml.parser import Schema, fromstring
+from rio_cogeo.cogeo import cog_validate
+
+from gcs_mosaic.cli.main import main
+from gcs_mosaic.geo.mercator import places_of_mercator
+from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
+from gcs_mosaic.geotiles.picture_grid import grid_of_tile
+from gcs_mosaic.geotiles.pyramid import GeoPyramid
+from gcs_mosaic.notes.binding import Binding
+from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.pins import NewPin, Pins
+from tests.geotiles.ground import anchor
+from tests.sure import sure
+from tests.web.maps.anchored_flight import PINNED, AnchoredFlight
+from tests.web.maps.test_read_by_gdal import MARKS, MarkedFlight, opened, worst_px
+
+Export = Callable[..., Path]
+KML = "{http://www.opengis.net/kml/2.2}"
+
+
+def set_pins(flight: AnchoredFlight, count: int = 4) -> None:
+    book = NotesBook(flight.root)
+    for x, y in PINNED[:count]:
+        longitude, latitude = flight.truth.places(np.array([x, y])).tolist()
+        binding = Binding(island=0, x=x, y=y, frame=None, pixel=None)
+        Pins(book).create(
+            NewPin(
+                label="",
+                longitude_deg=longitude,
+                latitude_deg=latitude,
+                written="",
+                sigma_m=0.05,
+                who="Kim",
+                binding=binding,
+            )
+        )
+    book.close()
+
+
+@pytest.fixture(scope="module", params=[44.5, -67.0], ids=["44.5 N", "67 S"])
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> AnchoredFlight:
+    root = tmp_path_factory.mktemp("flight") / "small"
+    root.mkdir()
+    made = MarkedFlight(root, anchor(gsd_m=0.1, turned_deg=-52.0, latitude=request.param))
+    set_pins(made)
+    return made
+
+
+@pytest.fixture
+def export(flight: AnchoredFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Export:
+    def run(format_name: str, *options: str, to: str = "file") -> Path:
+        target = tmp_path / to
+        code = main(["export", str(flight.root), "--format", format_name, "--to", str(target), *options])
+        out, err = capsys.readouterr()
+        assert code == 0, err
+        assert f"written to {target}" in out
+        return target
+
+    return run
+
+
+@pytest.mark.parametrize("crs", ["EPSG:3857", "utm"])
+@pytest.mark.parametrize("format_name", ["geotiff", "cog"])
+def test_a_tiff_with_coordinates(flight: AnchoredFlight, export: Export, format_name: str, crs: str) -> None:
+    target = export(format_name, "--crs", crs, to="map.tif")
+    with opened(str(target)) as dataset:
+        north = flight.truth.plane.latitude_deg > 0
+        assert dataset.crs.to_epsg() == (3857 if crs != "utm" else 32632 if north else 32732)
+        assert dataset.count == 4
+        assert [one.name for one in dataset.colorinterp] == ["red", "green", "blue", "alpha"]
+        assert dataset.block_shapes[0] == (512, 512)
+        assert dataset.overviews(1)
+        assert worst_px(dataset, flight) < 1.0
+        tags = dataset.tags()
+        assert tags["FLIGHT"] == "small"
+        assert tags["FLOWN"] == "1970-01-01T00:00:01Z"
+        assert float(tags["ERROR_M"]) >= 0
+        assert json.loads(tags["ISLANDS"])[0]["anchor"] == "pins"
+    for overview in range(2):
+        with rasterio.open(str(target), overview_level=overview) as dataset:
+            if max(dataset.shape) > 300:
+                assert worst_px(dataset, flight) < 1.0
+
+
+@pytest.mark.parametrize("crs", ["EPSG:3857", "utm"])
+def test_a_cog_is_one(export: Export, crs: str) -> None:
+    is_one, errors, warnings = cog_validate(str(export("cog", "--crs", crs, to="map.tif")), strict=True, quiet=True)
+    assert is_one, errors
+    assert not warnings
+
+
+def test_a_tiff_s_pixels_are_those_of_the_tiles(flight: AnchoredFlight, export: Export) -> None:
+    with opened(str(export("geotiff", to="map.tif"))) as dataset:
+        whole, transform = dataset.read(), dataset.transform
+    pyramid = GeoPyramid((flight.laid,), tiles_at_rest(flight.root))
+    level = flight.laid.levels[1]
+    differences = []
+    for x, y in pyramid.tiles(level):
+        west, _, _, north = grid_of_tile(level, x, y).bounds
+        column, row = round((west - transform.c) / transform.a), round((north - transform.f) / transform.e)
+        tile = pyramid.tile(level, x, y)
+        if tile is None or min(column, row) < 0:
+            continue
+        part = np.moveaxis(whole[:, row : row + 256, column : column + 256], 0, 2)
+        if part.shape == tile.shape:
+            differences.append(np.abs(part.astype(int) - tile[..., [2, 1, 0, 3]]).mean())
+    assert differences
+    assert max(differences) < 0.1
+
+
+def test_mbtiles(flight: AnchoredFlight, export: Export) -> None:
+    target = export("mbtiles", to="map.mbtiles")
+    with opened(str(target)) as dataset:
+        assert dataset.crs.to_epsg() == 3857
+        assert worst_px(dataset, flight) < 1.0
+    file = sqlite3.connect(target)
+    about = dict(file.execute("SELECT name, value FROM metadata").fetchall())
+    assert {"name", "format", "bounds", "minzoom", "maxzoom", "type", "description"} <= set(about)
+    assert about["format"] == "png"
+    assert json.loads(about["gcs_mosaic"])["islands"][0]["frames"] == 9
+    assert file.execute("PRAGMA application_id").fetchone() == (0x4D504258,)
+    assert file.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone() == flight.laid.levels
+    file.close()
+
+
+def test_pmtiles(flight: AnchoredFlight, export: Export) -> None:
+    """By its own reader: each tile is the pyramid's."""
+    target = export("pmtiles", "--tiles", "webp", to="map.pmtiles")
+    pyramid = GeoPyramid((flight.laid,), tiles_at_rest(flight.root))
+    with target.open("rb") as file:
+        reader = Reader(MmapSource(file))
+        header = reader.header()
+        assert (header["min_zoom"], header["max_zoom"]) == flight.laid.levels
+        assert np.allclose(
+            [header[name] / 1e7 for name in ("min_lon_e7", "min_lat_e7")], flight.laid.bounds[:2], atol=1e-6
+        )
+        assert reader.metadata()["flight"] == "small"
+        for level in range(flight.laid.levels[0], flight.laid.levels[1] + 1):
+            for x, y in pyramid.tiles(level):
+                wanted, there = pyramid.tile(level, x, y), reader.get(level, x, y)
+                assert (wanted is None) == (there is None)
+                if wanted is not None:
+                    picture = sure(cv2.imdecode(np.frombuffer(there, np.uint8), cv2.IMREAD_UNCHANGED))
+                    seen = wanted[..., 3] == 255
+                    off = np.abs(picture[seen][:, :3].astype(int) - wanted[seen][:, :3])
+                    assert off.sum() < 3 * max(off.size, 1000), "a few pixels at a border may be off by what WebP loses"
+
+
+def test_pmtiles_by_gdal(flight: AnchoredFlight, export: Export) -> None:
+    """GDAL reads PMTiles of vector tiles alone; the same tiles in MBTiles stand for the place of each pixel."""
+    with export("pmtiles", to="map.pmtiles").open("rb") as file:
+        archive = Reader(MmapSource(file))
+        rows = sqlite3.connect(export("mbtiles", to="map.mbtiles"))
+        for z, x, row, data in rows.execute("SELECT zoom_level, tile_column, tile_row, tile_data FROM tiles"):
+            assert archive.get(z, x, (1 << z) - 1 - row) == data
+        rows.close()
+
+
+def test_a_folder_of_tiles(flight: AnchoredFlight, export: Export) -> None:
+    folder = export("xyz", "--tiles", "jpg", to="tiles")
+    told = json.loads((folder / "tiles.json").read_text())
+    assert (told["minzoom"], told["maxzoom"]) == flight.laid.levels
+    pyramid = GeoPyramid((flight.laid,), tiles_at_rest(flight.root))
+    expected = {(z, *at) for z in range(told["minzoom"], told["maxzoom"] + 1) for at in pyramid.tiles(z)}
+    written = {tuple(map(int, path.with_suffix("").parts[-3:])) for path in folder.rglob("*.jpg")}
+    assert written
+    assert written <= expected
+    assert all(pyramid.tile(*place) is None for place in expected - written)
+
+
+@pytest.mark.parametrize("side", [4096, 300], ids=["one picture", "a tree"])
+def test_a_kmz(flight: AnchoredFlight, export: Export, monkeypatch: pytest.MonkeyPatch, side: int) -> None:
+    """Against the schema; each mark is found where the finest pictures say."""
+    monkeypatch.setattr("gcs_mosaic.export.kmz.ONE_PICTURE_PX", side)
+    with zipfile.ZipFile(export("kmz", to="map.kmz")) as archive:
+        assert archive.namelist()[0] == "doc.kml"
+        documents = {name: archive.read(name) for name in archive.namelist() if name.endswith(".kml")}
+        overlays: list[ElementTree.Element] = []
+        for text in documents.values():
+            Schema("ogckml22.xsd").assertValid(fromstring(text))
+            root = ElementTree.fromstring(text)
+            for link in root.iter(f"{KML}href"):
+                assert link.text in archive.namelist()
+            overlays += root.iter(f"{KML}GroundOverlay")
+        assert (len(overlays) == 1) == (side == 4096)
+        pictures = [(box_of(one), picture_of(archive, one)) for one in overlays]
+    finest = min(east - west for (west, _, east, _), _ in pictures)
+    places = flight.truth.places(MARKS)
+    found = 0
+    for (west, south, east, north), picture in pictures:
+        if east - west > 1.01 * finest:
+            continue
+        high, wide = picture.shape[:2]
+        for longitude, latitude in places.tolist():
+            column, row = (longitude - west) / (east - west) * wide, (north - latitude) / (north - south) * high
+            if 20 < column < wide - 20 and 20 < row < high - 20:
+                assert mark_near(picture, column, row) < 1.0
+                found += 1
+    assert found >= len(MARKS) - 3
+
+
+def box_of(overlay: ElementTree.Element) -> tuple[float, ...]:
+    box = sure(overlay.find(f"{KML}LatLonBox"))
+    return tuple(float(sure(box.find(f"{KML}{side}")).text or "") for side in ("west", "south", "east", "north"))
+
+
+def picture_of(archive: zipfile.ZipFile, overlay: ElementTree.Element) -> np.ndarray:
+    name = sure(overlay.find(f"{KML}Icon/{KML}href")).text or ""
+    return sure(cv2.imdecode(np.frombuffer(archive.read(name), np.uint8), cv2.IMREAD_UNCHANGED))
+
+
+def mark_near(picture: np.ndarray, column: float, row: float, around: int = 14) -> float:
+    left, top = int(column) - around, int(row) - around
+    grey = picture[top : top + 2 * around + 1, left : left + 2 * around + 1, 0].astype(float)
+    weight = np.clip(grey - 100, 0, None)
+    down, across = np.mgrid[: grey.shape[0], : grey.shape[1]] + 0.5
+    x, y = (weight * across).sum() / weight.sum() + left, (weight * down).sum() / weight.sum() + top
+    return float(np.hypot(x - column, y - row))
+
+
+def test_geojson(flight: AnchoredFlight, export: Export) -> None:
+    told = json.loads(export("geojson", to="map.geojson").read_text())
+    assert told["gcs_mosaic"]["islands"][0]["anchor"] == "pins"
+    (footprint,) = (one for one in told["features"] if one["properties"]["is"] == "footprint")
+    assert footprint["properties"]["frame"] == "a.jpg"
+    ring = np.array(footprint["geometry"]["coordinates"][0])
+    assert (ring[0] == ring[-1]).all()
+    canvas = flight.truth.canvas(ring)
+    assert np.allclose(np.abs(canvas).max(axis=0), [650, 500], atol=1)
+    area = ((ring[:-1, 0] * ring[1:, 1]) - (ring[1:, 0] * ring[:-1, 1])).sum()
+    assert area > 0, "counterclockwise, as RFC 7946 wants it"
+
+
+def test_a_cut_out(flight: AnchoredFlight, export: Export) -> None:
+    west, south, east, north = flight.laid.bounds
+    box = (west, south, (west + east) / 2, (south + north) / 2)
+    with opened(str(export("geotiff", "--box", *map(repr, box), to="map.tif"))) as dataset:
+        low, high = places_of_mercator(np.array([dataset.bounds[:2], dataset.bounds[2:]]))
+        assert np.allclose([*low, *high], box, atol=1e-6)
+    with opened(str(export("mbtiles", "--box", *map(repr, box), to="map.mbtiles"))) as dataset:
+        assert dataset.bounds.right < flight.laid.mercator_bounds[2]
+
+
+def test_a_coarser_level(flight: AnchoredFlight, export: Export) -> None:
+    finest = flight.laid.levels[1]
+    with opened(str(export("geotiff", "--zoom", str(finest - 1), to="a.tif"))) as coarse:
+        with opened(str(export("geotiff", to="b.tif"))) as fine:
+            assert coarse.transform.a == pytest.approx(2 * fine.transform.a)
+        assert worst_px(coarse, flight) < 1.0
+
+
+@pytest.mark.parametrize("kind", ["finds-geojson", "finds-csv", "finds-kml"])
+def test_finds_have_coordinates(flight: AnchoredFlight, export: Export, kind: str) -> None:
+    assert export(kind, to=f"finds.{kind[6:]}").exists()
+
+
+@pytest.fixture
+def refused(flight: AnchoredFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    def run(*options: str, root: Path = flight.root, to: str = "file") -> str:
+        code = main(["export", str(root), "--to", str(tmp_path / to), *options])
+        assert code == 2
+        assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+        return capsys.readouterr().err
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--format", "geotiff", "--crs", "EPSG:27700"), "EPSG:27700 is not written: give EPSG:3857"),
+        (("--format", "geotiff", "--island", "7"), "There is no island 7"),
+        (("--format", "geotiff", "--zoom", "40"), "on earth this map has the levels"),
+        (("--format", "mbtiles", "--zoom", "-3"), "on earth this map has the levels"),
+        (("--format", "kmz", "--zoom", "60"), "on earth this map has the levels"),
+        (("--format", "cog", "--box", "1", "2", "3", "4"), "--box lies beside the map, which reaches from"),
+        (("--format", "cog", "--box", "44", "7", "43", "8"), "is no box: give west, south, east and north"),
+        (("--format", "cog", "--box", "nan", "7", "43", "8"), "is no box"),
+        (("--format", "cog", "--box", "7", "44"), "--box: expected 4 arguments"),
+        (("--format", "cog", "--tiles", "png"), "--format cog knows no --tiles: mbtiles, pmtiles, xyz do"),
+        (("--format", "png", "--box", "1", "2", "3", "4"), "--format png knows no --box"),
+        (("--format", "kmz", "--bands"), "--format kmz knows no --bands: geotiff, cog do"),
+        (("--format", "cog", "--no-gains"), "give --bands too"),
+        (("--format", "mbtiles", "--tiles", "gif"), "invalid choice: 'gif'"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_sentence(refused: Callable[..., str], options: tuple[str, ...], told: str) -> None:
+    said = refused(*options)
+    assert told in said
+    assert said.count("\n") == 1
+
+
+def test_a_target_that_is_there(refused: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    assert "is a folder; give a file with --to" in refused("--format", "mbtiles", to="there")
+    (tmp_path / "there" / "other.txt").write_text("x")
+    assert "is there already, and is left as it is" in refused("--format", "xyz", to="there")
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["other.txt"]
+    assert "cannot be written" in refused("--format", "pmtiles", to="no/where")
+
+
+@pytest.mark.parametrize("format_name", ["geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson"])
+def test_without_an_anchor(
+    refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, format_name: str
+) -> None:
+    root = tmp_path_factory.mktemp("loose") / "small"
+    root.mkdir()
+    AnchoredFlight(root)
+    said = refused("--format", format_name, root=root)
+    assert "has no anchor, and so no longitude: set two pins or more on its page" in said
+    assert said.count("\n") == 1
+    assert not (root / "notes.sqlite").exists()
+    assert main(["export", str(root), "--format", "png"]) == 0
