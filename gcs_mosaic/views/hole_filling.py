@@ -87,14 +87,28 @@ def fade(tiles: Tiles, tile: Tile) -> FloatImage | None:
 def _layers(tiles: _ReadOnce, tile: Tile) -> list[tuple[int, TilePicture]]:
     """The tile and the ancestors needed to fill it, enlarged to its size; finest first."""
     layers: list[tuple[int, TilePicture]] = []
+    is_open = np.ones((TILE_SIZE, TILE_SIZE), dtype=bool)  # what is not yet covered by something opaque
     for level in range(tile.z, max(tile.z - DEEPEST, 0) - 1, -1):
-        source = ancestor(tile, level)
-        picture = tiles.picture(source)
-        if picture is not None:
-            layers.append((level, picture if level == tile.z else _enlarged(picture, tile, level)))
-            if picture.coverage is full_coverage(TILE_SIZE) and tiles.fade(source) is None:
-                break
+        if level < tile.z and not _shows_more(tiles, tile, level, is_open):
+            continue
+        picture = tiles.picture(ancestor(tile, level))
+        if picture is None:
+            continue
+        shown = picture if level == tile.z else _enlarged(picture, tile, level)
+        layers.append((level, shown))
+        opacity = _opacity(tiles, tile, level)
+        is_open &= (shown.coverage < 255) if opacity is None else (shown.coverage < 255) | (opacity < 1)
+        if not is_open.any():
+            break
     return layers
+
+
+def _shows_more(tiles: _ReadOnce, tile: Tile, level: int, is_open: Mask) -> bool:
+    """Whether an ancestor covers something of what is open; its mask is read faster than its picture."""
+    mask = tiles.mask(ancestor(tile, level))
+    if mask is None or mask is full_coverage(TILE_SIZE):
+        return mask is not None
+    return bool((_whole(mask, coarse_from_tile(tile, level)) & is_open).any())
 
 
 def _opacity(tiles: _ReadOnce, tile: Tile, level: int) -> FloatImage | None:
@@ -130,8 +144,7 @@ def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
     if coarse.coverage is full_coverage(TILE_SIZE):
         whole, coverage = None, coarse.coverage
     else:
-        # Only fully covered pixels: at the map's outer border coarser ones extend farther than the ground seen.
-        whole = _resampled((coarse.coverage == 255).astype(np.float32), place) > 0.999
+        whole = _whole(coarse.coverage, place)
         coverage = np.where(whole, 255, 0).astype(np.uint8)
 
     def enlarged(bands: Bands) -> Bands:
@@ -139,6 +152,12 @@ def _enlarged(coarse: TilePicture, tile: Tile, level: int) -> TilePicture:
         return wide if whole is None else np.where(whole[..., None], wide, 0).astype(bands.dtype)
 
     return TilePicture(enlarged(coarse.colour), coverage, None if coarse.bands is None else enlarged(coarse.bands))
+
+
+def _whole(coverage: Coverage, coarse_from_fine: Matrix2x3) -> Mask:
+    """Where a coarse tile covers a finer one; only by fully covered pixels: at the map's outer border coarser ones extend farther
+    than the ground seen."""
+    return np.asarray(_resampled((coverage == 255).astype(np.float32), coarse_from_fine) > 0.999)
 
 
 def coarse_from_tile(tile: Tile, level: int) -> Matrix2x3:

@@ -12,7 +12,7 @@ from gcs_mosaic.geotiles.earth_islands import canvas_islands, earth_islands
 from gcs_mosaic.geotiles.picture_grid import PictureGrid, grid_of_tile
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
 from tests.geotiles.ground import anchor, island, noisy, pyramid, waves
-from tests.geotiles.test_warp import tile_at
+from tests.geotiles.test_earth_warp import tile_at
 from tests.sure import sure
 
 WIDE = (-4000.0, -4000.0, 4000.0, 4000.0)

@@ -11,8 +11,8 @@ import pytest
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.web import answered_tiles
 from gcs_mosaic.web import app as app_module
+from gcs_mosaic.web import recent_answers
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -130,7 +130,7 @@ def test_tile_is_served_with_and_without_its_ending(client: Client, flight: Smal
 
 
 def test_known_tile_is_not_sent_again(client: Client, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answered_tiles, "KEPT_S", 0.0)  # nobody tells here that it was painted
+    monkeypatch.setattr(recent_answers, "KEPT_S", 0.0)  # nobody tells here that it was painted
     flight.paint(TILE, RED)
     etag = client.ask(TILE_URL)[0].headers["ETag"]
     answer, body = client.ask(TILE_URL, **{"If-None-Match": etag})

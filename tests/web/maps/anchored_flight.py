@@ -21,7 +21,7 @@ from gcs_mosaic.store.records import FlightRecord
 from gcs_mosaic.store.tiles import write_tile
 from tests.factories import frame
 from tests.geotiles.ground import anchor, island, painted, waves
-from tests.geotiles.test_warp import tile_at
+from tests.geotiles.test_earth_warp import tile_at
 from tests.sure import sure
 from tests.web.small_flight import SmallFlight
 from tests.web.test_notes_api import Writer
