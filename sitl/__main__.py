@@ -71,7 +71,8 @@ def flown(asked: argparse.Namespace) -> int:
         if asked.no_daemon:
             return fly_alone(asked, film, camera)
         where = asked.watch or work / "frames", asked.out or work / "mosaic"
-        program = Program(asked.port or free_port(), *where, asked.http, rtsp=camera.url if camera else None)
+        url = camera.url if camera else None
+        program = Program(asked.port or free_port(), *where, asked.http, rtsp=url, anchor=asked.anchor)
         refuse_used_folders(program)
         return fly_against(program, asked, film, truth, camera)
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from .exif import taken_at
+from .exif import located_at, taken_at
 from .flight import Flight
 from .geometry import CameraState
+from .messages import state_at
 
 PICTURES = {".jpg", ".jpeg", ".png", ".tif", ".tiff"}
 USUAL_INTERVAL = 2.0  # seconds, where the capture times are unknown
@@ -61,9 +62,15 @@ def recorded(folder: Path, interval: float | None = None) -> Film:
     def exposures() -> Iterator[Exposure]:
         for k, (time, path) in enumerate(zip(times, paths, strict=True)):
             name = path.relative_to(folder).as_posix()
-            yield Exposure(index=k, time=time, name=name, state=None, data=path.read_bytes())
+            yield Exposure(index=k, time=time, name=name, state=state_of(path, time), data=path.read_bytes())
 
     return Film(count=len(paths), seconds=times[-1], note=note, exposures=exposures)
+
+
+def state_of(path: Path, time: float) -> CameraState | None:
+    """Where a photograph was taken, by its EXIF data; None if they do not tell."""
+    place = located_at(path)
+    return None if place is None else state_at(time, *place)
 
 
 def times_of(paths: list[Path], interval: float | None) -> tuple[list[float], str]:

@@ -30,7 +30,7 @@ class Moment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capture:
-    """One picture taken. index: the camera's image index; state: None for recorded frames of unknown position."""
+    """One picture taken. index: the camera's image index; state: None for recorded frames without a position."""
 
     index: int
     name: str
@@ -42,8 +42,18 @@ def position(state: CameraState | None) -> tuple[int, int, float, float]:
     if state is None:
         return 0, 0, 0.0, 0.0
     latitude = ORIGIN[0] - state.y / METRES_PER_DEGREE
-    longitude = ORIGIN[1] + state.x / (METRES_PER_DEGREE * np.cos(np.radians(ORIGIN[0])))
+    longitude = wrapped(ORIGIN[1] + state.x / (METRES_PER_DEGREE * np.cos(np.radians(ORIGIN[0]))))
     return round(latitude * 1e7), round(longitude * 1e7), ORIGIN[2] + state.height, state.height
+
+
+def state_at(time: float, latitude: float, longitude: float, altitude: float) -> CameraState:
+    """Of a camera whose place alone is known; `position` tells that place again."""
+    x = wrapped(longitude - ORIGIN[1]) * METRES_PER_DEGREE * float(np.cos(np.radians(ORIGIN[0])))
+    return CameraState(time=time, x=x, y=(ORIGIN[0] - latitude) * METRES_PER_DEGREE, height=altitude - ORIGIN[2])
+
+
+def wrapped(degrees: float) -> float:
+    return (degrees + FULL_TURN / 2) % FULL_TURN - FULL_TURN / 2
 
 
 def attitude(state: CameraState) -> list[float]:

@@ -85,6 +85,7 @@ def where(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--rtsp", action="store_true", help="stream what the camera sees instead of writing files (wants GStreamer)"
     )
+    group.add_argument("--anchor", choices=["pins", "positions"], help="what lays the map on earth (pins)")
     group.add_argument("--no-daemon", action="store_true", help="fly for a gcs-mosaic that runs already")
     group.add_argument("--keep", action="store_true", help="keep temporary folders")
     group.add_argument("--stay", action="store_true", help="keep the page up after the flight, until Ctrl-C")

@@ -36,12 +36,14 @@ class Program:
     out: Path
     http: str | None
     rtsp: str | None = None  # URL of a live stream, instead of the folder
+    anchor: str | None = None  # what lays the map on earth
     process: subprocess.Popen[bytes] | None = field(default=None)
 
     def command(self) -> list[str]:
         page = ["--http", self.http] if self.http else ["--no-http"]
         frames = ["--rtsp", self.rtsp] if self.rtsp else ["--watch", str(self.watch)]
-        where = [*frames, "--out", str(self.out), "--new"]
+        anchor = ["--anchor", self.anchor] if self.anchor else []
+        where = [*frames, "--out", str(self.out), "--new", *anchor]
         return [sys.executable, "-m", "gcs_mosaic", "--mavlink", f"udp:127.0.0.1:{self.port}", *where, *page]
 
     def start(self) -> None:

@@ -3,14 +3,18 @@
 import json
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gcs_mosaic.notes.at_rest import anchors_of
+from gcs_mosaic.views.flight_view import FlightView
+from sitl.messages import position
 from sitl.score import Score, score
-from sitl.truth import read
+from sitl.truth import Truth, read
 from tests.ports import free_port
 
 TIMEOUT_S = 240
@@ -45,8 +49,29 @@ def fly(tmp_path: Path, *options: str) -> Flown:
     return Flown(done.stdout + done.stderr, out, score(read(truth), placements), *documents)
 
 
-def test_a_level_survey(tmp_path: Path) -> None:
-    flown = fly(tmp_path, "--scenario", "survey", "--manner", "px4,camera", "--count", "24")
+def off_and_stated_m(out: Path, truth: Truth) -> tuple[float, float]:
+    """How far off the map's coordinates of the ground in the frames' middles are, and what is stated at most."""
+    laid = anchors_of(FlightView(out))[0]
+    assert laid.by == "positions"
+    assert laid.anchor is not None
+    placed = {
+        frame["name"]: frame for frame in json.loads(out.with_name("mosaic-placements.json").read_text())["frames"]
+    }
+    off, stated = [], []
+    for frame in truth.frames:
+        x, y, w = np.array(placed[frame.name]["canvas_from_frame"]) @ (*truth.lens.centre, 1)
+        east, south = frame.grid_ground[len(frame.grid_ground) // 2]
+        latitude, longitude = (value / 1e7 for value in position(replace(frame.state, x=east, y=south))[:2])
+        there, here = laid.anchor.plane.spots(
+            np.array([laid.anchor.places(np.array([x / w, y / w])), [longitude, latitude]])
+        )
+        off.append(float(np.hypot(*(there - here))))
+        stated.append(laid.anchor.error(x / w, y / w).major_m)
+    return max(off), max(stated)
+
+
+def test_a_level_survey_that_positions_lay_on_earth(tmp_path: Path) -> None:
+    flown = fly(tmp_path, "--scenario", "survey", "--manner", "px4,camera", "--count", "24", "--anchor", "positions")
     assert flown.score.placed == 24
     assert flown.score.islands == 1
     assert flown.score.ortho_rmse < 0.5
@@ -55,6 +80,8 @@ def test_a_level_survey(tmp_path: Path) -> None:
     assert flown.mosaic["events"]["matched"] == 24  # of the messages of three senders, the others are duplicates
     assert flown.mosaic["events"]["duplicate"] >= 24
     assert flown.status["state"] == "stopped"
+    off_m, stated_m = off_and_stated_m(flown.out, read(tmp_path / "truth.json"))
+    assert off_m < 2.0 < stated_m < 20.0
 
 
 @pytest.mark.long

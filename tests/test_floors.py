@@ -49,7 +49,7 @@ ALLOWED = {
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
     "app": {
-        *("config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
+        *("notes", "config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
         *STITCH,
         *("messages", "errors"),
     },
@@ -85,6 +85,7 @@ ONLY = {
     ("cli", "hints"): {"settings"},
     ("check", "frames"): {"decode"},
     ("check", "notes"): {"schema"},
+    ("app", "notes"): {"anchor_setting"},
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }

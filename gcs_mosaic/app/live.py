@@ -36,6 +36,7 @@ from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
+from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import (
@@ -84,7 +85,7 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         recorded = record(config, links.recording, folder.path)
         page = FlightPage(config, address, folder.path)
         stack.callback(page.stop)
-        told = page.wait()
+        told = [Notice(source="out", level="info", text=folder.said), *_began(config, folder, recorded), *page.wait()]
         if not config.rtsp:
             refuse_watching_ourselves(watched, folder.path)
             links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
@@ -92,15 +93,18 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         console = Console(quiet=True) if streams_json(config.log) else console  # all that is said is in the log
         daemon = _Daemon(config, opened, console, shutdown, page, reopen)
         stack.callback(daemon.close)
-        daemon.say(Notice(source="out", level="info", text=folder.said))
-        if recorded:
-            daemon.say(recorded)
         for notice in told:
             daemon.say(notice)
         page.invite(console)
         if folder.resumed:
             daemon.resume(opened.saved, shots)
         daemon.run(links)
+
+
+def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> list[Notice]:
+    """What to say of what goes on beside the map from now on."""
+    laid = [let_positions_lay(folder.path)] if config.anchor == "positions" else []
+    return [recorded, *laid] if recorded else laid
 
 
 def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:

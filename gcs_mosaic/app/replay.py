@@ -31,6 +31,7 @@ from gcs_mosaic.frames.files import looks_in, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.records import EventAccount
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
@@ -65,6 +66,8 @@ def replay(recording: Path, frames: Path, out: Path, config: Config, console: Co
             for text in passed_over:
                 say(console, Notice(source="frames", level="warning", text=text))
             with closing(_Replay(folder.path, config, console, link)) as flight:
+                if config.anchor == "positions":
+                    say(console, let_positions_lay(folder.path))
                 start = time.monotonic()
                 done = flight.fly(_happenings(heard, looks, came), speed, progress)
                 flight.summarise(done, time.monotonic() - start)

@@ -40,6 +40,7 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
     "scale": ("scale",),
     "blend": ("paint", "canvas", "blend"),
     "record": ("record",),
+    "anchor": ("anchor",),
     "http": ("http",),
 }
 
@@ -192,6 +193,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="keep what is heard as FILE (.tlog), or as flight.tlog in the output folder",
     )
+    _add_anchor_by(parser)
     page = parser.add_mutually_exclusive_group()
     page.add_argument("--http", metavar="HOST:PORT", help="where the page is served")
     page.add_argument("--no-http", action="store_true", help="serve no page")
@@ -217,6 +219,7 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
     _add_scale(parser)
     _add_vehicle(parser)
     _add_method(parser)
+    _add_anchor_by(parser)
     _add_output(parser)
 
 
@@ -316,6 +319,11 @@ def _add_flight(parser: argparse.ArgumentParser) -> None:
 
 def _add_vehicle(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
+
+
+def _add_anchor_by(parser: argparse.ArgumentParser) -> None:
+    told = "positions: those of the triggers lay the map on earth where nobody sets pins; for showing only"
+    parser.add_argument("--anchor", choices=["pins", "positions"], help=told)
 
 
 def _add_scale(parser: argparse.ArgumentParser) -> None:

@@ -27,6 +27,7 @@ from gcs_mosaic.triggers.shots import ShotSettings
 from gcs_mosaic.web.settings import WebSettings
 
 Resume = typing.Literal["auto", "always", "never"]
+AnchorBy = typing.Literal["pins", "positions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,8 @@ class Config(Listening):
     http: str | None = "127.0.0.1:8470"  # address of the page; null for none
     web: WebSettings = field(default_factory=WebSettings)
     hints: HintSettings = field(default_factory=HintSettings)
+    # what lays the map on earth where nobody sets pins: positions: those of the triggers, for showing only; pins: nothing else
+    anchor: AnchorBy = "pins"
     method: Method = "adjusted"  # paper: the paper's method, for comparison; fails on long flights
     scale: float = 1.0  # size at which frames are decoded and painted: 1, 0.5 or 0.25; smaller is faster and coarser
     # record received packets for replay to FILE.tlog, or with true to flight.tlog in the output folder; false: do not

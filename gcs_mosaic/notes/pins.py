@@ -51,7 +51,13 @@ class Pins:
     @property
     def by_positions(self) -> bool:
         """Whether somebody has asked that positions lay the map."""
-        return any(row["by_positions"] for row in self._book.rows("SELECT by_positions FROM anchoring"))
+        return bool(self.asked_for_positions)
+
+    @property
+    def asked_for_positions(self) -> bool | None:
+        """Whether somebody wants it or does not; None: nobody has said."""
+        rows = self._book.rows("SELECT by_positions FROM anchoring")
+        return bool(rows[0]["by_positions"]) if rows else None
 
     def ask_for_positions(self, who: str, *, asked: bool) -> None:
         """Let the positions of the triggers lay the map where there are no pins, or not."""

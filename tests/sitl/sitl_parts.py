@@ -71,14 +71,32 @@ def photograph(
 ) -> bytes:
     """The head of a JPEG with EXIF as cameras write it: TIFF, IFD0 -> Exif IFD -> DateTimeOriginal, SubSecTimeOriginal."""
     entries = [(0x9003, 2, date)] + ([(0x9291, 2, sub)] if sub else [])
+    return exif_jpeg(order, 0x8769, [(tag, kind, len(value), value) for tag, kind, value in entries], before)
+
+
+def photograph_at(latitude: float, longitude: float, altitude: float, order: str = "<") -> bytes:
+    """... with a position: IFD0 -> GPS IFD, in degrees, minutes and hundredths of seconds."""
+
+    def angle(degrees: float) -> bytes:
+        seconds = round(abs(degrees) * 360_000)
+        return struct.pack(f"{order}6I", seconds // 360_000, 1, seconds // 6000 % 60, 1, seconds % 6000, 100)
+
+    letters = b"S\0" if latitude < 0 else b"N\0", b"W\0" if longitude < 0 else b"E\0"
+    height = struct.pack(f"{order}2I", round(altitude * 10), 10)
+    entries = [(1, 2, 2, letters[0]), (2, 5, 3, angle(latitude)), (3, 2, 2, letters[1]), (4, 5, 3, angle(longitude))]
+    return exif_jpeg(order, 0x8825, [*entries, (6, 5, 1, height)])
+
+
+def exif_jpeg(order: str, pointer: int, entries: list[tuple[int, int, int, bytes]], before: bytes = b"") -> bytes:
+    """The head of a JPEG whose first directory points to one of entries (tag, kind, count, value)."""
     inner, late = 8 + 2 + 12 + 4, b""
     after = inner + 2 + 12 * len(entries) + 4
     directory = struct.pack(order + "H", len(entries))
-    for tag, kind, value in entries:
+    for tag, kind, count, value in entries:
         place = struct.pack(order + "I", after + len(late)) if len(value) > 4 else value.ljust(4, b"\0")
-        directory += struct.pack(order + "HHI", tag, kind, len(value)) + place
+        directory += struct.pack(order + "HHI", tag, kind, count) + place
         late += value if len(value) > 4 else b""
-    first = struct.pack(order + "HHHIII", 1, 0x8769, 4, 1, inner, 0)
+    first = struct.pack(order + "HHHIII", 1, pointer, 4, 1, inner, 0)
     mark = {"<": b"II", ">": b"MM"}[order]
     tiff = mark + struct.pack(order + "HI", 42, 8) + first + directory + bytes(4) + late
     segment = b"Exif\0\0" + tiff

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl.exif import HEAD, exif_segments, taken_at
-from tests.sitl.sitl_parts import photograph
+from sitl.exif import HEAD, exif_segments, located_at, taken_at
+from tests.sitl.sitl_parts import photograph, photograph_at
 
 MOMENT = datetime(2021, 6, 5, 14, 3, 59, tzinfo=UTC).timestamp()
 
@@ -23,6 +23,26 @@ def read(folder: Path, data: bytes) -> float | None:
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_the_date_is_read_in_both_byte_orders(order: str, tmp_path: Path) -> None:
     assert read(tmp_path, photograph(order)) == MOMENT
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(("latitude", "longitude"), [(47.123456, 8.5), (-33.9, -70.654321)])
+def test_the_place_is_read(order: str, latitude: float, longitude: float, tmp_path: Path) -> None:
+    path = tmp_path / "a.jpg"
+    path.write_bytes(photograph_at(latitude, longitude, 512.5, order))
+    assert located_at(path) == pytest.approx((latitude, longitude, 512.5), abs=2e-6)
+    assert taken_at(path) is None
+    path.write_bytes(photograph(order))
+    assert located_at(path) is None
+
+
+def test_a_place_that_is_none_is_none(tmp_path: Path) -> None:
+    """Too far north, without a denominator, and cut off anywhere."""
+    path, data = tmp_path / "a.jpg", photograph_at(47.0, 8.0, 500.0)
+    wrong = [photograph_at(91.0, 8.0, 500.0), data.replace(struct.pack("<2I", 47, 1), struct.pack("<2I", 47, 0))]
+    for cut in (*wrong, *(data[:length] for length in range(0, len(data) - 52, 7))):
+        path.write_bytes(cut)
+        assert located_at(path) is None
 
 
 def test_fractions_of_a_second_count(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from sitl.exposures import LONGEST_PAUSE, USUAL_INTERVAL, recorded, simulated
 from sitl.flight import Flight
-from tests.sitl.sitl_parts import photograph
+from sitl.messages import position
+from tests.sitl.sitl_parts import photograph, photograph_at
 
 
 def photographs(folder: Path, seconds: list[int]) -> Path:
@@ -33,6 +34,19 @@ def test_times_are_those_of_the_photographs(tmp_path: Path) -> None:
     film = recorded(photographs(tmp_path, [10, 12, 12, 15]))
     assert [frame.time for frame in film.exposures()] == [0, 2, 2, 5]
     assert "EXIF" in film.note
+
+
+def test_a_photograph_s_own_place_is_what_the_vehicle_tells(tmp_path: Path) -> None:
+    for k, place in enumerate([(-33.9, -179.9999, 20.0), (38.5, 179.9999, 700.0)]):
+        (tmp_path / f"{k}.jpg").write_bytes(photograph_at(*place))
+    (tmp_path / "2.jpg").write_bytes(photograph())
+    told = [position(frame.state) for frame in recorded(tmp_path, interval=1.0).exposures()]
+    assert [(latitude, longitude) for latitude, longitude, *_ in told] == [
+        (-339000000, -1799999000),
+        (385000000, 1799999000),
+        (0, 0),
+    ]
+    assert [over_sea for _, _, over_sea, _ in told] == pytest.approx([20.0, 700.0, 0.0])
 
 
 def test_a_rest_is_shortened_and_a_clock_set_back_is_no_trouble(tmp_path: Path) -> None:
