@@ -29,7 +29,7 @@ from gcs_mosaic.notes.pins import NewPin, Pins
 from tests.geotiles.ground import anchor
 from tests.sure import sure
 from tests.web.maps.anchored_flight import PINNED, AnchoredFlight
-from tests.web.maps.test_read_by_gdal import MARKS, MarkedFlight, opened, worst_px
+from tests.web.maps.marked_flight import MARKS, MarkedFlight, mark_in, opened, worst_px
 
 Export = Callable[..., Path]
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -228,11 +228,8 @@ def picture_of(archive: zipfile.ZipFile, overlay: ElementTree.Element) -> np.nda
 
 def mark_near(picture: np.ndarray, column: float, row: float, around: int = 14) -> float:
     left, top = int(column) - around, int(row) - around
-    grey = picture[top : top + 2 * around + 1, left : left + 2 * around + 1, 0].astype(float)
-    weight = np.clip(grey - 100, 0, None)
-    down, across = np.mgrid[: grey.shape[0], : grey.shape[1]] + 0.5
-    x, y = (weight * across).sum() / weight.sum() + left, (weight * down).sum() / weight.sum() + top
-    return float(np.hypot(x - column, y - row))
+    x, y = mark_in(picture[top : top + 2 * around + 1, left : left + 2 * around + 1, 0])
+    return float(np.hypot(x + left - column, y + top - row))
 
 
 def test_geojson(flight: AnchoredFlight, export: Export) -> None:
