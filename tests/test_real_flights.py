@@ -17,8 +17,11 @@ from rich.console import Console
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
+from gcs_mosaic.geo.pins import Refused
+from gcs_mosaic.geo.positions import PositionedMap, ShotPosition, anchored_by_positions
 from gcs_mosaic.views.flight_view import FlightView, places_of
 from gcs_mosaic.views.sightings import sightings
+from sitl.exif import located_at, taken_at
 from tests.sure import sure
 
 SHARED = Path(__file__).parents[2] / "shared"
@@ -90,6 +93,28 @@ def test_a_place_is_found_in_every_frame_that_saw_it(flown: tuple[str, Path]) ->
         errors += [float(np.hypot(*(np.array(found[name]) - pixel))) for name, pixel in others if name in found]
     assert len(errors) > 400
     assert np.median(errors) < 2.0  # px of the original
+
+
+def test_bad_positions_lay_the_map_with_a_wide_error_or_not_at_all(flown: tuple[str, Path]) -> None:
+    """Those of caliterra's camera are about ten metres off; copr's photographs have none."""
+    flight, placements = flown
+    shots = []
+    for one in FlightView(placements.parent / "out").table().frames:
+        path = SHARED / "data" / flight / one.name
+        place = located_at(path)
+        if place is not None:
+            where = {"latitude_deg": place[0], "longitude_deg": place[1]}
+            shots.append(ShotPosition(time_s=sure(taken_at(path)), x=one.pose.x, y=one.pose.y, **where))
+    laid = anchored_by_positions(shots)
+    if flight == "copr":
+        assert isinstance(laid, Refused)
+        assert laid.reason.startswith("0 frames of this island have a position")
+    else:
+        assert len(shots) == 75
+        if isinstance(laid, PositionedMap):
+            middle = laid.anchor.middle
+            stated = laid.anchor.error(middle.real, -middle.imag).major_m
+            assert stated > 2 * laid.residual_m > 10
 
 
 def test_ground_control_lies_where_it_was_surveyed(flown: tuple[str, Path]) -> None:
