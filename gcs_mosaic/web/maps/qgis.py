@@ -61,9 +61,12 @@ def as_project(now: MapNow, addresses: MapAddresses) -> str:
 
 
 def _xyz(now: MapNow, addresses: MapAddresses) -> str:
-    """In QGIS's words; the address is quoted but for what stands in for numbers."""
-    coarsest, finest = now.pyramid.levels or (0, 22)
-    return f"type=xyz&zmin={coarsest}&zmax={finest}&url={quote(addresses.xyz, safe='')}&crs=EPSG:3857"
+    """In QGIS's words; the address is quoted but for what stands in for numbers.
+
+    From level 0 on: of a view coarser than the first level QGIS asks for all tiles of that level, a million for a continent.
+    """
+    _, finest = now.pyramid.levels or (0, 22)
+    return f"type=xyz&zmin=0&zmax={finest}&url={quote(addresses.xyz, safe='')}&crs=EPSG:3857"
 
 
 def _wms(addresses: MapAddresses) -> str:

@@ -13,6 +13,7 @@ import pytest
 
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.geo.mercator import mercator
+from gcs_mosaic.render.tile_grid import Box
 from tests.geotiles.ground import anchor
 from tests.sure import sure
 from tests.web.maps.anchored_flight import FLIGHT, AnchoredFlight
@@ -69,17 +70,21 @@ def flight(tmp_path: Path, fresh_tables: None) -> AnchoredFlight:
 
 def drawn(source: Path, flight: AnchoredFlight, folder: Path) -> dict[str, float]:
     """By layer, how many pixels the worst mark lies beside its place."""
-    folder.mkdir()
     west, south, east, north = flight.laid.mercator_bounds
     side_m = max(east - west, north - south)
-    box = west, south, west + side_m, south + side_m
-    environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
-    command = [PYTHON, "-c", DRAW, str(source), str(folder), str(SIDE), *map(repr, box)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
+    draw(source, (west, south, west + side_m, south + side_m), folder)
     points = mercator(flight.truth.places(MARKS))
     spots = np.stack([points[:, 0] - west, south + side_m - points[:, 1]], axis=-1) * SIDE / side_m
     return {path.stem: worst_px(path, spots) for path in folder.glob("*.png")}
+
+
+def draw(source: Path, box: Box, folder: Path, timeout_s: float = 120) -> None:
+    """A PNG of each layer, all of which show the same box, in metres of Web Mercator."""
+    folder.mkdir()
+    environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
+    command = [PYTHON, "-c", DRAW, str(source), str(folder), str(SIDE), *map(repr, box)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout_s, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def worst_px(path: Path, spots: np.ndarray) -> float:
@@ -99,6 +104,13 @@ def test_the_project_of_the_page(pinned: Writer, flight: AnchoredFlight, tmp_pat
     found = drawn(project, flight, tmp_path / "drawn")
     assert len(found) == 2, found
     assert max(found.values()) < 1.0, json.dumps(found)
+
+
+def test_the_project_zoomed_out_to_a_continent(pinned: Writer, tmp_path: Path) -> None:
+    """Is no flood of requests."""
+    project = tmp_path / "gcs-mosaic.qgs"
+    project.write_bytes(pinned.ask(f"/maps/{FLIGHT}/gcs-mosaic.qgs")[1])
+    draw(project, (-2e6, 3e6, 4e6, 9e6), tmp_path / "drawn", timeout_s=40)
 
 
 @pytest.mark.parametrize("crs", ["EPSG:3857", "utm"])
