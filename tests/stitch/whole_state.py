@@ -17,8 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from gcs_mosaic.render.painted import PaintedFrames
 from gcs_mosaic.render.tile_cache import Store, _Held
 from gcs_mosaic.stitch.features.retrieval import PER_FRAME, RetrievalIndex
+from gcs_mosaic.store.array_shelf import ArrayShelf, ShelvedArray
 
 PLAIN = (type(None), bool, int, float, str, bytes, np.generic, PurePath, itertools.count)
 CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
@@ -26,8 +28,12 @@ CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
 # on may be let go, and what is only kept at hand can be had again; what processes can decode belongs to the pictures.
 OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file", "_gallery", "_maker"}
 OUTSIDE |= {"decoders"}
-# Spare room, and where a layer is: neither says anything about what is kept.
-NO_STATE = {Store: {"_cached", "_holes", "_end", "_used", "problem"}}
+# Spare room, where an array is, and which of equal tiles stands for all: none says anything about what is kept.
+NO_STATE: dict[type, set[str]] = {
+    Store: {"_cached", "_holes", "_end", "_used", "problem"},
+    ArrayShelf: {"_cached", "_used", "_numbers", "_gone", "problem"},
+    PaintedFrames: {"_tiles"},
+}
 
 
 def digest(*roots: object) -> str:
@@ -86,6 +92,9 @@ class _Teller:
         self._met[id(value)] = len(self._met)
         if isinstance(value, _Held):
             return  # told by the store
+        if isinstance(value, ShelvedArray):
+            self.tell(value.exact())
+            return
         known = dict(vars(value)) if hasattr(value, "__dict__") else {}
         if is_dataclass(value):
             known |= {field.name: getattr(value, field.name) for field in fields(value)}

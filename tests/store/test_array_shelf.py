@@ -48,6 +48,19 @@ def test_all_come_back_and_few_are_in_memory(five: ArrayShelf, tmp_path: Path) -
     assert not list(tmp_path.iterdir())  # the file has no name
 
 
+def test_what_nobody_has_any_more_takes_no_room(five: ArrayShelf) -> None:
+    """Neither in memory nor in the file: a frame that was refused leaves nothing."""
+    kept = [five.shelve(array) for array in arrays()[:3]]
+    before, end = five.bytes_in_memory, five._file.end
+    for _ in range(3):
+        passing = [five.shelve(array) for array in arrays()[3:5]]
+        assert five.bytes_in_memory > before
+        del passing
+        assert five.bytes_in_memory == before
+    assert five._file.end == end
+    assert all(np.array_equal(one.array(), array) for one, array in zip(kept, arrays(), strict=False))
+
+
 def test_any_thread_may_ask(five: ArrayShelf) -> None:
     known = arrays()
     shelved = [five.shelve(array) for array in known]
