@@ -39,8 +39,9 @@ class Page:
         self._devtools.on("Network.dataReceived", self._note_bytes)
         self._devtools.on("Network.responseReceived", lambda told: self._note_bytes(told["response"]))
         self._devtools.on("Log.entryAdded", lambda told: self._note_entry(told["entry"]))
-        for domain in ("Network", "Log"):
-            self.command(f"{domain}.enable")
+        # Without these bounds the tab keeps up to 200 MB of what it was sent, for developers to look at.
+        self.command("Network.enable", maxTotalBufferSize=1, maxResourceBufferSize=1)
+        self.command("Log.enable")
         self.keep_nothing()
 
     def _note_bytes(self, told: dict[str, Any]) -> None:
