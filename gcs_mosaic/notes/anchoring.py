@@ -29,6 +29,7 @@ from gcs_mosaic.views.flight_view import FlightView
 
 if TYPE_CHECKING:
     from gcs_mosaic.messages import Teller
+    from gcs_mosaic.stitch.camera.geometry import Pose
     from gcs_mosaic.store.records import ReportedPosition
 
 Told = TypeVar("Told")
@@ -98,26 +99,26 @@ class Anchoring:
         return {island: median(units) for island, units in deviations.items()}
 
     def _shots(self) -> dict[int, list[ShotPosition]]:
-        """The positions that were told of painted frames, by island; of each frame that of who tells most."""
+        """The positions that were told of painted frames, by island; of each island those of who tells most of it: two senders
+        have clocks of their own, and two aircraft cameras."""
         frames = {one.number: one for one in self._view.table().frames}
-        told = [one for one in _read(self._view.reported_positions) if one.frame in frames]
-        if not told:
-            return {}
-        teller = most_telling(told)
-        shots: dict[int, list[ShotPosition]] = defaultdict(list)
-        for one in told:
-            frame = frames[one.frame]
-            if one.teller == teller:
-                shots[frame.island].append(
-                    ShotPosition(
-                        time_s=one.received if one.source_time is None else one.source_time,
-                        x=frame.pose.x,
-                        y=frame.pose.y,
-                        longitude_deg=one.position.longitude_deg,
-                        latitude_deg=one.position.latitude_deg,
-                    )
-                )
-        return shots
+        told: dict[int, list[ReportedPosition]] = defaultdict(list)
+        for one in _read(self._view.reported_positions):
+            if one.frame in frames:
+                told[frames[one.frame].island].append(one)
+        return {
+            island: [_shot(one, frames[one.frame].pose) for one in of_one(its_own)] for island, its_own in told.items()
+        }
+
+
+def _shot(told: ReportedPosition, pose: Pose) -> ShotPosition:
+    return ShotPosition(
+        time_s=told.received if told.source_time is None else told.source_time,
+        x=pose.x,
+        y=pose.y,
+        longitude_deg=told.position.longitude_deg,
+        latitude_deg=told.position.latitude_deg,
+    )
 
 
 def anchor_of(islands: Mapping[int, IslandAnchor]) -> Callable[[GroundPlace], GeoPlace | None]:
@@ -149,6 +150,12 @@ def most_telling(told: Sequence[ReportedPosition]) -> Teller:
     """Who has told most positions; of the same number the more authoritative."""
     counts = Counter(one.teller for one in told)
     return max(counts, key=lambda teller: (counts[teller], teller.source))
+
+
+def of_one(told: Sequence[ReportedPosition]) -> list[ReportedPosition]:
+    """Those of who tells most."""
+    teller = most_telling(told)
+    return [one for one in told if one.teller == teller]
 
 
 def _read(question: Callable[[], Sequence[Told]]) -> Sequence[Told]:

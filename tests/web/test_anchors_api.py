@@ -144,6 +144,16 @@ def test_positions_lay_the_map_only_when_somebody_asks(client: Writer, flight: M
     assert client.get("/anchors")["islands"] == []
 
 
+def test_each_island_is_laid_by_the_positions_of_the_aircraft_that_flew_it(
+    client: Writer, flight: MappedFlight
+) -> None:
+    fly(flight, 24)
+    fly(flight, 12, vehicle=2, island=1)
+    client.send("PUT", "/anchors/positions", {"asked": True, "who": "Kim"})
+    laid = {one["island"]: one for one in client.get("/anchors")["islands"]}
+    assert (laid[0]["shots"], laid[1]["shots"]) == (24, 12)
+
+
 def test_too_few_positions_say_so_and_pins_are_worth_more(client: Writer, flight: MappedFlight) -> None:
     fly(flight, 5)
     client.send("PUT", "/anchors/positions", {"asked": True, "who": "Kim"})
@@ -154,20 +164,22 @@ def test_too_few_positions_say_so_and_pins_are_worth_more(client: Writer, flight
     assert client.get("/anchors")["islands"][0]["by"] == "pins"
 
 
-def fly(flight: MappedFlight, count: int) -> None:
-    """Two lines of frames, each with a position in its trigger, told twice."""
+def fly(flight: MappedFlight, count: int, vehicle: int = 1, island: int = 0) -> None:
+    """Lines of six frames, each with a position in its trigger, told twice."""
     for at in range(count):
-        name, x, y = f"f{at}.jpg", 300.0 * (at % 12), 2000.0 * (at // 12)
+        name, x, y = f"{vehicle}/{at}.jpg", 300.0 * (at % 6), 2000.0 * (at // 6)
         with Ledger(flight.root / LEDGER_NAME) as ledger:
             ledger.record_frame(frame(name))
-        flight.paint(name, Pose(x, y, pitch=0.1))
+        flight.paint(name, Pose(x, y, pitch=0.1), island)
         longitude, latitude = place(x, y)
         position = Position(latitude_deg=latitude, longitude_deg=longitude, altitude_m=None)
-        event = trigger_event(sequence=at, received=100.0 + 6 * at, position=position)
+        event = trigger_event(sequence=at, received=100.0 + 6 * at, position=position, vehicle=vehicle)
         with Ledger(flight.root / LEDGER_NAME) as ledger:
             number = ledger.record_event(event)
             ledger.settle_event(number, EventState.MATCHED, frame=name)
-            ledger.record_event(trigger_event(sequence=at, received=101.0 + 6 * at), duplicate_of=number)
+            ledger.record_event(
+                trigger_event(sequence=at, received=101.0 + 6 * at, vehicle=vehicle), duplicate_of=number
+            )
 
 
 @pytest.mark.parametrize(
