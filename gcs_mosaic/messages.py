@@ -91,7 +91,9 @@ def content_hash(data: bytes) -> str:
 class Frame:
     """One completely received image. Pixels are loaded on demand."""
 
-    name: str  # POSIX path relative to the watched folder; an overwritten name gets "#2"
+    # POSIX path relative to the watched folder; an overwritten name gets "#2". Where several aircraft have a source each,
+    # the aircraft's number comes first ("2/DCIM/IMG_0001.JPG"), so that two cameras may use one name.
+    name: str
     path: Path  # for stream frames only the name is meaningful until the original is kept
     content_hash: str  # `content_hash` of the whole file
     size: int  # bytes
@@ -99,6 +101,7 @@ class Frame:
     modified: float  # the file's modification time, or its capture time if known, seconds since 1970
     data: bytes | None = field(default=None, repr=False)  # the whole file as hashed, while in memory
     taken_for: TriggerEvent | None = None  # the event that requested it from a live stream
+    vehicle: int | None = None  # MAVLink system id of the aircraft whose source brought it; None: one source for all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +118,7 @@ class DamagedFile:
 
     name: str
     reason: str
+    vehicle: int | None = None  # as of a frame
 
 
 class Topic(Enum):
@@ -133,6 +137,7 @@ class Notice:
     level: Literal["info", "warning", "error"]
     text: str
     topic: Topic | None = None
+    vehicle: int | None = None  # whose frame source says it, where each aircraft has one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +168,7 @@ class LinkReport:
     silences: int = 0  # how often it fell silent
     followed: int | None = None  # MAVLink system id of the selected aircraft, whose triggers count
     others: tuple[tuple[int, int], ...] = ()  # (system id, ignored triggers), busiest first
+    counted: tuple[int, ...] = ()  # where several aircraft fly, those whose triggers count; then none is followed
     aircraft: tuple[Aircraft, ...] = ()  # the followed one first, then those heard last
     refused: Refusals = Refusals()
     sent: int = 0  # packets; 0 unless announcing is enabled
@@ -187,6 +193,7 @@ class SourceReport:
     taken: int = 0  # accepted as frames
     damaged: int = 0
     gaps: int = 0  # how often the folder was missing or the stream silent
+    vehicle: int | None = None  # the aircraft that it belongs to, where each has one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

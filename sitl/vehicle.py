@@ -24,7 +24,7 @@ from .messages import (
     system_time,
 )
 
-SYSTEM = 1  # system id; 255 is the ground station's
+SYSTEM = 1  # system id of a lone aircraft; 255 is the ground station's
 BOOTED_BEFORE = 90.0  # seconds from boot to the start of the flight
 HEARTBEAT_EVERY, POSITION_EVERY = 1.0, 0.25  # seconds
 
@@ -58,10 +58,17 @@ class Faults:
 
 
 class Vehicle:
-    """System 1 with an autopilot (component 1) and, in the manner `camera`, a camera (component 100), sending MAVLink 2 to one
+    """A system with an autopilot (component 1) and, in the manner `camera`, a camera (component 100), sending MAVLink 2 to one
     UDP address. Has no thread: call `tick` often to send what is due."""
 
-    def __init__(self, host: str, port: int, manners: Iterable[str] = ("px4",), faults: Faults | None = None) -> None:
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        manners: Iterable[str] = ("px4",),
+        faults: Faults | None = None,
+        system: int = SYSTEM,
+    ) -> None:
         """Raises ValueError for a manner other than px4, ardupilot, camera."""
         self.manners = tuple(manners)
         if not self.manners or set(self.manners) - set(MANNERS):
@@ -71,7 +78,7 @@ class Vehicle:
         self.faults = faults or Faults()
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect((host, port))
-        self.voices = {part: mavlink.MAVLink(self, SYSTEM, part) for part in (AUTOPILOT, CAMERA)}
+        self.voices = {part: mavlink.MAVLink(self, system, part) for part in (AUTOPILOT, CAMERA)}
         self.booted = time.monotonic() - BOOTED_BEFORE
         self.due = {"heartbeat": 0.0, "position": 0.0}
 

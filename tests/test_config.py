@@ -42,6 +42,10 @@ def test_one_setting_deep_inside_is_changed(tmp_path: Path) -> None:
         ("paint: {bands: [2, 1]}", "bands: expected one, or three as red, green, blue, counted from 1, got [2, 1]"),
         ("paint: {bands: [0, 1, 2]}", "counted from 1"),
         ("watch: [", "is not YAML"),
+        ("sources: [{vehicle: 1}]", "aircraft 1: expected watch: FOLDER or rtsp: ADDRESS, got neither"),
+        ("sources: [{watch: a}]", "vehicle: expected a MAVLink system id from 1 to 255, got 0"),
+        ("sources: [{vehicle: 1, watch: a}, {vehicle: 1, rtsp: b}]", "expected one for each aircraft, got more for 1"),
+        ("link: {vehicles: every}", "expected one of all, got 'every'"),
     ],
 )
 def test_a_mistake_is_named(tmp_path: Path, text: str, said: str) -> None:
@@ -53,3 +57,13 @@ def test_a_mistake_is_named(tmp_path: Path, text: str, said: str) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be read"):
         load_config(tmp_path / "none.yaml")
+
+
+def test_the_aircraft_of_a_flight_are_those_that_are_named_and_those_with_a_source(tmp_path: Path) -> None:
+    config = load_config(
+        written(tmp_path, "sources: [{vehicle: 4, watch: a}, {vehicle: 2, rtsp: auto}]\nlink: {vehicles: 3}")
+    )
+    assert config.aircraft == (2, 3, 4)
+    assert config.of_source(config.sources[1]).rtsp == "auto"
+    assert load_config(written(tmp_path, "link: {vehicles: all}")).aircraft == "all"
+    assert load_config(written(tmp_path, "link: {vehicle: 3}")).aircraft == ()

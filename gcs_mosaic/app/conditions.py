@@ -33,6 +33,7 @@ class Facts:
     started_utc: float
     links: tuple[LinkReport, ...] = ()
     source: SourceReport | None = None
+    sources: tuple[SourceReport, ...] = ()  # of several aircraft, each one's
     behind: Behind = field(default_factory=Behind)
     accounts: Accounts = field(default_factory=Accounts)
     islands: int = 0
@@ -137,9 +138,10 @@ def _of_links(facts: Facts) -> Iterator[_Found]:
 
 
 def _of_the_source(facts: Facts) -> Iterator[_Found]:
-    source = facts.source
-    if source is not None and source.state in SOURCE_AWAY:
-        yield _Found("source", "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
+    for source in (facts.source, *facts.sources):
+        if source is not None and source.state in SOURCE_AWAY:
+            key = "source" if source.vehicle is None else f"source of aircraft {source.vehicle}"
+            yield _Found(key, "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
 
 
 def _of_shots(facts: Facts) -> Iterator[_Found]:

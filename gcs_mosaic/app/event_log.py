@@ -26,12 +26,19 @@ K = TypeVar("K")
 
 
 class EventLog:
-    """Matches events with frames; `save` writes their outcomes into the ledger. `retry` runs every write."""
+    """Matches events with frames; `save` writes their outcomes into the ledger. `retry` runs every write.
 
-    def __init__(self, ledger: Ledger, pairing: PairingSettings, retry: Retry = at_once) -> None:
+    `apart`: each aircraft has a source of frames of its own, so its events are matched with its own frames alone, and nothing
+    that is learnt of one (names, counters, delays, who is credible) is applied to another.
+    """
+
+    def __init__(
+        self, ledger: Ledger, pairing: PairingSettings, retry: Retry = at_once, *, apart: bool = False
+    ) -> None:
         self._ledger = ledger
         self._retry = retry
-        self._pairing = Pairing(pairing)
+        self._settings, self._apart = pairing, apart
+        self._pairings: dict[int | None, Pairing] = {}  # by aircraft
         self._duplicates: list[tuple[int, int]] = []
         self._outcomes: list[Outcome] = []
         self._ids: OrderedDict[TriggerEvent, int] = OrderedDict()  # id of the shot each event reported
@@ -44,12 +51,12 @@ class EventLog:
         Matches are kept: requests to a stream, and matches by counting at the end, are recorded in the ledger only. Only the
         newest frames are matched by their times again.
         """
-        matched: list[tuple[int, str]] = []
+        matched: list[tuple[int, str, int]] = []
         stale = max(sum(isinstance(record, FrameRecord) for record in told) - TIMED, 0)
         now = 0.0
         for record in told:
             if isinstance(record, EventRecord) and record.frame is not None:
-                matched.append((record.id, record.frame))
+                matched.append((record.id, record.frame, record.event.vehicle))
             if isinstance(record, EventRecord):
                 now = record.event.received
                 self._heard(shots.hear(record.event), record.id, now)
@@ -58,8 +65,8 @@ class EventLog:
                 now, fresh = frame.received, frame.modified >= started_utc and record.state not in SET_ASIDE
                 self.frame(frame, now, fresh=fresh and stale < 0)
         self.tick(now)
-        for event_id, name in matched:
-            self._outcomes += self._pairing.known(event_id, name)
+        for event_id, name, vehicle in matched:
+            self._outcomes += self._pairing_of(vehicle).known(event_id, name)
 
     def message(self, message: CameraMessage, now: float) -> None:
         """Add a camera message."""
@@ -67,34 +74,34 @@ class EventLog:
         self._heard(message, self._retry(lambda: self._ledger.record_event(event)), now)
 
     def _heard(self, message: CameraMessage, event_id: int, now: float) -> None:
-        event = message.event
+        event, pairing = message.event, self._pairing_of(message.event.vehicle)
         match message.verdict:
             case New(moment):
                 _remember(self._shots, message.number, event_id, MOST_SHOTS)
                 _remember(self._ids, event, event_id, self._remembered)
-                self._outcomes += self._pairing.event(event_id, event, moment, now)
+                self._outcomes += pairing.event(event_id, event, moment, now)
             case Duplicate(of):
-                self._pairing.duplicate()
+                pairing.duplicate()
                 self._note_duplicate(event, event_id, self._shots.get(of, event_id))
             case Better(of):
                 shot = self._shots.get(of, event_id)
                 self._note_duplicate(event, event_id, shot)
-                self._outcomes += self._pairing.improve(shot, event, now)
+                self._outcomes += pairing.improve(shot, event, now)
 
     def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
         """Add a frame that is in the ledger; `fresh` if it arrived after the watch began."""
         # Events name the original file, wherever its frame is kept and however often it was rewritten.
         frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
-        self._outcomes += self._pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
+        self._outcomes += self._pairing_of(frame.vehicle).frame(frame, now, fresh=fresh, asked_by=asked_by)
 
     def credible(self) -> frozenset[Teller]:
         """The sources of events whose shots have proved true."""
-        return self._pairing.credible()
+        return frozenset().union(*(pairing.credible() for pairing in self._pairings.values()))
 
     def tick(self, now: float) -> list[Missing]:
         """Advance time; returns the events whose frames are now missing."""
-        missing = self._pairing.tick(now)
+        missing = [one for pairing in self._pairings.values() for one in pairing.tick(now)]
         for event in missing:
             logger.info("no frame has come for %s", event.event)
         self._outcomes += missing
@@ -102,7 +109,14 @@ class EventLog:
 
     def close(self) -> None:
         """No more messages or frames will arrive."""
-        self._outcomes += self._pairing.close()
+        for pairing in self._pairings.values():
+            self._outcomes += pairing.close()
+
+    def _pairing_of(self, vehicle: int | None) -> Pairing:
+        whose = vehicle if self._apart else None
+        if whose not in self._pairings:
+            self._pairings[whose] = Pairing(self._settings)
+        return self._pairings[whose]
 
     def save(self) -> None:
         """Write all changes."""

@@ -48,12 +48,18 @@ def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] |
 
 
 def attach_stream(
-    address: str, links: Iterable[ItemSource], config: Config, stop: threading.Event, trust: Trust
+    address: str,
+    links: Iterable[ItemSource],
+    config: Config,
+    stop: threading.Event,
+    trust: Trust,
+    vehicle: int | None = None,
 ) -> list[ItemSource]:
-    """The links, now also requesting frames, plus the live stream that provides them. Raises UsageError."""
+    """The links, now also requesting frames, plus the live stream that provides them. `vehicle`: whose stream it is, where
+    each aircraft has one. Raises UsageError."""
     requests = Requests()
     frames = stream(address, stop, requests, config.stream)
-    asking_links = [replace(link, items=asking(link.items, requests, trust)) for link in links]
+    asking_links = [replace(link, items=asking(link.items, requests, trust, vehicle)) for link in links]
     failed = replace(initial_report(config), state="ended")
     return [*asking_links, ItemSource(frames, failed)]
 
@@ -87,7 +93,7 @@ class Inbox:
     def fill(self, sources: Iterable[ItemSource]) -> None:
         """Start a thread for each source."""
         for source in sources:
-            name = source.failed.address if isinstance(source.failed, LinkReport) else source.failed.kind
+            name = source.failed.address if isinstance(source.failed, LinkReport) else _thread_name(source.failed)
             self._threads.append(threading.Thread(target=self._pump, args=(source,), name=name, daemon=True))
             self._threads[-1].start()
 
@@ -155,6 +161,10 @@ class Inbox:
 def _last_words(failed: Report, error: Exception) -> str:
     what = f"the link {failed.address}" if isinstance(failed, LinkReport) else _watching_of(failed)
     return f"{what} has failed and brings nothing any more, start gcs-mosaic again ({error!r})"
+
+
+def _thread_name(source: SourceReport) -> str:
+    return source.kind if source.vehicle is None else f"{source.kind} {source.vehicle}"
 
 
 def _watching_of(source: SourceReport) -> str:

@@ -15,15 +15,17 @@ from rich.console import Console
 from gcs_mosaic.app.backlog import Backlog
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
+from gcs_mosaic.app.fleet import Fleet
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.flight_page import FlightPage
-from gcs_mosaic.app.inbox import Inbox, attach_stream, initial_report, keeping, record, watching
+from gcs_mosaic.app.frame_sources import attach_streams, elsewhere, frame_sources, refuse_our_own, watched_folders
+from gcs_mosaic.app.inbox import Inbox, keeping, record
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
-from gcs_mosaic.app.resuming import OpenedFlight, files_taken, open_flight, runs_of, told_again
+from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
@@ -31,24 +33,16 @@ from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
 from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.frames.directory import Taken
-from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
-from gcs_mosaic.store.folder import (
-    LEDGER_NAME,
-    FlightFolder,
-    refuse_watching_ourselves,
-)
-from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
-from gcs_mosaic.store.status import Behind, DaemonState, LastFrame
+from gcs_mosaic.store.status import AircraftStatus, Behind, DaemonState, LastFrame
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
 
@@ -68,16 +62,15 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
 
     `links` are the open links of these settings; the frame sources are added to them.
     """
-    watched, out = Path(config.watch), Path(config.out)
-    if not config.rtsp:
-        refuse_watching_ourselves(watched, out)
+    sources = frame_sources(config)
+    refuse_our_own(sources, Path(config.out))
+    links.choice.count(config.aircraft)
     with ExitStack() as stack:
         # Fail early: addresses, ports and folders in use.
         address = HttpAddress.parse(config.http) if config.http else None
         shots = Shots(config.shots, lambda: links.trust.sources)
         links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
-        if config.rtsp:
-            links.sources[:] = attach_stream(config.rtsp, links.sources, config, shutdown.stop, links.trust)
+        attach_streams(sources, links, shutdown.stop)
         opened = open_flight(config)
         stack.callback(opened.close)
         folder = opened.folder
@@ -86,9 +79,8 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         page = FlightPage(config, address, folder.path)
         stack.callback(page.stop)
         told = [Notice(source="out", level="info", text=folder.said), *_began(config, folder, recorded), *page.wait()]
-        if not config.rtsp:
-            refuse_watching_ourselves(watched, folder.path)
-            links.sources.append(watching(config, shutdown.stop, _files_taken(folder)))
+        refuse_our_own(sources, folder.path)
+        links.sources.extend(watched_folders(sources, folder, shutdown.stop))
         reopen = _reopening(log, links.recording, config)
         console = Console(quiet=True) if streams_json(config.log) else console  # all that is said is in the log
         daemon = _Daemon(config, opened, console, shutdown, page, reopen)
@@ -105,14 +97,6 @@ def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> lis
     """What to say of what goes on beside the map from now on."""
     laid = [let_positions_lay(folder.path)] if config.anchor == "positions" else []
     return [recorded, *laid] if recorded else laid
-
-
-def _files_taken(folder: FlightFolder) -> dict[str, Taken] | None:
-    """Files already accepted; None for a new flight."""
-    if not folder.resumed:
-        return None
-    with Ledger(folder.path / LEDGER_NAME, read_only=True) as ledger:
-        return files_taken(ledger.frames())
 
 
 def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
@@ -143,6 +127,7 @@ class _Daemon:
         reopen: Callable[[], None] = lambda: None,
     ) -> None:
         self._config, self._shutdown, self._page = config, shutdown, page
+        self._sources = frame_sources(config)
         self._announcements = Announcements()
         self._backlog = Backlog()
         self._inbox = Inbox(shutdown.stop)
@@ -157,8 +142,10 @@ class _Daemon:
         self._until_writable.ensure = self._output.ensure
         self._unread = UnreadFrames(store.found_again)
         self._reporter = Reporter(out, store.flight, store.ledger, console, self._output.is_ours)
-        self._reporter.watch = initial_report(config)
-        self._event_log = EventLog(store.ledger, config.pairing, self._until_writable)
+        for source in self._sources:
+            self._reporter.source(source.report)
+        self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
+        self._fleet = Fleet(tuple, store.ledger)
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
@@ -166,7 +153,9 @@ class _Daemon:
         self._state: DaemonState = "listening"
         self._adjusting = False  # whether an adjustment started in a pause is still running
         self._disk_due = 0.0
-        self._looked = False  # whether every file present at the start has been accepted
+        self._looked = set[
+            int | None
+        ]()  # sources of which every file present at the start has been accepted, by aircraft
 
     def _pipeline_in(self, opened: OpenedFlight) -> Pipeline:
         return Pipeline(
@@ -177,7 +166,7 @@ class _Daemon:
             retry=self._until_writable,
             checkpoints=opened.checkpoints,
             shelf=opened.shelf,
-            elsewhere=lambda name: Path(self._config.watch) / file_and_version(name)[0],
+            elsewhere=lambda name: elsewhere(self._sources, name),
         )
 
     def resume(self, saved: Snapshot | None, shots: Shots) -> None:
@@ -200,6 +189,7 @@ class _Daemon:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
         self._trust = links.trust
+        self._fleet = Fleet(lambda: links.choice.counted, self._pipeline.store.ledger)
         requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
@@ -252,17 +242,18 @@ class _Daemon:
                 self._driver.accept(item)
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
             case Notice():
-                self._looked |= item.topic is Topic.FIRST_LOOK
+                self._looked |= {item.vehicle} if item.topic is Topic.FIRST_LOOK else set()
                 self.say(item)
             case LinkReport():
                 self._reporter.link(item)
             case SourceReport():
-                self._reporter.watch = item
+                self._reporter.source(item)
 
     def _take_frame(self, found: Frame) -> None:
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
-        self._event_log.frame(found, time.monotonic(), fresh=self._looked and frame is not None)
+        fresh = found.vehicle in self._looked and frame is not None
+        self._event_log.frame(found, time.monotonic(), fresh=fresh)
         self._trust.sources = self._event_log.credible()
         self._last_frame = time.monotonic()
         if frame is not None:
@@ -284,7 +275,7 @@ class _Daemon:
             assert prepared is not None, "a frame that is ready is there"
             if isinstance(prepared, UndecodableFrame) and self._unread.add(prepared, time.monotonic()):
                 return
-            self._note_done(self._driver.process(prepared, self._begin_next))
+            self._note_done(self._driver.process(prepared, self._begin_next), prepared.frame.vehicle)
             self._pipeline.checkpoint()
         elif self._repainting() and self._pipeline.repaint_some():
             self._driver.save()
@@ -310,7 +301,7 @@ class _Daemon:
     def _is_idle(self) -> bool:
         return not len(self._preparation) and time.monotonic() - self._last_frame > IDLE_AFTER_S
 
-    def _note_done(self, done: Done) -> None:
+    def _note_done(self, done: Done, vehicle: int | None) -> None:
         self._state = "flying"
         self._announcements.frame(done.state)
         self._reporter.conditions.frame(done.state)
@@ -324,6 +315,7 @@ class _Daemon:
             reason=done.reason,
             covered_by=done.covered_by,
         )
+        self._fleet.processed(vehicle, self._reporter.last_frame)
         where = f" on island {done.island}" if done.island else f" by {done.covered_by}" if done.covered_by else ""
         why = f" ({done.reason})" if done.reason else ""
         seconds = ", ".join(f"{stage} {taken:.2f} s" for stage, taken in done.seconds.items())
@@ -402,7 +394,7 @@ class _Daemon:
 
     def _give_up_unread(self) -> None:
         for failed in self._unread.rest():
-            self._note_done(self._driver.process(failed))
+            self._note_done(self._driver.process(failed), failed.frame.vehicle)
 
     def _paint_final(self) -> None:
         try:
@@ -450,11 +442,16 @@ class _Daemon:
             self.say(told)
         counted, revision = pipeline.accounts, pipeline.store.revision
         islands, held_out = len(pipeline.mosaic.frame_counts()), pipeline.mosaic.held_out
-        self._reporter.write(self._state, behind, revision, counted, held_out, islands=islands, now=now)
+        fleet = self._of_aircraft
+        self._reporter.write(self._state, behind, revision, counted, held_out, aircraft=fleet, islands=islands, now=now)
         self._manager.alive()
         self._manager.status(
             f"{self._state}: {self._reporter.accounts.frames.placed} frames placed, {_in_words(behind)}"
         )
+
+    def _of_aircraft(self) -> tuple[AircraftStatus, ...]:
+        waiting = [*self._preparation.waiting(), *self._inbox.frames()]
+        return self._fleet.status(waiting, self._reporter.sources, time.monotonic())
 
     def _behind(self, now_s: float) -> Behind:
         waiting, coming = self._preparation, self._inbox.frames()  # more than a few only while the disk is waited for

@@ -43,7 +43,10 @@ class OperatorRequests:
 
     def _follow(self, request: FollowRequest) -> Answer:
         before, taken = self._choice.followed, self._choice.choose(request.vehicle)
-        if not taken:
+        if counted := self._choice.counted:
+            named = ", ".join(map(str, counted))
+            text = f"this flight is of several aircraft ({named}), whose triggers all count, so nothing was changed"
+        elif not taken:
             heard = ", ".join(map(str, self._choice.systems())) or "none"
             text = f"system {request.vehicle} has not been heard (heard: {heard}), so nothing was changed"
         elif before == request.vehicle:

@@ -212,7 +212,7 @@ class Pipeline(Kept):
         self._painter.begin_look(name, prepared.image)
         with stage("place", name):
             in_sight = self._painter.in_sight(prepared.features, prepared.image)
-            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name))
+            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), prepared.frame.vehicle)
         with stage("adjust", name):
             self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()

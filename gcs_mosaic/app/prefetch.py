@@ -165,6 +165,10 @@ class Preparation:
         """How long the oldest queued frame has waited at `now` (same clock as `Frame.received`); 0 if the queue is empty."""
         return max(0.0, now - min((frame.received for frame in self._waiting.values()), default=now))
 
+    def waiting(self) -> list[Frame]:
+        """The queued frames, in order of arrival."""
+        return list(self._waiting.values())
+
     def append(self, frame: Frame) -> None:
         """Queue a frame that arrived after all before it; call `begin` or `next` afterwards."""
         number = next(self._numbers)

@@ -107,7 +107,9 @@ def settings_of(config: Config) -> str:
 
 def source_of(config: Config) -> str:
     """Where frames come from: a flight resumes by itself only with frames of the same camera."""
-    return config.rtsp or str(Path(config.watch).resolve())
+    if not config.sources:
+        return config.rtsp or str(Path(config.watch).resolve())
+    return ", ".join(f"{one.vehicle}={source_of(config.of_source(one))}" for one in config.sources)
 
 
 def saved_flight(checkpoints: Checkpoints, config: Config, *, same_source: bool = False) -> Snapshot | Unusable:

@@ -23,7 +23,7 @@ from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
 from gcs_mosaic.store.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.store.status import Behind, DaemonState, LastFrame, Status, status_document
+from gcs_mosaic.store.status import AircraftStatus, Behind, DaemonState, LastFrame, Status, status_document
 
 logger = logging.getLogger(__name__)
 
@@ -32,6 +32,7 @@ NOTICES_SHOWN = 20
 NOTICES_KEPT = 1000  # until the ledger takes them
 ISLANDS_SHOWN = 12  # all are in mosaic.json
 STATUS_BYTES = 8192  # more than the document needs: padded, so that a full disk can still overwrite it in place
+BRINGING = ("watching", "connected", "connecting")
 STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 
 
@@ -56,7 +57,7 @@ class Reporter:
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
         self._written, self._begun_utc = 0.0, time.time()
         self._links: dict[str, LinkReport] = {}
-        self.watch: SourceReport | None = None
+        self.sources: dict[int | None, SourceReport] = {}  # by the aircraft whose it is; None: that of all
         self.conditions = Conditions()
         self.accounts = Accounts()  # as last written
         self.last_frame: LastFrame | None = None
@@ -85,6 +86,10 @@ class Reporter:
             logger.info("%s", line, extra={"said": True})
             self.line(line)
 
+    def source(self, report: SourceReport) -> None:
+        """Update the status of a source of frames."""
+        self.sources[report.vehicle] = report
+
     def link(self, report: LinkReport) -> None:
         """Update a link's status; the time it was last heard is retained."""
         before = self._links.get(report.address)
@@ -99,6 +104,7 @@ class Reporter:
         accounts: Callable[[], Accounts],
         held_out: Callable[[], Figures] = dict,
         *,
+        aircraft: Callable[[], tuple[AircraftStatus, ...]] = tuple,
         islands: int = 0,
         now: bool = False,
     ) -> None:
@@ -115,7 +121,8 @@ class Reporter:
             started_utc=self._flight.started_utc,
             revision=revision,
             mavlink=tuple(self._links.values()),
-            watch=self.watch,
+            watch=self._worst_source(),
+            aircraft=aircraft(),
             behind=behind,
             last_frame=self.last_frame,
             accounts=self.accounts,
@@ -128,12 +135,17 @@ class Reporter:
         for notice in self.conditions.fresh():
             self.say(notice)
 
+    def _worst_source(self) -> SourceReport | None:
+        """The source of frames or, of several aircraft's, one that brings nothing if there is any."""
+        return min(self.sources.values(), key=lambda one: one.state in BRINGING, default=None)
+
     def _facts(self, behind: Behind, islands: int) -> Facts:
         return Facts(
             utc=time.time(),
             started_utc=self._begun_utc,
             links=tuple(self._links.values()),
-            source=self.watch,
+            source=self.sources.get(None),
+            sources=tuple(one for whose, one in self.sources.items() if whose is not None),
             behind=behind,
             accounts=self.accounts,
             islands=islands,

@@ -14,12 +14,18 @@ from gcs_mosaic.triggers.shots import CameraMessage, New
 T = TypeVar("T")
 
 
-def asking(items: Iterator[T], requests: Requests, trust: Trust) -> Iterator[T]:
-    """Pass on a link's items, requesting one frame per shot after the consumer has handled the item."""
+def asking(items: Iterator[T], requests: Requests, trust: Trust, vehicle: int | None = None) -> Iterator[T]:
+    """Pass on a link's items, requesting one frame per shot after the consumer has handled the item. `vehicle`: only of this
+    aircraft's shots; None: of all."""
     for item in items:
         yield item
         match item:
-            case CameraMessage(event=event, verdict=New(moment)) if event.result is not CaptureResult.FAILED:
-                requests.put(Ask(moment, event, is_trusted=event.teller in trust.sources))
-            case StreamOffer():
+            case CameraMessage(event=event, verdict=New(moment)) if _is_of(event.vehicle, vehicle):
+                if event.result is not CaptureResult.FAILED:
+                    requests.put(Ask(moment, event, is_trusted=event.teller in trust.sources))
+            case StreamOffer() if _is_of(item.vehicle, vehicle):
                 requests.put(Offer(item.url))
+
+
+def _is_of(sender: int, vehicle: int | None) -> bool:
+    return vehicle is None or sender == vehicle

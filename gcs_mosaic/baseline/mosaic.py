@@ -80,7 +80,9 @@ class PaperMosaic(Kept):
         """A. Features of the frame."""
         return frame_features(image, self.settings.features, self._reduction)
 
-    def place(self, features: Features, name: str, order: int | None = None) -> Placement | Rejection:
+    def place(
+        self, features: Features, name: str, order: int | None = None, aircraft: int | None = None
+    ) -> Placement | Rejection:
         """Place a frame; call `paint` afterwards. `order` is ignored: the method uses the order of arrival only."""
         self.seconds = {}
         with transaction(self):

@@ -30,8 +30,8 @@ def config_of(given: argparse.Namespace) -> Config:
 def flight_config(given: argparse.Namespace, listening: Listening) -> Config:
     """As above for a live flight; `listening` has the settings its links were opened with."""
     config = replace(config_of(given), mavlink=listening.mavlink, link=listening.link)
-    if given.watch:
-        config = replace(config, rtsp=None)
+    if given.watch or given.rtsp:  # what is said now is for all, whatever the file says of each
+        config = replace(config, sources=(), rtsp=given.rtsp)
     return replace(config, http=None) if given.no_http else config
 
 

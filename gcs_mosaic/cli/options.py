@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args
 
+from gcs_mosaic.cli.aircraft import add_sources, add_vehicles, of_each_aircraft
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
@@ -27,10 +28,12 @@ ANNOUNCE_AS = 191  # default system id: not an aircraft's, which count from 1, n
 SETTINGS: Mapping[str, tuple[str, ...]] = {
     "mavlink": ("mavlink",),
     "vehicle": ("link", "vehicle"),
+    "vehicles": ("link", "vehicles"),
     "announce": ("link", "announce"),
     "recover": ("link", "recover"),
     "watch": ("watch",),
     "rtsp": ("rtsp",),
+    "sources": ("sources",),
     "every": ("stream", "every"),
     "from": ("frames", "from_age_s"),
     "out": ("out",),
@@ -127,7 +130,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser = _parser()
     if words and words[0] in COMMANDS:
         parser.asked = f"{parser.prog} {words[0]}"
-    return parser.parse_args(words)
+    return of_each_aircraft(parser.parse_args(words))
 
 
 def _parser() -> Parser:
@@ -161,12 +164,10 @@ class _TellVersion(argparse.Action):
 def add_live(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a live flight."""
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
-    source = parser.add_mutually_exclusive_group()
-    source.add_argument("--watch", metavar="DIR", help="folder in which the camera's files appear")
-    source.add_argument("--rtsp", metavar="URL|auto", help="live stream instead, a frame of it for each trigger")
+    add_sources(parser)
     parser.add_argument("--every", metavar="1s|overlap", help="frames of the stream without triggers too")
     parser.add_argument("--from", metavar="now|start|30m", help="how old a file may be at the start")
-    _add_vehicle(parser)
+    add_vehicles(parser)
     announce = parser.add_argument(
         "--announce", type=int, nargs="?", metavar="ID", help="send a heartbeat and warnings, as this MAVLink system"
     )

@@ -10,11 +10,12 @@ from pathlib import Path
 from gcs_mosaic.baseline.mosaic import PaperSettings
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.config.settings_file import from_mapping, read_settings
+from gcs_mosaic.frames.aircraft_source import AircraftSource
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.hints.settings import HintSettings
-from gcs_mosaic.mavlink.settings import Listening
+from gcs_mosaic.mavlink.settings import AircraftIds, Listening
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.stitch.mosaic import StitchSettings
@@ -37,6 +38,8 @@ class Config(Listening):
     watch: str = "frames"  # folder in which the camera's files appear
     # live stream instead of a folder, such as rtsp://HOST:554/main; auto: as announced by the aircraft; null: none
     rtsp: str | None = None
+    # of several aircraft, each with a folder or a stream of its own; then `watch` and `rtsp` above are not used
+    sources: tuple[AircraftSource, ...] = ()
     out: str = "mosaic"  # folder for tiles, ledger and originals
     # go on with the newest flight in `out`: auto: if it was written within `resume_h` with these settings; always; never
     resume: Resume = "auto"
@@ -70,6 +73,21 @@ class Config(Listening):
             raise ValueError(f"scale: expected 1, 0.5 or 0.25, got {self.scale:g}")
         if self.resume_h < 0:
             raise ValueError(f"resume_h: expected hours, got {self.resume_h:g}")
+        named = [source.vehicle for source in self.sources]
+        if twice := {vehicle for vehicle in named if named.count(vehicle) > 1}:
+            raise ValueError(f"sources: expected one for each aircraft, got more for {min(twice)}")
+
+    @property
+    def aircraft(self) -> AircraftIds:
+        """The aircraft whose triggers all count; none if a single one is followed."""
+        if self.link.aircraft == "all":
+            return "all"
+        named = {*self.link.aircraft, *(source.vehicle for source in self.sources)}
+        return tuple(sorted(named | ({self.link.vehicle} if named and self.link.vehicle is not None else set())))
+
+    def of_source(self, source: AircraftSource) -> Config:
+        """A copy whose one source of frames is this."""
+        return dataclasses.replace(self, watch=source.watch or self.watch, rtsp=source.rtsp, sources=())
 
     @property
     def features(self) -> FeatureKind:

@@ -158,6 +158,7 @@ class Listener:
             silences=self._silences,
             followed=self._choice.followed,
             others=self._others(),
+            counted=self._choice.counted,
             aircraft=self._aircraft_heard(),
             refused=refused,
             sent=sent,
@@ -200,29 +201,26 @@ class Listener:
 
     def _not_followed(self, system: int) -> Iterator[Notice]:
         """One warning per system, as long as they are as few as aircraft."""
-        followed = self._choice.followed
-        if followed is None or system in self._others_said or len(self._others_said) > MOST_NAMED:
+        followed, counted = self._choice.followed, self._choice.counted
+        undecided = followed is None and not counted
+        if undecided or system in self._others_said or len(self._others_said) > MOST_NAMED:
             return
         self._others_said.add(system)
         if len(self._others_said) > MOST_NAMED:
             yield self._notice("warning", f"more than {MOST_NAMED} other systems trigger a camera and are left out")
             return
-        text = (
-            f"system {system} triggers a camera too and is left out, because system {followed} is followed "
-            f"({self._choice.why}): gcs-mosaic vehicle {system} follows it instead"
-        )
-        yield self._notice("warning", text)
+        yield self._notice("warning", _left_out_text(system, followed, self._choice.why, counted))
 
     def _others(self) -> tuple[tuple[int, int], ...]:
         """The busiest of the other aircraft, with the number of triggers left out; while none is followed, none is left out."""
-        followed = self._choice.followed
-        others = self._left_out.counts.most_common(MOST_NAMED + 1) if followed is not None else []
-        return tuple((system, count) for system, count in others if system != followed)[:MOST_NAMED]
+        decided = self._choice.followed is not None or self._choice.counted
+        others = self._left_out.counts.most_common(MOST_NAMED + 1) if decided else []
+        return tuple((system, count) for system, count in others if not self._choice.counts(system))[:MOST_NAMED]
 
     def _aircraft_heard(self) -> tuple[Aircraft, ...]:
         """Heard last first; system ids can be forged, so not all."""
         newest = sorted(self._aircraft.values(), key=lambda one: -(one.last_heard_utc or 0.0))
-        followed = [one for one in newest if one.system == self._choice.followed]
+        followed = [one for one in newest if self._choice.counts(one.system)]
         return (*followed, *(one for one in newest if one not in followed))[:MOST_NAMED]
 
     def _admit(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
@@ -270,6 +268,14 @@ class Listener:
 
     def _notice(self, level: Literal["info", "warning"], text: str) -> Notice:
         return Notice(source=self._name, level=level, text=text)
+
+
+def _left_out_text(system: int, followed: int | None, why: str, counted: tuple[int, ...]) -> str:
+    left_out = f"system {system} triggers a camera too and is left out, because"
+    if counted:
+        named = ", ".join(map(str, counted))
+        return f"{left_out} this flight is of systems {named}: start with --vehicle {system} too to count it"
+    return f"{left_out} system {followed} is followed ({why}): gcs-mosaic vehicle {system} follows it instead"
 
 
 def _is_of_autopilot(message: MavMessage) -> bool:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+AircraftIds: TypeAlias = tuple[int, ...] | Literal["all"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -11,6 +14,8 @@ class LinkSettings:
 
     vehicle: int | None = None
     """MAVLink system id of the aircraft to follow; none = the first to trigger a camera."""
+    vehicles: tuple[int | Literal["all"], ...] = ()
+    """Aircraft of one flight, whose triggers all count, such as [1, 2] or all; none = one is followed."""
     decide_after_s: float = 3.0
     """Wait for the HEARTBEAT of an autopilot before following a system that triggers without: three heartbeats."""
     release_s: float = 30.0
@@ -39,6 +44,11 @@ class LinkSettings:
     """File (mode 600) with the MAVLink signing key; packets not signed with it are refused."""
     receive_buffer_bytes: int = 1 << 21
     """Socket receive buffer, capped by the kernel's own limit: one second at 5,000 messages a second."""
+
+    @property
+    def aircraft(self) -> AircraftIds:
+        """The aircraft whose triggers all count; none if one is followed."""
+        return "all" if "all" in self.vehicles else tuple(sorted({one for one in self.vehicles if one != "all"}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,6 +27,10 @@ def check_identity(settings: LinkSettings) -> None:
         )
     if not 1 <= own <= _HIGHEST:
         raise UsageError(f"--announce {own} is no MAVLink system id: give one from 1 to {_HIGHEST}, such as 191.")
+    if own in settings.vehicles:
+        raise UsageError(
+            f"--announce {own} is the number of an aircraft of this flight: give one that nobody else has, such as 191."
+        )
     if own == settings.vehicle:
         raise UsageError(
             f"--announce {own} is the number of the aircraft that is followed: give one that nobody else has, such as "

@@ -1,4 +1,7 @@
-"""Which aircraft is followed: the first to trigger a camera, until it is gone or the operator chooses another. No I/O."""
+"""Which aircraft is followed: the first to trigger a camera, until it is gone or the operator chooses another. No I/O.
+
+Where several fly, all of them count, and none is followed.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 
-from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.settings import AircraftIds, LinkSettings
+
+MOST_AIRCRAFT = 16  # of `all`: system ids can be forged
 
 
 class VehicleChoice:
@@ -26,9 +31,12 @@ class VehicleChoice:
         self._first_trigger: dict[int, float] = {}
         self._last_trigger: dict[int, float] = {}
         self._latest = 0.0
+        self._named: AircraftIds = ()  # of several
+        self._counted: set[int] = set()  # of those, who has triggered
         self._news: deque[str] = deque()
         self.changes = 0
         """How often the followed aircraft has changed: links compare it to let in what they have left out."""
+        self.count(self._settings.aircraft)
 
     @property
     def followed(self) -> int | None:
@@ -40,6 +48,23 @@ class VehicleChoice:
         """Why that one is followed."""
         return "as asked" if self._asked else "the first to trigger a camera"
 
+    def count(self, aircraft: AircraftIds) -> None:
+        """Of several aircraft the triggers of all these count, and none is followed. To be called before any is heard."""
+        self._named = aircraft
+        if aircraft:
+            self._followed = None
+            self._counted = set() if aircraft == "all" else set(aircraft)
+
+    @property
+    def counted(self) -> tuple[int, ...]:
+        """The aircraft whose triggers count, where several fly; of `all`, those that have triggered."""
+        with self._lock:
+            return tuple(sorted(self._counted))
+
+    def counts(self, system: int) -> bool:
+        """Whether the triggers of `system` count, as that of the followed one or of one of several."""
+        return system in self._counted if self._named else system == self._followed
+
     def heard(self, system: int, now: float, *, autopilot: bool = False) -> None:
         """A message of `system` came; `autopilot`: a HEARTBEAT of one."""
         with self._lock:
@@ -49,8 +74,10 @@ class VehicleChoice:
                 self._autopilots.add(system)
 
     def triggered(self, system: int, now: float) -> bool:
-        """`system` triggered a camera; whether it is followed."""
+        """`system` triggered a camera; whether it is followed, or one of several that count."""
         with self._lock:
+            if self._named:
+                return self._counts_now(system)
             self._first_trigger.setdefault(system, now)
             self._last_trigger[system] = now
             self._look(now)
@@ -59,12 +86,13 @@ class VehicleChoice:
     def look(self, now: float, *, at_once: bool = False) -> None:
         """Decide what can be decided at `now`; `at_once`: nothing more will be heard."""
         with self._lock:
-            self._look(float("inf") if at_once else now)
+            if not self._named:
+                self._look(float("inf") if at_once else now)
 
     def choose(self, system: int) -> bool:
         """The operator's choice; False if nothing was heard of `system`."""
         with self._lock:
-            if system not in self._heard:
+            if self._named or system not in self._heard:
                 return False
             self._asked = True
             if system != self._followed:
@@ -83,6 +111,11 @@ class VehicleChoice:
                 yield self._news.popleft()
             except IndexError:  # another link was faster
                 return
+
+    def _counts_now(self, system: int) -> bool:
+        if self._named == "all" and len(self._counted) < MOST_AIRCRAFT:
+            self._counted.add(system)
+        return system in self._counted
 
     def _look(self, now: float) -> None:
         if self._followed is None:

@@ -26,7 +26,7 @@ from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
 from gcs_mosaic.stitch.graph.tearing import HeldOut, Tearing
-from gcs_mosaic.stitch.graph.view_graph import ViewGraph
+from gcs_mosaic.stitch.graph.view_graph import Aircraft, ViewGraph
 from gcs_mosaic.stitch.mapping.covering import Covering, CoverSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
@@ -95,11 +95,12 @@ class Mosaic(Kept):
         """Extract the features of an image (h, w[, bands]), uint8 or uint16, and place it."""
         return self.place(extract(image, self.settings.features), name)
 
-    def place(self, features: Features, name: str, order: int | None = None) -> Outcome:
-        """Place a frame by its features. `order`: its capture index; default: frames are placed in capture order."""
+    def place(self, features: Features, name: str, order: int | None = None, aircraft: Aircraft = None) -> Outcome:
+        """Place a frame by its features. `order`: its capture index; default: frames are placed in capture order. `aircraft`:
+        what carried the camera, where several fly: each camera has a lens of its own."""
         with transaction(self):
-            self._graph.turn_to(self._graph.order + 1 if order is None else order)
-            features = self._still.without(features, self.settings.features)
+            self._graph.turn_to(self._graph.order + 1 if order is None else order, aircraft)
+            features = self._still.without(features, self.settings.features, aircraft)
             if len(features) < self.settings.plausibility.least_features:
                 return Rejection(name, f"too little to see: {len(features)} features")
             compared = self._covering.look(name, features)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
@@ -11,6 +12,8 @@ from gcs_mosaic.stitch.transaction import Kept
 from gcs_mosaic.store.ledger import printable
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.records import CoveredRecord, Estimate, FrameState
+
+NO_AIRCRAFT: Mapping[str, int] = MappingProxyType({})
 
 
 @dataclass
@@ -34,12 +37,14 @@ class Changes(Kept):
     def __bool__(self) -> bool:
         return self.is_public or any((self.sizes, self.painted))
 
-    def news(self, estimates: Sequence[Estimate], newest: str | None) -> FrameNews:
-        """The frame news for readers; `estimates` are those of the placements."""
+    def news(
+        self, estimates: Sequence[Estimate], newest: str | None, vehicles: Mapping[str, int] = NO_AIRCRAFT
+    ) -> FrameNews:
+        """The frame news for readers; `estimates` are those of the placements, `vehicles` the aircraft of frames, by name."""
         states = self.states.items()
         return FrameNews(
             estimates=estimates,
-            covered=[self._record_of(covered) for covered in self.covered.values()],
+            covered=[self._record_of(one, vehicles.get(one.name)) for one in self.covered.values()],
             rejected={
                 name: printable(reason or "") for name, (state, reason) in states if state is FrameState.REJECTED
             },
@@ -47,10 +52,16 @@ class Changes(Kept):
             newest=newest,
         )
 
-    def _record_of(self, covered: Covered) -> CoveredRecord:
+    def _record_of(self, covered: Covered, vehicle: int | None) -> CoveredRecord:
         width, height = self.sizes[covered.name]
-        shift = covered.by_from_frame
-        return CoveredRecord(name=covered.name, by=covered.by, by_from_frame=shift, width=width, height=height)
+        return CoveredRecord(
+            name=covered.name,
+            by=covered.by,
+            by_from_frame=covered.by_from_frame,
+            width=width,
+            height=height,
+            vehicle=vehicle,
+        )
 
     @property
     def is_public(self) -> bool:

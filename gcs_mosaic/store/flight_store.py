@@ -108,6 +108,7 @@ class FlightStore(Kept):
         self._orders: dict[str, int] = {}  # arrival order, by frame name
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
         self._names: dict[str, str] = {}  # first frame's name by content hash
+        self._vehicles: dict[str, int] = {}  # of frames whose aircraft is known, by name
         self._told: Accounts | None = None  # as last written to the documents: events change them without any frame
         self._islands_known = 0
         self._extents: dict[int, Extent] = {}  # a merged island is reported with its last extent
@@ -135,6 +136,7 @@ class FlightStore(Kept):
         self._names = {frame.content_hash: frame.name for frame in known if frame.content_hash is not None}
         kept = [frame_of(frame, self.out) for frame in known]
         self._places = {frame.name: (frame.path, frame.content_hash) for frame in kept}
+        self._vehicles = {frame.name: frame.vehicle for frame in known if frame.vehicle is not None}
         self._islands_known = len(self.ledger.islands())
         again = [frame for frame in kept if frame.name not in processed]
         self._retry(lambda: self.ledger.process_again([frame.name for frame in again], on_map))
@@ -183,6 +185,8 @@ class FlightStore(Kept):
         self._names[frame.content_hash] = frame.name
         self._orders[frame.name] = len(self._orders)
         self._places[frame.name] = (kept.path, frame.content_hash)
+        if frame.vehicle is not None:
+            self._vehicles[frame.name] = frame.vehicle
         return kept, said
 
     def accept_dropped(self, dropped: DroppedFrame) -> None:
@@ -354,7 +358,8 @@ class FlightStore(Kept):
             return
         of = ", ".join(self.changes.states)
         with stage("ledger", of):
-            estimates = [estimate_of_placement(placement) for placement in self.changes.placements.values()]
+            placements, vehicles = self.changes.placements.values(), self._vehicles
+            estimates = [estimate_of_placement(one, vehicles.get(one.name)) for one in placements]
             self._save_ledger(islands, estimates)
             self.ledger.make_durable()  # no document is ahead of the ledger even after a power cut
         with stage("tiles", of):
@@ -406,7 +411,7 @@ class FlightStore(Kept):
             updated_utc=self._utc(),
             islands=islands,
             accounts=accounts,
-            frames=self.changes.news(estimates, self.ledger.newest_on_map()),
+            frames=self.changes.news(estimates, self.ledger.newest_on_map(), self._vehicles),
         )
 
     def _entries(
@@ -445,10 +450,11 @@ def frame_of(record: FrameRecord, out: Path) -> Frame:
         size=record.size or 0,
         received=record.received or 0.0,
         modified=record.modified or 0.0,
+        vehicle=record.vehicle,
     )
 
 
-def estimate_of_placement(placement: Placement) -> Estimate:
+def estimate_of_placement(placement: Placement, vehicle: int | None = None) -> Estimate:
     return Estimate(
         name=placement.name,
         island=placement.island,
@@ -461,4 +467,5 @@ def estimate_of_placement(placement: Placement) -> Estimate:
         hops=placement.hops,
         corner_deviation_px=finite(placement.corner_deviation_px),
         homography=placement.homography,
+        vehicle=vehicle,
     )

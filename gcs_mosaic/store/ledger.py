@@ -121,19 +121,22 @@ class Ledger(LedgerFile):
 
     def record_frame(self, frame: Frame) -> None:
         """Record a complete frame. A file that was damaged before becomes pending; any other known name is an error."""
-        values = (frame.content_hash, frame.size, frame.received, frame.modified, stored(frame.name))
+        values = (frame.content_hash, frame.size, frame.received, frame.modified, frame.vehicle, stored(frame.name))
         with self.transaction():
-            mend = "state = 'pending', reason = NULL, content_hash = ?, size = ?, received = ?, modified = ?"
+            mend = (
+                "state = 'pending', reason = NULL, content_hash = ?, size = ?, received = ?, modified = ?, vehicle = ?"
+            )
             if not self.changed(f"UPDATE frames SET {mend} WHERE name = ? AND state = 'damaged'", *values):
-                columns = "content_hash, size, received, modified, name"
+                columns = "content_hash, size, received, modified, vehicle, name"
                 self.write(f"INSERT INTO frames ({columns}) VALUES ({marks(values)})", *values)
 
     def record_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file. If repeated, the newest reason is kept; the name of a complete frame is an error."""
-        values = (printable(damaged.reason), stored(damaged.name))
+        values = (printable(damaged.reason), damaged.vehicle, stored(damaged.name))
         with self.transaction():
-            if not self.changed("UPDATE frames SET reason = ? WHERE name = ? AND state = 'damaged'", *values):
-                self.write("INSERT INTO frames (reason, name, state) VALUES (?, ?, 'damaged')", *values)
+            again = "UPDATE frames SET reason = ?, vehicle = ? WHERE name = ? AND state = 'damaged'"
+            if not self.changed(again, *values):
+                self.write("INSERT INTO frames (reason, vehicle, name, state) VALUES (?, ?, ?, 'damaged')", *values)
 
     def record_original(self, name: str, original: str) -> None:
         """Record where the frame's original is kept: a POSIX path relative to the output folder."""
@@ -199,7 +202,8 @@ class Ledger(LedgerFile):
 
     def estimates(self) -> list[Estimate]:
         """The newest estimate of every frame that has one, in order of arrival."""
-        return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id"))]
+        more = ", frames.vehicle" if self._has("vehicle") else ""
+        return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id", more=more))]
 
     def corner_deviations(self) -> list[tuple[int, float]]:
         """Island and `corner_deviation_px` in canvas units of every frame that has one."""
@@ -219,6 +223,7 @@ class Ledger(LedgerFile):
             "JOIN frames AS frame ON frame.id = covered.frame JOIN frames AS keyframe ON keyframe.id = covered.keyframe"
         )
         columns = "frame.name, frame.width, frame.height, keyframe.name AS keyframe, keyframe_from_frame"
+        columns += ", frame.vehicle" if self._has("vehicle") else ""
         return [covered_of(row) for row in self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame")]
 
     def covered_by(self, number: int) -> list[tuple[int, FrameRecord, Homography]]:
@@ -298,6 +303,32 @@ class Ledger(LedgerFile):
             orphans=self.rows(f"SELECT count(*) - ({announced}) FROM frames")[0][0],
         )
 
+    def accounts_of_aircraft(self) -> dict[int, Accounts]:
+        """The same for each aircraft that is known by an event or a frame. A frame is that of the aircraft whose source brought
+        it or, where all have one source, of the one that announced it."""
+        whose = (
+            "SELECT frames.state, coalesce(frames.vehicle, events.vehicle) AS vehicle, events.id AS event "
+            "FROM frames LEFT JOIN events ON events.frame = frames.id"
+        )
+        known = "WHERE vehicle IS NOT NULL GROUP BY vehicle"
+        orphans = f"SELECT vehicle, count(*) - count(event) AS n FROM ({whose}) {known}"
+        events, frames = self._by_aircraft("events", known), self._by_aircraft(f"({whose})", known)
+        left = {row["vehicle"]: row["n"] for row in self.rows(orphans)}
+        return {
+            one: Accounts(
+                events=EventAccount(**events.get(one, {})),
+                frames=FrameAccount(**frames.get(one, {})),
+                orphans=left.get(one, 0),
+            )
+            for one in sorted(events.keys() | frames.keys())
+        }
+
+    def _by_aircraft(self, rows: str, known: str) -> dict[int, dict[str, int]]:
+        counts: dict[int, dict[str, int]] = {}
+        for row in self.rows(f"SELECT vehicle, state, count(*) AS n FROM {rows} {known}, state"):
+            counts.setdefault(row["vehicle"], {})[row["state"]] = row["n"]
+        return counts
+
     def _count_by_state(self, table: str) -> dict[str, int]:
         return {row["state"]: row["n"] for row in self.rows(f"SELECT state, count(*) AS n FROM {table} GROUP BY state")}
 
@@ -306,8 +337,11 @@ class Ledger(LedgerFile):
     @property
     def _sharpness(self) -> str:
         """The column; nothing in an older ledger that is only read."""
-        known = any(row["name"] == "sharpness" for row in self.rows("PRAGMA table_info(frames)"))
-        return "frames.sharpness" if known else "NULL"
+        return "frames.sharpness" if self._has("sharpness") else "NULL"
+
+    def _has(self, column: str) -> bool:
+        """Whether frames have this column: an older ledger that is only read may not."""
+        return any(row["name"] == column for row in self.rows("PRAGMA table_info(frames)"))
 
     def _frame_id(self, name: str) -> int:
         rows = self.rows("SELECT id FROM frames WHERE name = ?", stored(name))
@@ -322,10 +356,10 @@ class Ledger(LedgerFile):
         return int(self.rows(f"SELECT id FROM cameras WHERE {where}", *values)[0]["id"])
 
 
-def placed_in(table: str, order: str, where: str = "") -> str:
-    """A query for the rows of `painted` or `estimates` joined with the frame's name and the camera's values."""
+def placed_in(table: str, order: str, where: str = "", more: str = "") -> str:
+    """A query for the rows of `painted` or `estimates` joined with the frame's name and the camera's values; `more` columns."""
     return (
-        f"SELECT {table}.*, frames.name, cameras.width AS camera_width, cameras.height AS camera_height, {LENS_COLUMNS} "
+        f"SELECT {table}.*, frames.name, cameras.width AS camera_width, cameras.height AS camera_height, {LENS_COLUMNS}{more} "
         f"FROM {table} JOIN frames ON frames.id = {table}.frame JOIN cameras ON cameras.id = {table}.camera "
         f"{where} ORDER BY {order}"
     )

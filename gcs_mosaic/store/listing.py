@@ -99,6 +99,7 @@ def frame_entry(estimate: Estimate) -> Document:
     placed = canvas_from_frame(estimate.pose, estimate.camera).tolist()
     return {
         "name": estimate.name,
+        **vehicle_entry(estimate.vehicle),
         "island": estimate.island,
         "canvas_from_frame": estimate.homography or placed,
         "width": estimate.camera.width,
@@ -111,10 +112,16 @@ def frame_entry(estimate: Estimate) -> Document:
     }
 
 
+def vehicle_entry(vehicle: int | None) -> Document:
+    """The aircraft of a frame, where each has a source of its own; nothing in all other flights."""
+    return {} if vehicle is None else {"vehicle": vehicle}
+
+
 def covered_entry(covered: CoveredRecord, keyframe: Estimate | None) -> Document:
     """A covered frame's entry; it moves with its keyframe."""
     return {
         "name": covered.name,
+        **vehicle_entry(covered.vehicle),
         "covered_by": covered.by,
         "keyframe_from_frame": covered.by_from_frame,
         "island": keyframe.island if keyframe else None,

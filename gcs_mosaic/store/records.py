@@ -70,6 +70,7 @@ class FrameRecord:
     received: float | None  # host monotonic clock, seconds
     modified: float | None  # seconds since 1970
     sharpness: float | None = None  # see `stitch.features.sharpness`; None where it was not noted
+    vehicle: int | None = None  # the aircraft whose source brought it, where each has one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +90,7 @@ class Estimate:
         float | None
     )  # standard deviation of its least certain corner; None if the matches leave it undetermined
     homography: Homography | None = None  # placed by a free homography, which then overrides the pose
+    vehicle: int | None = None  # as in `FrameRecord`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,6 +102,7 @@ class CoveredRecord:
     by_from_frame: Homography
     width: int  # px
     height: int  # px
+    vehicle: int | None = None  # as in `FrameRecord`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -117,7 +117,13 @@ def frame_record_of(row: sqlite3.Row) -> FrameRecord:
         received=row["received"],
         modified=row["modified"],
         sharpness=row["sharpness"] if "sharpness" in row.keys() else None,  # noqa: SIM118 -- a row is no mapping
+        vehicle=vehicle_of(row),
     )
+
+
+def vehicle_of(row: sqlite3.Row) -> int | None:
+    """The aircraft of a frame; None also for ledgers older than this column."""
+    return row["vehicle"] if "vehicle" in row.keys() else None  # noqa: SIM118 -- a row is no mapping
 
 
 def pose_row(pose: Pose) -> tuple[float, ...]:
@@ -224,6 +230,7 @@ def covered_of(row: sqlite3.Row) -> CoveredRecord:
         by_from_frame=nine_numbers(row["keyframe_from_frame"]),
         width=row["width"],
         height=row["height"],
+        vehicle=vehicle_of(row),
     )
 
 
@@ -271,4 +278,5 @@ def estimate_of(row: sqlite3.Row) -> Estimate:
         hops=row["hops"],
         corner_deviation_px=row["corner_deviation_px"],
         homography=homography_of(row),
+        vehicle=vehicle_of(row),
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
-VERSION = 10  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 11  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -52,6 +52,7 @@ CREATE TABLE flight (
     canvas TEXT NOT NULL -- how frames are painted, JSON
 );
 {FRAMES}ALTER TABLE frames ADD COLUMN sharpness; -- of its picture, see stitch.features.sharpness
+ALTER TABLE frames ADD COLUMN vehicle INTEGER; -- MAVLink system id of the aircraft whose source brought it
 CREATE TABLE events (
     id INTEGER PRIMARY KEY,
     state TEXT NOT NULL CHECK (state IN ('pending', 'matched', 'missing', 'duplicate', 'failed')),
@@ -151,6 +152,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     7: "",  # a display without factor and gamma is read as 1 for both
     8: NEW_FRAMES,
     9: "ALTER TABLE frames ADD COLUMN sharpness;",
+    10: "ALTER TABLE frames ADD COLUMN vehicle INTEGER;",
 }
 
 

@@ -46,6 +46,17 @@ class Behind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AircraftStatus:
+    """One of several aircraft. Without `source` its frames come from that of all, and which are waiting is not known."""
+
+    system: int  # MAVLink system id
+    source: SourceReport | None = None
+    behind: Behind = field(default_factory=Behind)
+    last_frame: LastFrame | None = None
+    accounts: Accounts = field(default_factory=Accounts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """What is so now and wants to be known, in a sentence; `key` tells them apart."""
 
@@ -69,6 +80,7 @@ class Status:
     behind: Behind = field(default_factory=Behind)
     last_frame: LastFrame | None = None
     accounts: Accounts = field(default_factory=Accounts)
+    aircraft: tuple[AircraftStatus, ...] = ()  # where several fly
     held_out: Figures = field(default_factory=dict)  # held-out error by island
     conditions: tuple[Condition, ...] = ()  # the worst first
     notices: tuple[NoticeRecord, ...] = ()  # the newest few, oldest first
@@ -91,6 +103,7 @@ def status_document(status: Status) -> Document:
         "events": asdict(status.accounts.events),
         "frames": asdict(status.accounts.frames),
         "orphans": status.accounts.orphans,
+        **({"aircraft": [fleet_entry(one) for one in status.aircraft]} if status.aircraft else {}),
         "held_out_px": {str(island): held_out_entry(found) for island, found in status.held_out.items()},
         "conditions": [condition_entry(one) for one in status.conditions],
         "notices": [notice_entry(notice) for notice in status.notices],
@@ -104,10 +117,25 @@ def link_entry(link: LinkReport) -> Document:
         "last_heard": None if link.last_heard_utc is None else iso_utc(link.last_heard_utc),
         "silences": link.silences,
         "followed": link.followed,
+        **({"counted": [*link.counted]} if link.counted else {}),
         "aircraft": [aircraft_entry(one) for one in link.aircraft],
         "other_triggers": {str(system): count for system, count in link.others},
         "refused": asdict(link.refused),
         "sent": link.sent,
+    }
+
+
+def fleet_entry(one: AircraftStatus) -> Document:
+    """One of several aircraft."""
+    return {
+        "system": one.system,
+        "watch": watch_entry(one.source) if one.source else None,
+        "frames_in_queue": one.behind.frames,
+        "seconds_behind": round(one.behind.seconds, 1),
+        "last_frame": last_frame_entry(one.last_frame) if one.last_frame else None,
+        "events": asdict(one.accounts.events),
+        "frames": asdict(one.accounts.frames),
+        "orphans": one.accounts.orphans,
     }
 
 
@@ -185,6 +213,7 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         *warning,
         f"frames: {counted(document['frames'])}; {behind_words(document)}",
         f"triggers: {counted(document['events'])}",
+        *[fleet_words(one) for one in document.get("aircraft", [])],
         *[held_out_words(island, entry) for island, entry in document.get("held_out_px", {}).items()],
         *([last_frame_words(last)] if last else []),
         *([f"{watch['kind']} {watch['folder']}: {'; '.join(watch_words(watch))}"] if watch else []),
@@ -192,6 +221,11 @@ def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
         *[f"{one['level']} since {one['since']}: {one['text']}" for one in document.get("conditions", [])],
         *[f"{notice['time']} {notice['level']}: {notice['text']}" for notice in document["notices"]],
     ]
+
+
+def fleet_words(one: dict[str, Any]) -> str:
+    """One of several aircraft."""
+    return f"aircraft {one['system']}: frames: {counted(one['frames'])}; {behind_words(one)}; triggers: {counted(one['events'])}"
 
 
 def behind_words(document: dict[str, Any]) -> str:
@@ -231,7 +265,9 @@ def link_words(link: dict[str, Any]) -> Iterator[str]:
         yield f"{link['silences']} silences"
     if link["other_triggers"]:
         left_out = ", ".join(f"{count} of system {system}" for system, count in link["other_triggers"].items())
-        yield f"triggers left out, as system {link['followed']} is followed: {left_out}"
+        systems = link.get("counted")
+        why = f"systems {', '.join(map(str, systems))} count" if systems else f"system {link['followed']} is followed"
+        yield f"triggers left out, as {why}: {left_out}"
     if any(link["refused"].values()):
         yield f"packets refused: {counted(link['refused'])}"
     if link["sent"]:

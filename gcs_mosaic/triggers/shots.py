@@ -24,6 +24,7 @@ _MOST_UNPROVEN = (
 )
 MOST_SHOTS = 1 << 16  # shots that a message may still refer to: above `remembered` times `_MOST_STREAMS`
 _MOST_STREAMS = 32  # sources with a counter; no aircraft has as many, but a forger might
+_MOST_AIRCRAFT = 32  # remembered, those heard last; ids can be forged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +84,8 @@ class Shots:
     """
 
     def __init__(self, settings: ShotSettings, credible: Callable[[], frozenset[Teller]] = frozenset) -> None:
-        self._merger = ShotMerger(settings)
+        self._settings = settings
+        self._mergers: OrderedDict[int, ShotMerger] = OrderedDict()  # by aircraft: they share no counter and no clock
         self._credible = credible
         self._lock = threading.Lock()
         self._heard = 0
@@ -92,7 +94,16 @@ class Shots:
         """Number and classify an event."""
         with self._lock:
             self._heard += 1
-            return CameraMessage(self._heard, event, self._merger.add(self._heard, event, self._credible()))
+            verdict = self._merger_of(event.vehicle).add(self._heard, event, self._credible())
+            return CameraMessage(self._heard, event, verdict)
+
+    def _merger_of(self, vehicle: int) -> ShotMerger:
+        if vehicle not in self._mergers:
+            self._mergers[vehicle] = ShotMerger(self._settings)
+        self._mergers.move_to_end(vehicle)
+        if len(self._mergers) > _MOST_AIRCRAFT:
+            self._mergers.popitem(last=False)
+        return self._mergers[vehicle]
 
     def follow(self, items: Iterator[T | TriggerEvent]) -> Iterator[T | CameraMessage]:
         """A link's items, with each event replaced by its CameraMessage."""

@@ -95,10 +95,10 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(
     """A surprise inside one frame's work costs that frame, not the flight."""
     place = Mosaic.place
 
-    def break_on_the_third(self: Mosaic, features: Features, name: str, order: int) -> Outcome:
+    def break_on_the_third(self: Mosaic, features: Features, name: str, order: int, aircraft: int | None) -> Outcome:
         if "0003" in name:
             raise RuntimeError("surprise")
-        return place(self, features, name, order)
+        return place(self, features, name, order, aircraft)
 
     monkeypatch.setattr(Mosaic, "place", break_on_the_third)
     out = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], tmp_path / "out", Config(), QUIET)

@@ -113,6 +113,13 @@ def empty(tmp_path: Path) -> Path:
         (["--announce", "255"], "255 is the ground station's own number"),
         (["--vehicle", "7", "--announce", "7"], "7 is the number of the aircraft that is followed"),
         (["--recover"], "add --announce"),
+        (["--watch", "1=a", "--watch", "b"], "--watch b names no aircraft, others do: name that of each"),
+        (["--watch", "a", "--watch", "b"], "for several aircraft name each, as in --watch 1=a"),
+        (["--watch", "1=a", "--watch", "1=b"], "--sources: expected one for each aircraft, got more for 1"),
+        (["--watch", "1=a", "--watch", "2=a/b"], "give each a folder of its own, none inside another"),
+        (["--watch", "256=a"], "--watch: vehicle: expected a MAVLink system id from 1 to 255, got 256"),
+        (["--vehicle", "1", "--vehicles", "all"], "--vehicles all: leave out --vehicle"),
+        (["--vehicle", "1", "--vehicle", "2", "--announce", "2"], "2 is the number of an aircraft of this flight"),
         (["--mavlink", "udpout:127.0.0.1:14550"], "calls out, but nothing is ever sent"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 from gcs_mosaic.mavlink.address import parse_address
 from gcs_mosaic.mavlink.monitor import Listener
 from gcs_mosaic.mavlink.settings import LinkSettings
-from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
+from gcs_mosaic.mavlink.vehicle_choice import MOST_AIRCRAFT, VehicleChoice
 from gcs_mosaic.messages import Notice, TriggerEvent
 from tests.mavlink.mavlink_peer import heartbeat, received, trigger
 
@@ -190,3 +190,25 @@ def test_an_aircraft_that_was_asked_for_at_the_start_needs_no_heartbeat(settings
     link.trigger(1, 0.0)
     link.trigger(2, 0.1)
     assert list(link.events) == [(2, 0.1)]
+
+
+def test_of_several_aircraft_all_triggers_count_at_once_and_those_of_others_are_left_out() -> None:
+    link = Link(LinkSettings(vehicles=(1, 2)))
+    for system in (2, 3, 1):
+        link.trigger(system, float(system))
+    assert list(link.events) == [(2, 2.0), (1, 1.0)]
+    assert link.choice.followed is None
+    assert not link.choice.choose(2)
+    left_out = [text for text in link.texts if "is left out" in text]
+    assert left_out == [
+        "system 3 triggers a camera too and is left out, because this flight is of systems 1, 2: "
+        "start with --vehicle 3 too to count it"
+    ]
+
+
+def test_all_means_as_many_as_fly_and_not_as_many_as_can_be_forged() -> None:
+    link = Link(LinkSettings(vehicles=("all",)))
+    for system in range(1, 200):
+        link.trigger(system, 1.0)
+    assert [system for system, _ in link.events] == list(range(1, MOST_AIRCRAFT + 1))
+    assert link.choice.counted == tuple(range(1, MOST_AIRCRAFT + 1))

@@ -16,7 +16,7 @@ from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, fai
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
 from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 
-Kind = tuple[int, int]  # width and height of a frame: each size is one camera
+Kind = tuple[int, int, int | None]  # width and height of a frame, and what carried the camera: each is one camera
 
 LEAST_FRAMES = 6  # different frames before the mean is used: a sixth of each one's ground is left in it
 MEMORY = 64  # frames; sensors drift and recalibrate during a flight
@@ -31,7 +31,7 @@ _PICTURES = ("_patterns", "_last")
 
 
 class StillPattern(Kept):
-    """The mean of many faint pictures, for each frame size."""
+    """The mean of many faint pictures, for each camera."""
 
     def __init__(self) -> None:
         self._patterns: dict[Kind, FloatImage] = {}
@@ -47,13 +47,13 @@ class StillPattern(Kept):
         pictures = {name: {kind: one.array() for kind, one in saved[name].items()} for name in _PICTURES}
         super().load(saved | pictures)
 
-    def without(self, features: Features, settings: FeatureSettings) -> Features:
+    def without(self, features: Features, settings: FeatureSettings, aircraft: int | None = None) -> Features:
         """A frame's features, detected again without the fixed pattern once that is known; learns from the frame. Once per
         frame."""
         faint = features.faint
         if faint is None:
             return features
-        kind = features.width, features.height
+        kind = features.width, features.height, aircraft
         self._learn(kind, faint)
         if self._counts[kind] < LEAST_FRAMES:
             return features  # `moving` separates its matches from the pattern's

@@ -33,7 +33,8 @@ from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
-CameraNumber = int  # frames of one size were taken by one camera
+CameraNumber = int  # frames of one size, of one aircraft, were taken by one camera
+Aircraft = int | None  # its number where several are told apart
 
 NOWHERE = -1  # the island of a frame that is not placed
 # Share of the cells around a correctly placed frame that matches confirm (0.9 over fields, 0.5 to 0.9 in woods), and its weight
@@ -110,6 +111,7 @@ class ViewGraph(Kept):
         self.frames: list[GraphFrame] = []
         self.numbers: dict[str, int] = {}  # by the frame's name
         self.sizes: list[Camera] = []  # by camera: its size, and the lens expected of any
+        self.aircraft_of: list[Aircraft] = []  # by camera: what carries it
         self.lenses: dict[tuple[int, CameraNumber], Lens] = {}
         self.links: dict[tuple[int, int], Link] = {}
         self.islands: Indices = np.empty(0, np.intp)
@@ -129,7 +131,9 @@ class ViewGraph(Kept):
         self.retrieval = RetrievalIndex()
         self.last_placed = 0  # where the search for the next frame begins
         self.order = -1  # of the last frame examined, in capture order
-        self._seen_at: dict[int, int] = {}  # by capture order of earlier frames: the nearest placed frame
+        self.aircraft: Aircraft = None  # that took it
+        # By aircraft and capture order of its earlier frames: the nearest placed frame.
+        self._seen_at: dict[tuple[Aircraft, int], int] = {}
         self.moved: set[int] = set()  # frames placed or moved since the set was last cleared
         self._first_focal = first_focal
         self._matches_per_link = matches_per_link
@@ -140,29 +144,38 @@ class ViewGraph(Kept):
         self.retrieval.fill(frame.features for frame in self.frames)
 
     def append(self, name: str, features: Features) -> int:
-        """Add a frame, not yet placed; a new frame size is a new camera."""
+        """Add a frame, not yet placed; a new frame size of an aircraft is a new camera."""
         features = features if self._shelve is None else features.shelved(self._shelve)
-        number, size = len(self.frames), (features.width, features.height)
-        sizes = [(camera.width, camera.height) for camera in self.sizes]
-        if size not in sizes:
-            self.sizes.append(Camera(*size, focal=self._first_focal))
-            sizes.append(size)
-        self.frames.append(GraphFrame(name, features, sizes.index(size)))
+        number, camera = len(self.frames), self._camera_with(features.width, features.height)
+        self.frames.append(GraphFrame(name, features, camera))
         self.numbers[name] = number
         self.islands = np.append(self.islands, NOWHERE)
-        self.cameras = np.append(self.cameras, sizes.index(size))
+        self.cameras = np.append(self.cameras, camera)
         self.boxes = np.concatenate([self.boxes, np.full((1, 4), np.nan)])
         self.retrieval.add(features)
         return number
 
-    def turn_to(self, order: int) -> None:
-        """Set the capture index of the frame placed next. If it is not consecutive, the search for it begins at the frame nearest
-        in time."""
-        self._seen_at[self.order] = self.last_placed
-        if order != self.order + 1:
-            nearest = min(self._seen_at, key=lambda other: (abs(other - order), other))
-            self.last_placed = self._seen_at[nearest]
-        self.order = order
+    def _camera_with(self, width: int, height: int) -> CameraNumber:
+        """The camera of the aircraft whose turn it is that makes frames of this size; a new one if there is none."""
+        known = zip(self.sizes, self.aircraft_of, strict=True)
+        cameras = [(camera.width, camera.height, aircraft) for camera, aircraft in known]
+        if (width, height, self.aircraft) in cameras:
+            return cameras.index((width, height, self.aircraft))
+        self.sizes.append(Camera(width, height, focal=self._first_focal))
+        self.aircraft_of.append(self.aircraft)
+        return len(cameras)
+
+    def turn_to(self, order: int, aircraft: Aircraft = None) -> None:
+        """Set the capture index of the frame placed next, and what took it. If it does not follow the last one, the search for it
+        begins at the frame of its aircraft nearest in time."""
+        self._seen_at[self.aircraft, self.order] = self.last_placed
+        if order != self.order + 1 or aircraft != self.aircraft:
+            seen = {other: place for (one, other), place in self._seen_at.items() if one == aircraft}
+            nearest = min(seen, key=lambda other: (abs(other - order), other), default=None)
+            self.last_placed = (
+                self.last_placed if nearest is None else seen[nearest]
+            )  # a new one begins where the last is
+        self.order, self.aircraft = order, aircraft
 
     def found_island(self) -> int:
         """Number of a new island without frames; numbers are never reused."""

@@ -101,6 +101,7 @@ class Covering:
         """Whether a placed frame is from the same camera (another may show different things) and not clearly less sharp."""
         placed = self._graph.frames[other].features
         same = (placed.width, placed.height) == (features.width, features.height)
+        same &= self._graph.aircraft_of[self._graph.frames[other].camera] == self._graph.aircraft
         return same and features.sharpness <= self._settings.most_sharper * placed.sharpness
 
     def _is_covered(self, features: Features, keyframe: int, link: Registration) -> bool:

@@ -1,0 +1,59 @@
+"""The source of frames of one of several aircraft, and how its frames are told from those of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, SourceReport
+
+HIGHEST_SYSTEM = 255  # of MAVLink system ids
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AircraftSource:
+    """Where the frames of one aircraft come from: a folder or a live stream."""
+
+    vehicle: int = 0
+    """Its MAVLink system id."""
+    watch: str | None = None
+    """Folder in which its camera's files appear."""
+    rtsp: str | None = None
+    """Live stream instead; auto: as announced by this aircraft."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.vehicle <= HIGHEST_SYSTEM:
+            raise ValueError(f"vehicle: expected a MAVLink system id from 1 to {HIGHEST_SYSTEM}, got {self.vehicle}")
+        if (self.watch is None) == (self.rtsp is None):
+            given = "neither" if self.watch is None else "both"
+            raise ValueError(f"aircraft {self.vehicle}: expected watch: FOLDER or rtsp: ADDRESS, got {given}")
+
+
+def of_aircraft(
+    items: Iterator[T], vehicle: int
+) -> Iterator[T | Frame | DamagedFile | DroppedFrame | Notice | SourceReport]:
+    """What a source brings, each item marked as that aircraft's."""
+    for item in items:
+        match item:
+            case Frame() | DamagedFile():
+                yield replace(item, name=name_with(vehicle, item.name), vehicle=vehicle)
+            case DroppedFrame():
+                frame = replace(item.frame, name=name_with(vehicle, item.frame.name), vehicle=vehicle)
+                yield replace(item, frame=frame)
+            case Notice() | SourceReport():
+                yield replace(item, vehicle=vehicle)
+            case _:
+                yield item
+
+
+def name_with(vehicle: int, name: str) -> str:
+    """A frame's name in a flight of several aircraft: two cameras write files of one name."""
+    return f"{vehicle}/{name}"
+
+
+def name_without(vehicle: int | None, name: str) -> str:
+    """The name within its source; `vehicle`: whose frame it is."""
+    return name if vehicle is None else name.removeprefix(f"{vehicle}/")
