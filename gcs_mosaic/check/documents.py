@@ -241,6 +241,7 @@ def _news(ledger: Ledger) -> FrameNews:
         rejected={frame.name: frame.reason or "" for frame in ledger.frames(FrameState.REJECTED)},
         waiting=[frame.name for frame in ledger.frames(FrameState.WAITING)],
         newest=ledger.newest_on_map(),
+        newest_of=ledger.newest_of_aircraft(),
     )
 
 

@@ -36,8 +36,15 @@ def export_placements(flight: Path, target: Path) -> str:
         listing, estimates = Listing(), ledger.estimates()
         rejected = {frame.name: frame.reason or "" for frame in ledger.frames(FrameState.REJECTED)}
         waiting = [frame.name for frame in ledger.frames(FrameState.WAITING)]
-        covered, newest = ledger.covered(), ledger.newest_on_map()
-    listing.tell(FrameNews(estimates=estimates, covered=covered, rejected=rejected, waiting=waiting, newest=newest))
+        news = FrameNews(
+            estimates=estimates,
+            covered=ledger.covered(),
+            rejected=rejected,
+            waiting=waiting,
+            newest=ledger.newest_on_map(),
+            newest_of=ledger.newest_of_aircraft(),
+        )
+    listing.tell(news)
     document: Document = json.loads(listing.text(last_revision(flight)))
     for entry, estimate in zip(cast("list[Document]", document["frames"]), estimates, strict=True):
         entry["warp"] = warp(estimate)

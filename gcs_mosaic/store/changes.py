@@ -14,6 +14,7 @@ from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.records import CoveredRecord, Estimate, FrameState
 
 NO_AIRCRAFT: Mapping[str, int] = MappingProxyType({})
+NO_NEWEST: Mapping[int, str] = MappingProxyType({})
 
 
 @dataclass
@@ -38,7 +39,11 @@ class Changes(Kept):
         return self.is_public or any((self.sizes, self.painted))
 
     def news(
-        self, estimates: Sequence[Estimate], newest: str | None, vehicles: Mapping[str, int] = NO_AIRCRAFT
+        self,
+        estimates: Sequence[Estimate],
+        newest: str | None,
+        newest_of: Mapping[int, str] = NO_NEWEST,
+        vehicles: Mapping[str, int] = NO_AIRCRAFT,
     ) -> FrameNews:
         """The frame news for readers; `estimates` are those of the placements, `vehicles` the aircraft of frames, by name."""
         states = self.states.items()
@@ -50,6 +55,7 @@ class Changes(Kept):
             },
             waiting=[name for name, (state, _) in states if state is FrameState.WAITING],
             newest=newest,
+            newest_of=newest_of,
         )
 
     def _record_of(self, covered: Covered, vehicle: int | None) -> CoveredRecord:

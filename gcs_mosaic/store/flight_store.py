@@ -406,12 +406,13 @@ class FlightStore(Kept):
         self._islands_known = max(self._islands_known, len(islands))
 
     def _contents(self, islands: list[IslandEntry], accounts: Accounts, estimates: Sequence[Estimate]) -> Contents:
+        newest_of = self.ledger.newest_of_aircraft() if self._vehicles else {}
         return Contents(
             flight=self.flight.name,
             updated_utc=self._utc(),
             islands=islands,
             accounts=accounts,
-            frames=self.changes.news(estimates, self.ledger.newest_on_map(), self._vehicles),
+            frames=self.changes.news(estimates, self.ledger.newest_on_map(), newest_of, self._vehicles),
         )
 
     def _entries(

@@ -243,6 +243,14 @@ class Ledger(LedgerFile):
         rows = self.rows("SELECT name FROM frames WHERE state IN ('placed', 'covered') ORDER BY id DESC LIMIT 1")
         return name_of(rows[0]) if rows else None
 
+    def newest_of_aircraft(self) -> dict[int, str]:
+        """The same of each aircraft that has a source of its own."""
+        if not self._has("vehicle"):
+            return {}
+        placed = "state IN ('placed', 'covered') AND vehicle IS NOT NULL"
+        rows = self.rows(f"SELECT vehicle, name, max(id) FROM frames WHERE {placed} GROUP BY vehicle ORDER BY vehicle")
+        return {row["vehicle"]: name_of(row) for row in rows}
+
     def record_painted(self, painted: Painted) -> None:
         """Record how a frame is painted now; replaces any earlier record."""
         columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {LOOK_COLUMNS}, {RELIEF_COLUMNS}'

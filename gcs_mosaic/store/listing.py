@@ -24,6 +24,7 @@ class FrameNews:
     rejected: Mapping[str, str] = field(default_factory=dict)  # reason by name
     waiting: Sequence[str] = ()
     newest: str | None = None  # the most recently arrived frame that has a place
+    newest_of: Mapping[int, str] = field(default_factory=dict)  # ... of each aircraft that has a source of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,7 @@ class Listing:
     def __init__(self) -> None:
         self._entries: dict[str, _Entry] = {}  # in order of first news
         self._newest: str | None = None
+        self._newest_of: Mapping[int, str] = {}
 
     def tell(self, news: FrameNews) -> list[str]:
         """Add news; returns the names of the frames concerned."""
@@ -60,7 +62,7 @@ class Listing:
         for covered in news.covered:
             told[covered.name] = covered
         self._entries |= told
-        self._newest = news.newest
+        self._newest, self._newest_of = news.newest, news.newest_of
         return list(told)
 
     def text(self, revision: int, names: Iterable[str] | None = None) -> str:
@@ -83,6 +85,7 @@ class Listing:
             "format": FORMAT,
             "revision": revision,
             "newest": self._newest,
+            **({"newest_of": {str(one): name for one, name in self._newest_of.items()}} if self._newest_of else {}),
             "cameras": [*map(asdict, cameras)],
         }
         parts = (f'"{kind}":[{",".join(texts)}]' for kind, texts in lists.items())

@@ -39,7 +39,7 @@ class SmallFlight:
         _, data = cv2.imencode(".jpg", np.full((256, 256, 3), colour, np.uint8))
         write_beside(path, data.tobytes())
 
-    def place(self, name: str, x: float, y: float, island: int = 0) -> None:
+    def place(self, name: str, x: float, y: float, island: int = 0, vehicle: int | None = None) -> None:
         estimate = Estimate(
             name=name,
             island=island,
@@ -50,6 +50,7 @@ class SmallFlight:
             neighbours=3,
             hops=1,
             corner_deviation_px=0.4,
+            vehicle=vehicle,
         )
         self.estimates.append(estimate)
 
@@ -63,12 +64,13 @@ class SmallFlight:
         accounts = Accounts(frames=FrameAccount(placed=len(self.estimates)), events=EventAccount(matched=2, missing=1))
         if newest is None and self.estimates:
             newest = (self.covered or self.estimates)[-1].name
+        newest_of = {one.vehicle: one.name for one in self.estimates if one.vehicle is not None}
         contents = Contents(
             flight="small",
             updated_utc=time.time(),
             islands=self.islands,
             accounts=accounts,
-            frames=FrameNews(estimates=self.estimates, covered=self.covered, newest=newest),
+            frames=FrameNews(estimates=self.estimates, covered=self.covered, newest=newest, newest_of=newest_of),
         )
         return self.manifest.write(contents)
 

@@ -18,7 +18,8 @@ export class AircraftChoice {
       for (const { system } of aircraft ?? []) heard.set(system, heard.get(system) || system === followed);
     }
     const systems = [...heard.keys()].sort((one, other) => one - other);
-    this.select.hidden = systems.length < 2 || status.state === "stopped";
+    const allCount = Boolean(status?.aircraft); // then none is followed alone
+    this.select.hidden = allCount || systems.length < 2 || status.state === "stopped";
     if (document.activeElement === this.select) return; // an open list must not change under the finger
     const options = systems.map((system) => new Option(heard.get(system) ? t("Aircraft {system} (followed)", { system }) : t("Aircraft {system}", { system }), system));
     const same = options.map(({ text }) => text).join() === [...this.select.options].map(({ text }) => text).join();

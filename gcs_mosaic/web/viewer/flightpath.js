@@ -2,19 +2,19 @@
 // Where the camera was, and the outlines of the frames; those that are not on the map, with the reason; and the flight played again.
 
 import { byId } from "/viewer/dom.js";
-import { outlineOf } from "/viewer/outline.js";
+import { middleOf, outlineOf } from "/viewer/outline.js";
 import { Veil } from "/viewer/veil.js";
 import { t } from "/viewer/words.js";
 
 const NAMES = new Intl.Collator("en", { numeric: true });
 const SOON_MS = 2000; // between two drawings while the flight goes on
-/** @type {[string, number][]} colour, width */
-const PATH = [["#000", 5], ["#56b4e9", 2]];
+const PATH_COLOUR = "#56b4e9";
 
 export class FlightPath {
-  /** `placements`: where frames lie; `onTime(seconds | null)` is called when the slider is moved. */
-  constructor(map, placements) {
+  /** `placements`: where frames lie; `fleet`: whose they are; `onTime(seconds | null)` is called when the slider is moved. */
+  constructor(map, placements, fleet) {
     this.map = map;
+    this.fleet = fleet;
     this.placements = placements;
     this.lines = L.layerGroup().addTo(map.map);
     this.until = Infinity;
@@ -46,7 +46,8 @@ export class FlightPath {
   frames() {
     if (this.ordered?.revision !== this.placements.revision) {
       const placed = [...this.placements.places.values()].filter((one) => one.canvas_from_frame);
-      this.ordered = { revision: this.placements.revision, frames: placed.sort((one, other) => NAMES.compare(one.name, other.name)) };
+      placed.sort((one, other) => NAMES.compare(one.name, other.name));
+      this.ordered = { revision: this.placements.revision, frames: this.fleet.isSeveral ? interleaved(placed) : placed };
     }
     return this.ordered.frames;
   }
@@ -103,13 +104,18 @@ export class FlightPath {
     }
     if (this.showsOutlines || isPast) for (const frame of shown.slice(this.showsOutlines ? 0 : -1)) this.outline(frame, frame === shown.at(-1));
     if (!this.showsPath) return;
-    const middles = shown.map(middleOf).filter(Boolean);
-    for (const [color, weight] of PATH) this.lines.addLayer(L.polyline(middles, { renderer: this.renderer, color, weight, interactive: false }));
+    for (const [vehicle, own] of grouped(shown)) {
+      this.drawPath(own.map(middleOf).filter(Boolean), this.fleet.isSeveral ? this.fleet.colourOf(vehicle) : PATH_COLOUR);
+    }
+  }
+
+  drawPath(middles, colour) {
+    for (const [color, weight] of [["#000", 5], [colour, 2]]) this.lines.addLayer(L.polyline(middles, { renderer: this.renderer, color, weight, interactive: false }));
   }
 
   outline(frame, isNewest) {
     const corners = outlineOf(frame);
-    if (corners) this.lines.addLayer(L.polygon(corners, { renderer: this.renderer, color: isNewest ? "#ffe600" : "#fff", weight: isNewest ? 4 : 1, fill: false, interactive: false }));
+    if (corners) this.lines.addLayer(L.polygon(corners, { renderer: this.renderer, color: isNewest ? "#ffe600" : this.fleet.isSeveral ? this.fleet.colourOf(frame.vehicle) : "#fff", weight: isNewest ? 4 : 1, fill: false, interactive: false }));
   }
 
   /** Frames that are not on the map, by their reasons. */
@@ -125,9 +131,20 @@ export class FlightPath {
   }
 }
 
-/** The middle of a frame's outline, [y, x]; null where it reaches beyond the horizon. */
-/** @returns {any} */
-function middleOf(frame) {
-  const corners = outlineOf(frame);
-  return corners && [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
+/** Frames by their aircraft, in their order. */
+function grouped(frames) {
+  const groups = new Map();
+  for (const frame of frames) {
+    if (!groups.has(frame.vehicle)) groups.set(frame.vehicle, []);
+    groups.get(frame.vehicle).push(frame);
+  }
+  return groups;
 }
+
+/** Frames of several aircraft as if all had flown at one time: each one's first, middle and last come about together. */
+function interleaved(placed) {
+  const times = new Map();
+  for (const frames of grouped(placed).values()) frames.forEach((frame, k) => times.set(frame, (k + 1) / frames.length));
+  return placed.sort((one, other) => times.get(one) - times.get(other));
+}
+

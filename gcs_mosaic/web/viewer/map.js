@@ -38,6 +38,7 @@ export class MosaicMap {
     this.newestFrame = null;
     this.painted = null; // the part of the island in view that is painted: [left, top, right, bottom]
     this.isAway = false; // whether the server is
+    this.colourOf = (_frame) => "#ffe600"; // of the newest frame's outline
     this.onPlace = null; // called with island, x and y of a place that was clicked
     this.chosenIsland = null; // by hand; null: the newest or largest
     this.layers = new Layers(this.map);
@@ -197,7 +198,7 @@ export class MosaicMap {
     if (ours && (!this.layer.isComplete() || JSON.stringify(ours.canvas_from_frame) === this.outlined)) return;
     this.outline?.remove();
     const corners = ours && outlineOf(ours);
-    this.outline = corners && outlineLayer(corners).addTo(this.map);
+    this.outline = corners && outlineLayer(corners, this.colourOf(ours)).addTo(this.map);
     this.outlined = corners && JSON.stringify(ours.canvas_from_frame);
     if (this.outline) this.keepInView();
   }
@@ -243,8 +244,8 @@ function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) 
   };
 }
 
-/** Yellow on black, so that it shows on any ground. */
-function outlineLayer(corners) {
+/** Yellow (or the colour of one of several aircraft) on black, so that it shows on any ground. */
+function outlineLayer(corners, colour) {
   const line = (color, weight) => L.polygon(corners, { color, weight, fill: false, interactive: false });
-  return L.featureGroup([line("#000", 6), line("#ffe600", 3)]);
+  return L.featureGroup([line("#000", 6), line(colour, 3)]);
 }

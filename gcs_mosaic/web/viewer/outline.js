@@ -8,3 +8,9 @@ export function outlineOf({ canvas_from_frame: h, width, height }) {
   if (weights.some((w) => w * weights[0] <= 0)) return null;
   return corners.map(([x, y], i) => [1, 0].map((row) => (h[row][0] * x + h[row][1] * y + h[row][2]) / weights[i]));
 }
+
+/** The middle of a frame's outline, [y, x]; null where it reaches beyond the horizon. @returns {any} */
+export function middleOf(frame) {
+  const corners = outlineOf(frame);
+  return corners && [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
+}

@@ -11,6 +11,8 @@ export class Placements {
     this.places = new Map(); // entries of frames that have a place, by name
     this.absent = new Map(); // { name, reason } of those that are not on the map
     this.newest = null;
+    this.newestOf = new Map(); // names, by aircraft, where each has a source of its own
+    this.counts = { revision: -1, of: new Map() };
   }
 
   /** Learn what is new. The journal is read first: what it leaves out is in placements.json by then. */
@@ -30,7 +32,7 @@ export class Placements {
     }
   }
 
-  take({ revision, newest, frames, covered = [], waiting, rejected }) {
+  take({ revision, newest, newest_of: newestOf = {}, frames, covered = [], waiting, rejected }) {
     for (const { name, reason = t("waits: nothing that it shows is on the map yet") } of [...waiting, ...rejected]) {
       this.places.delete(name);
       this.absent.set(name, { name, reason });
@@ -41,6 +43,7 @@ export class Placements {
     }
     this.revision = revision;
     this.newest = newest;
+    this.newestOf = new Map(Object.entries(newestOf).map(([system, name]) => [Number(system), name]));
   }
 
   /** What is painted of an island: [left, top, right, bottom] on the canvas; null if no frame is known to lie on it. */
@@ -53,9 +56,19 @@ export class Placements {
     return [least(xs), least(ys), most(xs), most(ys)];
   }
 
-  /** The entry of the frame that came last of those that have a place, or null. */
-  newestFrame() {
-    const frame = this.places.get(this.newest) ?? [...this.places.values()].at(-1) ?? null;
+  /** How many frames of an aircraft have a place. */
+  countOf(system) {
+    if (this.counts.revision !== this.revision) {
+      this.counts = { revision: this.revision, of: new Map() };
+      for (const { vehicle } of this.places.values()) this.counts.of.set(vehicle, (this.counts.of.get(vehicle) ?? 0) + 1);
+    }
+    return this.counts.of.get(system) ?? 0;
+  }
+
+  /** The entry of the frame that came last of those that have a place, or null; `system`: of this aircraft. */
+  newestFrame(system = null) {
+    const named = this.places.get(system === null ? this.newest : this.newestOf.get(system));
+    const frame = named ?? (system === null ? ([...this.places.values()].at(-1) ?? null) : null);
     return frame?.keyframe_from_frame ? this.besideKeyframe(frame) : frame;
   }
 

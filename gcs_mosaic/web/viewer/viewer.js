@@ -7,6 +7,7 @@ import { Anchors } from "/viewer/anchors.js";
 import { byId } from "/viewer/dom.js";
 import { Elsewhere } from "/viewer/elsewhere.js";
 import { Finds } from "/viewer/finds.js";
+import { Fleet } from "/viewer/fleet.js";
 import { FlightPath } from "/viewer/flightpath.js";
 import { Hints } from "/viewer/hints.js";
 import { Islands } from "/viewer/islands.js";
@@ -47,7 +48,8 @@ const anchors = new Anchors(map, pointing);
 new Reviews(map);
 new Elsewhere();
 const islands = new Islands(map);
-const flightPath = new FlightPath(map, placements);
+const fleet = new Fleet(map, placements, showFollowed);
+const flightPath = new FlightPath(map, placements, fleet);
 new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
@@ -70,13 +72,20 @@ async function readMap() {
     await connection.attempt(async () => {
       const [mosaic] = await Promise.all([fetchDocument("/mosaic.json"), placements.read()]);
       startAfreshForAnotherFlight(mosaic);
-      Object.assign(known, { mosaic: mosaic ?? known.mosaic, newestFrame: placements.newestFrame() });
-      map.show(known.mosaic, known.newestFrame, (island) => placements.boundsOf(island));
+      known.mosaic = mosaic ?? known.mosaic;
+      showFollowed();
       show();
       readNotes(known.mosaic?.revision);
     });
   }
   reading = false;
+}
+
+/** Show the map as it is, and on it the newest frame of whom is followed. */
+function showFollowed() {
+  fleet.show(known.status);
+  known.newestFrame = fleet.newestFrame();
+  map.show(known.mosaic, known.newestFrame, (island) => placements.boundsOf(island));
 }
 
 /** Ask for what people have added, and where it lies now: when something was added, and when the map has moved. */
@@ -137,6 +146,7 @@ function lagSeconds() {
 
 function show() {
   map.setAway(connection.lostForSeconds() > 0);
+  fleet.show(known.status);
   aircraft.show(known.status);
   for (const one of noted) one.follow();
   islands.show();
