@@ -18,13 +18,14 @@ from typing import NoReturn
 
 from .camera import Camera
 from .exposures import recorded, simulated
+from .fleet import craft_of, parts_of, truth_of
 from .flight import Flight, plan
 from .options import parser
 from .path import Plan
 from .program import Program, ProgramError
 from .score import score
 from .sensor import Sensor
-from .session import DONE, FAILED, fly_against, fly_alone, say
+from .session import DONE, FAILED, fly_against, fly_alone, fly_several_against, say
 from .stream.camera import StreamingCamera
 from .targets import Crowd
 from .truth import Truth, read, write
@@ -68,13 +69,36 @@ def flown(asked: argparse.Namespace) -> int:
         flight = None if asked.frames else simulated_flight(asked)
         film = recorded(asked.frames, asked.interval) if flight is None else simulated(flight, asked.interval)
         truth = known_truth(flight, asked.truth)
-        if asked.no_daemon:
+        if asked.no_daemon and asked.aircraft == 1:
             return fly_alone(asked, film, camera)
         where = asked.watch or work / "frames", asked.out or work / "mosaic"
+        if asked.aircraft > 1:
+            return flown_by_several(asked, flight, where)
         url = camera.url if camera else None
         program = Program(asked.port or free_port(), *where, asked.http, rtsp=url, anchor=asked.anchor)
         refuse_used_folders(program)
         return fly_against(program, asked, film, truth, camera)
+
+
+def flown_by_several(asked: argparse.Namespace, flight: Flight | None, where: tuple[Path, Path]) -> int:
+    """The same by several aircraft at once. Raises ValueError if that cannot be flown."""
+    if flight is None or asked.rtsp:
+        raise ValueError("--aircraft: several fly a simulated ground and write files: leave out --frames and --rtsp")
+    parts = parts_of(flight, asked.aircraft)
+    truth = truth_of(parts)
+    if asked.truth:
+        write(truth, asked.truth)
+    more = tuple(free_port() for _ in parts[1:]) if asked.links == "each" else ()
+    program = Program(
+        asked.port or free_port(),
+        *where,
+        asked.http,
+        anchor=asked.anchor,
+        aircraft=len(parts),
+        more_ports=more,
+    )
+    refuse_used_folders(program)
+    return fly_several_against(program, asked, craft_of(asked, parts, program), truth)
 
 
 @contextmanager

@@ -33,10 +33,11 @@ class Flight:
     states: tuple[CameraState, ...]
     names: tuple[str, ...]
     folder: Path | None = None
+    first: int = 0  # number of the first picture, in a part of a longer flight
 
     def truth(self) -> Truth:
         rows = enumerate(zip(self.states, self.names, strict=True))
-        frames = tuple(true_frame(self.scene, state, name, index) for index, (state, name) in rows)
+        frames = tuple(true_frame(self.scene, state, name, self.first + index) for index, (state, name) in rows)
         camera = self.scene.camera
         return Truth(lens=camera.lens, frames=frames, targets=self.scene.targets, vignetting=camera.vignetting)
 
@@ -45,7 +46,7 @@ class Flight:
         waiting: deque[Future[bytes]] = deque()
         with ThreadPoolExecutor(WORKERS) as pool:
             for index, state in enumerate(self.states):
-                waiting.append(pool.submit(self.scene.encoded, state, index))
+                waiting.append(pool.submit(self.scene.encoded, state, self.first + index))
                 if len(waiting) > AHEAD:
                     yield waiting.popleft().result()
             while waiting:

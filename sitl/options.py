@@ -68,6 +68,12 @@ def link(group: argparse._ArgumentGroup) -> None:
         "--manner", type=manners, default=("px4",), help="px4, ardupilot, camera, joined by commas (px4)"
     )
     group.add_argument("--port", type=int, help="UDP port (a free one; 14550 with --no-daemon)")
+    group.add_argument(
+        "--aircraft", type=positive_int, default=1, metavar="N", help="that share the flight, each a part of it (1)"
+    )
+    group.add_argument(
+        "--links", choices=("one", "each"), default="one", help="of several aircraft: one, or one each (one)"
+    )
     for fault in ("drop", "duplicate", "reorder"):
         group.add_argument(
             f"--{fault}", type=share, default=0.0, metavar="P", help=f"{fault} this share of camera messages (0)"

@@ -37,14 +37,34 @@ class Program:
     http: str | None
     rtsp: str | None = None  # URL of a live stream, instead of the folder
     anchor: str | None = None  # what lays the map on earth
+    aircraft: int = 1  # of several, each has a folder of its own below the watched one
+    more_ports: tuple[int, ...] = ()  # of further links
     process: subprocess.Popen[bytes] | None = field(default=None)
 
     def command(self) -> list[str]:
         page = ["--http", self.http] if self.http else ["--no-http"]
-        frames = ["--rtsp", self.rtsp] if self.rtsp else ["--watch", str(self.watch)]
+        links = [word for port in (self.port, *self.more_ports) for word in ("--mavlink", f"udp:127.0.0.1:{port}")]
         anchor = ["--anchor", self.anchor] if self.anchor else []
-        where = [*frames, "--out", str(self.out), "--new", *anchor]
-        return [sys.executable, "-m", "gcs_mosaic", "--mavlink", f"udp:127.0.0.1:{self.port}", *where, *page]
+        where = [*self.sources(), "--out", str(self.out), "--new", *anchor]
+        return [sys.executable, "-m", "gcs_mosaic", *links, *where, *page]
+
+    def sources(self) -> list[str]:
+        """Where frames come from, in words of the command line."""
+        if self.rtsp:
+            return ["--rtsp", self.rtsp]
+        if self.aircraft == 1:
+            return ["--watch", str(self.watch)]
+        of_each = range(1, self.aircraft + 1)
+        return [word for system in of_each for word in ("--watch", f"{system}={self.folder_of(system)}")]
+
+    def folder_of(self, system: int) -> Path:
+        """Where the pictures of one of several aircraft go."""
+        return self.watch / f"aircraft-{system}"
+
+    def ports_of_each(self, count: int) -> list[int]:
+        """The port that each aircraft sends to: the one link, or each its own."""
+        ports = [self.port, *self.more_ports]
+        return ports if len(ports) == count else [self.port] * count
 
     def start(self) -> None:
         """Start it and wait until it listens. In its own session, so that Ctrl-C reaches only us and we stop it cleanly."""

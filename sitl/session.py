@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .delivery import Delivery
 from .exposures import Exposure, Film
+from .fleet import Craft, fly_all
 from .mission import BREATH, fly
 from .program import Program, processed
 from .score import score
@@ -47,6 +48,28 @@ def fly_against(
     finally:
         code = program.stop()
     summarise(program, code, None if camera else truth)
+    return DONE if code == 0 else FAILED
+
+
+def fly_several_against(program: Program, asked: argparse.Namespace, crafts: list[Craft], truth: Truth) -> int:
+    """Fly several aircraft at once for a program that we start; the exit code."""
+    code = FAILED
+    count, hurry = sum(craft.film.count for craft in crafts), max(1.0, asked.speed)
+
+    def progress(exposure: Exposure) -> None:
+        if (exposure.index + 1) % SAY_EVERY == 0:
+            say(f"one has taken {exposure.index + 1}, so far {told(program.account('frames'))}")
+
+    try:
+        program.start()
+        say(f"gcs-mosaic listens for {len(crafts)} aircraft; page: {page_of(program)}")
+        fly_all(asked, crafts, (DELAY / hurry, WRITING / hurry), progress)
+        with closing(vehicle_of(asked, program.port)) as vehicle:
+            wait_for_all(program, count, vehicle)
+            stay(asked, program, vehicle)
+    finally:
+        code = program.stop()
+    summarise(program, code, truth)
     return DONE if code == 0 else FAILED
 
 

@@ -30,7 +30,7 @@ from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
-from gcs_mosaic.app.turns import AsTheyCame, NewestFirst
+from gcs_mosaic.app.turns import AsTheyCame, InTurn, NewestFirst
 from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.mavlink.flood import Trust
@@ -101,7 +101,7 @@ def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> lis
 
 def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
     # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
-    turns = AsTheyCame() if config.method == "paper" else NewestFirst()
+    turns = AsTheyCame() if config.method == "paper" else InTurn() if config.sources else NewestFirst()
     return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels, turns, woken)
 
 

@@ -175,7 +175,7 @@ class Preparation:
         if len(self._waiting) > AHEAD and frame.path.is_file():
             frame = replace(frame, data=None)  # it will wait for long, and can be read again
         self._waiting[number] = frame
-        self._turns.add(number)
+        self._turns.add(number, frame.vehicle)
 
     def next(self) -> DecodedFrame | UndecodableFrame | None:
         """The next frame, once it is ready; None if the queue is empty."""

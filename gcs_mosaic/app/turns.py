@@ -7,14 +7,15 @@ from bisect import bisect_right, insort
 from collections.abc import Collection
 from typing import Protocol
 
+Aircraft = int | None
 AHEAD = 2  # decoded frames in memory besides the current one: 36 MB each at 12 MP
 
 
 class Turns(Protocol):
     """Waiting frames and their processing order."""
 
-    def add(self, frame: int) -> None:
-        """A frame has arrived."""
+    def add(self, frame: int, aircraft: Aircraft = None) -> None:
+        """A frame has arrived; `aircraft`: which took it, where several are told apart."""
 
     def next(self, begun: Collection[int]) -> int | None:
         """The next frame among those being prepared; None while no frame that may be next is being prepared."""
@@ -35,7 +36,7 @@ class AsTheyCame:
     def __init__(self) -> None:
         self._waiting: list[int] = []
 
-    def add(self, frame: int) -> None:
+    def add(self, frame: int, aircraft: Aircraft = None) -> None:
         insort(self._waiting, frame)
 
     def next(self, begun: Collection[int]) -> int | None:
@@ -65,7 +66,7 @@ class NewestFirst:
         self._front = -1
         self._reach = math.inf  # how many frames ahead of the front the next one may be
 
-    def add(self, frame: int) -> None:
+    def add(self, frame: int, aircraft: Aircraft = None) -> None:
         insort(self._waiting, frame)
 
     def next(self, begun: Collection[int]) -> int | None:
@@ -95,6 +96,14 @@ class NewestFirst:
         else:
             self._front, self._reach = frame, math.inf
 
+    @property
+    def has_new(self) -> bool:
+        """Whether a frame waits that is newer than the newest on the map."""
+        return bool(self._ahead())
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
     def _ahead(self) -> list[int]:
         return self._waiting[bisect_right(self._waiting, self._front) :]
 
@@ -104,3 +113,60 @@ class NewestFirst:
         if not ahead:
             return self._waiting
         return ahead[: max(1, bisect_right(ahead, self._front + self._reach))]
+
+
+class InTurn:
+    """Frames of several aircraft: each one's newest first, and the aircraft in turn, so that none starves whoever sends more.
+
+    An aircraft with a frame that is newer than its newest on the map comes before those that have only skipped ones to fill
+    in; among alike, the one whose last turn is longest ago.
+    """
+
+    def __init__(self) -> None:
+        self._turns: dict[Aircraft, NewestFirst] = {}
+        self._whose: dict[int, Aircraft] = {}
+        self._last: dict[Aircraft, int] = {}  # count of turns when it had its last one
+        self._count = 0
+
+    def add(self, frame: int, aircraft: Aircraft = None) -> None:
+        self._whose[frame] = aircraft
+        self._turns.setdefault(aircraft, NewestFirst()).add(frame)
+
+    def next(self, begun: Collection[int]) -> int | None:
+        for aircraft in self._alike():
+            own = [frame for frame in begun if self._whose[frame] == aircraft]
+            if (found := self._turns[aircraft].next(own)) is not None:
+                return found
+        return None
+
+    def remove(self, frame: int) -> None:
+        aircraft = self._whose[frame]
+        self._turns[aircraft].remove(frame)
+        self._count += 1
+        self._last[aircraft] = self._count
+
+    def soon(self) -> list[int]:
+        """The first of each aircraft in turn; of the only one that has frames, what comes next of it."""
+        order = self._order()
+        if len(order) == 1:
+            return self._turns[order[0]].soon()
+        return [self._turns[aircraft].soon()[0] for aircraft in order][:AHEAD]
+
+    def processed(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
+        for aircraft, turns in self._turns.items():
+            own = [other for other in on_map if self._whose[other] == aircraft]
+            if aircraft == self._whose[frame]:
+                turns.processed(frame, own, waits=waits)
+            elif own:
+                turns.processed(max(own), own, waits=False)
+
+    def _order(self) -> list[Aircraft]:
+        """The aircraft that have frames, whose turn is next first."""
+        waiting = [aircraft for aircraft, turns in self._turns.items() if len(turns)]
+        return sorted(waiting, key=lambda one: (not self._turns[one].has_new, self._last.get(one, 0)))
+
+    def _alike(self) -> list[Aircraft]:
+        """Those of them that may be next: with new frames, if any has."""
+        order = self._order()
+        new = [aircraft for aircraft in order if self._turns[aircraft].has_new]
+        return new or order
