@@ -23,6 +23,8 @@ from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
+from gcs_mosaic.stitch.graph.union import Renamed
+from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.transaction import Kept, Snapshot, transaction
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import Checkpoints
@@ -61,10 +63,13 @@ class Pipeline(Kept):
     `say` receives notices for the operator; `published(revision, tiles)` is called once tiles are on disk. `punctual`:
     the same frames always give the same map, whatever the machine's speed. `paint_live`: paint each frame on arrival, not
     all at the end. `observer` is called while frames are placed. `utc`, `retry` and `elsewhere` are the store's;
-    `checkpoints`: where checkpoints are written, if any; `shelf`: where features are, its own by default.
+    `checkpoints`: where checkpoints are written, if any; `shelf`: where features are, its own by default; `camera_of` tells
+    whose camera took a frame.
     """
 
-    FIXED = frozenset({"_shelf", "_worker", "decoders", "_say", "features_of", "_checkpoints", "_of_flight"})
+    FIXED = frozenset(
+        {"_shelf", "_worker", "decoders", "_say", "features_of", "_checkpoints", "_of_flight", "_camera_of"}
+    )
 
     def __init__(
         self,
@@ -81,6 +86,7 @@ class Pipeline(Kept):
         checkpoints: Checkpoints | None = None,
         elsewhere: Elsewhere = lambda name: None,
         shelf: ArrayShelf | None = None,
+        camera_of: Callable[[Frame], int | None] = lambda frame: frame.vehicle,
     ) -> None:
         self.store = FlightStore(
             out,
@@ -100,10 +106,9 @@ class Pipeline(Kept):
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
-        self._reduction = config.reduction
+        self._reduction, self._camera_of = config.reduction, camera_of
         self._processed: dict[str, None] = {}  # frame names, in order of processing
-        runs = [Run(0, 0, utc_of_zero())]
-        self._of_flight: Snapshot = {"settings": settings_of(config), "source": source_of(config), "runs": runs}
+        self._of_flight = _of_flight(config)
         self._checkpoints, self._say = checkpoints, say
         self._painting = Painting(self._painter, self.store, self, self.load_original, say)
 
@@ -116,6 +121,18 @@ class Pipeline(Kept):
         return self.store.accounts()
 
     # Resuming
+
+    def take_over(self, saved: Snapshot, renamed: Renamed) -> None:
+        """Add what another flight has found, by its checkpoint; its frames are in the store already. Call `resume` afterwards.
+
+        Raises whatever a checkpoint raises that does not fit; then all is as before.
+        """
+        assert isinstance(self.mosaic, Mosaic), "the paper's recipe has no checkpoint"
+        other = Mosaic(self.mosaic.settings, shelve=self._shelf.shelve)
+        other.load(saved["mosaic"])
+        with transaction(self):
+            self.mosaic.take_over(other, renamed)
+            self._processed |= {renamed.name_of(name): None for name in saved["_processed"]}
 
     def resume(self, saved: Snapshot | None) -> list[Frame]:
         """Resume the folder's flight from what `checkpoint` saved; None stitches all of it again from its originals.
@@ -212,7 +229,7 @@ class Pipeline(Kept):
         self._painter.begin_look(name, prepared.image)
         with stage("place", name):
             in_sight = self._painter.in_sight(prepared.features, prepared.image)
-            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), prepared.frame.vehicle)
+            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), self._camera_of(prepared.frame))
         with stage("adjust", name):
             self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()
@@ -288,6 +305,14 @@ class Pipeline(Kept):
                 self.store.settle(rejection.name, FrameState.REJECTED, rejection.reason)
         yield
 
+    def link_across(self) -> None:
+        """After `settle`, of several flights: link them wherever they overlap, and adjust again."""
+        assert isinstance(self.mosaic, Mosaic), "the paper's recipe links nothing"
+        self._tried(self.mosaic.link_across, "frames of several flights could not be linked")
+        self._adjusted(partial(self.mosaic.adjust, everything=True))
+        with transaction(self):
+            self._paint_moved(None)
+
     def repaint_all(self) -> Iterator[None]:
         """Repaint everything at its final place and brightness, step by step; may be abandoned at any step when time is up."""
         yield from self._painting.repaint_all(self.mosaic.placements())
@@ -361,6 +386,11 @@ class Pipeline(Kept):
         self._painter.close()
         self._shelf.close()
         self.store.close()
+
+
+def _of_flight(config: Config) -> Snapshot:
+    """What a checkpoint tells of its flight as such."""
+    return {"settings": settings_of(config), "source": source_of(config), "runs": [Run(0, 0, utc_of_zero())]}
 
 
 def _state_of(outcome: Outcome) -> tuple[FrameState, str | None]:

@@ -131,7 +131,9 @@ def shelf_of(config: Config, out: Path) -> ArrayShelf:
     return ArrayShelf(config.stitch.memory_mb << 20, out)
 
 
-def checkpoints_of(out: Path, config: Config, shelf: ArrayShelf | None = None) -> Checkpoints | None:
+def checkpoints_of(
+    out: Path, config: Config, shelf: ArrayShelf | None = None, *, read_only: bool = False
+) -> Checkpoints | None:
     """The checkpoints of a flight's folder; None for the paper's recipe, whose single image exists in memory only.
 
     `shelf`: where the features go that are read.
@@ -140,7 +142,7 @@ def checkpoints_of(out: Path, config: Config, shelf: ArrayShelf | None = None) -
     def received(value: object) -> object:
         return value.shelved(shelf.shelve) if isinstance(value, Features) and shelf is not None else value
 
-    return None if config.method == "paper" else Checkpoints(out, LARGE, received)
+    return None if config.method == "paper" else Checkpoints(out, LARGE, received, read_only=read_only)
 
 
 def files_taken(frames: Iterable[FrameRecord]) -> dict[str, Taken]:

@@ -76,6 +76,18 @@ def stitch(given: argparse.Namespace) -> None:
     batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
 
 
+def merge(given: argparse.Namespace) -> None:
+    """Join finished flights into one map."""
+    from gcs_mosaic.app import merging
+    from gcs_mosaic.cli.choices import config_of
+
+    if given.out is None:
+        raise UsageError("merge needs --out DIR, a new folder for the map of all")
+    config = config_of(given)
+    restrict(config.permissions)
+    merging.merge(given.flights, Path(config.out), config, Console())
+
+
 def replay(given: argparse.Namespace) -> None:
     """Replay a recorded flight."""
     from gcs_mosaic.app import replay
@@ -175,6 +187,7 @@ def demo(given: argparse.Namespace) -> int:
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "stitch": stitch,
+    "merge": merge,
     "replay": replay,
     "serve": serve,
     "status": status,

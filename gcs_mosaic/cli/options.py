@@ -211,6 +211,12 @@ def _add_stitch(parser: argparse.ArgumentParser) -> None:
     _add_output(parser)
 
 
+def _add_merge(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flights", nargs="+", type=Path, metavar="DIR", help="output folders of finished flights")
+    _add_scale(parser)
+    _add_output(parser)
+
+
 def _add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
     parser.add_argument("--frames", type=Path, required=True, metavar="DIR", help="folder of the flight's pictures")
@@ -351,6 +357,7 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
 Add = Callable[[argparse.ArgumentParser], None]
 COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "stitch": ("a folder of frames, without MAVLink", _add_stitch, {}),
+    "merge": ("flights of earlier days or other laptops become one map", _add_merge, {}),
     "replay": ("a recorded flight again", _add_replay, {"epilog": WHEN_FRAMES_CAME}),
     "serve": ("the page of a flight that was written before", _add_serve, {}),
     "status": ("what a running or ended flight says of itself", _add_status, {}),

@@ -12,7 +12,7 @@ Usage:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
@@ -26,10 +26,12 @@ from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
 from gcs_mosaic.stitch.graph.tearing import HeldOut, Tearing
+from gcs_mosaic.stitch.graph.union import Renamed, unite
 from gcs_mosaic.stitch.graph.view_graph import Aircraft, ViewGraph
 from gcs_mosaic.stitch.mapping.covering import Covering, CoverSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
+from gcs_mosaic.stitch.mapping.linking import link_across
 from gcs_mosaic.stitch.mapping.resection import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration.registration import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
@@ -110,6 +112,16 @@ class Mosaic(Kept):
             frame = self._graph.append(name, features)
             return placement_of(self._graph, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
 
+    def take_over(self, other: Mosaic, renamed: Renamed) -> None:
+        """Add what another flight has found; `connect_some` and `adjust` then join what overlaps. `other` is used up."""
+        with transaction(self):
+            first = unite(self._graph, other._graph, renamed)
+            for island, frames in other._upkeep.grown.items():
+                self._upkeep.grow(island + first, frames)
+            self._covered += [
+                replace(one, name=renamed.name_of(one.name), by=renamed.name_of(one.by)) for one in other._covered
+            ]
+
     def retry_waiting(self) -> None:
         """Retry all waiting frames with everything learnt since: for the end of a flight.
 
@@ -125,6 +137,12 @@ class Mosaic(Kept):
         calling again after an error is safe and terminates.
         """
         return self._assembly.connect_some(frames)
+
+    def link_across(self) -> None:
+        """Link what several aircraft or flights have seen of one ground, wherever it overlaps; then call `adjust`."""
+        with transaction(self):
+            for island in link_across(self._graph, self._search):
+                self._upkeep.grow(island, self._graph.count_members(island))  # all of it: its adjustment is due
 
     def adjust(self, *, everything: bool = False) -> None:
         """After each frame: adjust the islands that have grown enough since their last adjustment.

@@ -201,6 +201,14 @@ class FlightStore(Kept):
         self._retry(lambda: self.ledger.record_damaged(damaged))
         logger.info("%s: damaged, %s", damaged.name, damaged.reason)
 
+    def adopt(self, frame: Frame, state: FrameState, reason: str | None) -> None:
+        """Take in a frame of another flight, whose original is at `frame.path`, with what became of it there. Call `resume` after
+        the last one."""
+        with self.ledger.transaction():
+            kept, _ = self._keep(frame)
+            if reason is not None:
+                self.ledger.settle_frame(kept.name, state, reason)
+
     def may_come_again(self, frame: Frame) -> None:
         """Do not treat the same image as a duplicate if it arrives again: this one could not be read."""
         self._names.pop(frame.content_hash, None)

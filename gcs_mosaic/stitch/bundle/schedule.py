@@ -77,6 +77,11 @@ class Upkeep(Kept):
             saved["_grown"] = self._grown | {self._task.island: grown}
         return saved
 
+    @property
+    def grown(self) -> dict[int, int]:
+        """Frames that islands have gained since their last adjustment, by island."""
+        return dict(self._grown)
+
     def grow(self, island: int, frames: int = 1) -> None:
         """To be called when an island has gained frames."""
         self._grown[island] = self._grown.get(island, 0) + frames
