@@ -39,6 +39,7 @@ from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, No
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.folder import FlightFolder
 from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
