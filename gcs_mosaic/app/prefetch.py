@@ -142,7 +142,7 @@ class Preparation:
         self._find, self._reduction, self._least_pixels = find, reduction, least_pixels
         self._decoders = decoders
         self._decoders.begin()
-        self._turns = turns or AsTheyCame()
+        self._turns = AsTheyCame() if turns is None else turns
         self._woken = woken
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._numbers = count()

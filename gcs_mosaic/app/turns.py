@@ -101,8 +101,10 @@ class NewestFirst:
         """Whether a frame waits that is newer than the newest on the map."""
         return bool(self._ahead())
 
-    def __len__(self) -> int:
-        return len(self._waiting)
+    @property
+    def has_any(self) -> bool:
+        """Whether a frame waits."""
+        return bool(self._waiting)
 
     def _ahead(self) -> list[int]:
         return self._waiting[bisect_right(self._waiting, self._front) :]
@@ -162,7 +164,7 @@ class InTurn:
 
     def _order(self) -> list[Aircraft]:
         """The aircraft that have frames, whose turn is next first."""
-        waiting = [aircraft for aircraft, turns in self._turns.items() if len(turns)]
+        waiting = [aircraft for aircraft, turns in self._turns.items() if turns.has_any]
         return sorted(waiting, key=lambda one: (not self._turns[one].has_new, self._last.get(one, 0)))
 
     def _alike(self) -> list[Aircraft]:
