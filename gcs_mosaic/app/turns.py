@@ -101,6 +101,10 @@ class NewestFirst:
         """Whether a frame waits that is newer than the newest on the map."""
         return bool(self._ahead())
 
+    def is_new(self, frame: int) -> bool:
+        """Whether it is newer than the newest on the map."""
+        return frame > self._front
+
     @property
     def has_any(self) -> bool:
         """Whether a frame waits."""
@@ -121,7 +125,8 @@ class InTurn:
     """Frames of several aircraft: each one's newest first, and the aircraft in turn, so that none starves whoever sends more.
 
     An aircraft with a frame that is newer than its newest on the map comes before those that have only skipped ones to fill
-    in; among alike, the one whose last turn is longest ago.
+    in; among alike, the one whose last turn is longest ago. A frame that is to come soon keeps its turn though a newer one of
+    its aircraft comes: where frames come faster than they are prepared, none would ever be ready otherwise.
     """
 
     def __init__(self) -> None:
@@ -129,12 +134,17 @@ class InTurn:
         self._whose: dict[int, Aircraft] = {}
         self._last: dict[Aircraft, int] = {}  # count of turns when it had its last one
         self._count = 0
+        self._promised: dict[Aircraft, int] = {}  # frames that are to come soon, in the order of their turns
 
     def add(self, frame: int, aircraft: Aircraft = None) -> None:
         self._whose[frame] = aircraft
         self._turns.setdefault(aircraft, NewestFirst()).add(frame)
 
     def next(self, begun: Collection[int]) -> int | None:
+        self._keep_promises()
+        for frame in self._promised.values():
+            if frame in begun:
+                return frame
         for aircraft in self._alike():
             own = [frame for frame in begun if self._whose[frame] == aircraft]
             if (found := self._turns[aircraft].next(own)) is not None:
@@ -146,13 +156,25 @@ class InTurn:
         self._turns[aircraft].remove(frame)
         self._count += 1
         self._last[aircraft] = self._count
+        if self._promised.get(aircraft) == frame:
+            del self._promised[aircraft]
 
     def soon(self) -> list[int]:
         """The first of each aircraft in turn; of the only one that has frames, what comes next of it."""
         order = self._order()
         if len(order) == 1:
             return self._turns[order[0]].soon()
-        return [self._turns[aircraft].soon()[0] for aircraft in order][:AHEAD]
+        self._keep_promises()
+        for aircraft in order:
+            if len(self._promised) < AHEAD and aircraft not in self._promised:
+                self._promised[aircraft] = self._turns[aircraft].soon()[0]
+        return list(self._promised.values())
+
+    def _keep_promises(self) -> None:
+        """But for frames that only fill in, once a new one waits."""
+        if any(turns.has_new for turns in self._turns.values()):
+            kept = {one: frame for one, frame in self._promised.items() if self._turns[one].is_new(frame)}
+            self._promised = kept
 
     def processed(self, frame: int, on_map: Collection[int], *, waits: bool) -> None:
         for aircraft, turns in self._turns.items():
