@@ -2,7 +2,8 @@
 
 They fly at one time, each a part of one survey with a 2 MP frame each second, on one link. The pictures are made before, so that
 the simulator takes no time from the program. For each aircraft: seconds from the shot to the map of those frames that were its
-newest when they were placed, the longest time without a newer one, and how many had been passed over until then.
+newest when they were placed, the longest time without a newer one, and how many had been passed over until then. Last, how the
+time of all frames divides among the stages; decode and features run beside the others, which follow each other.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import os
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -40,6 +42,7 @@ class Newest:
 
     shots: dict[str, float] = field(default_factory=dict)
     placed: list[tuple[str, float]] = field(default_factory=list)
+    stages: Counter[str] = field(default_factory=Counter)  # seconds
 
     def newest(self) -> list[tuple[str, float]]:
         """The frames that were newer than all before when they were placed, and when."""
@@ -70,6 +73,8 @@ def main(words: Sequence[str] | None = None) -> None:
     print("aircraft | placed | p50 s | p95 s | longest without a newer one, s | passed over at first")
     for system, newest in told.items():
         print(f"{system} | {newest.row()}")
+    stages = sum((newest.stages for newest in told.values()), Counter[str]())
+    print(", ".join(f"{stage} {seconds / stages.total():.0%}" for stage, seconds in stages.items()))
 
 
 def pictures(aircraft: int, seconds: int) -> list[list[bytes]]:
@@ -120,6 +125,8 @@ def fly(flight: Running, system: int, film: list[bytes], told: Newest, began: fl
 def read_log(log: Path, told: dict[int, Newest]) -> None:
     for line in log.read_text().splitlines():
         record = json.loads(line)
+        if "latency_s" in record:
+            told[int(record["frame"].partition("/")[0])].stages.update(record["seconds"])
         if record.get("state") == "placed" and "latency_s" in record:
             at = np.datetime64(record["utc"].rstrip("Z")).astype("datetime64[ms]").astype(float) / 1000
             told[int(record["frame"].partition("/")[0])].placed.append((record["frame"], float(at)))
