@@ -158,7 +158,7 @@ class Preparation:
     def is_ready(self) -> bool:
         """Whether the next frame can be taken without waiting."""
         self.begin()
-        number = self._turns.next(self._ahead)
+        number = self._next()
         return number is not None and self._ahead[number].done()
 
     def behind_s(self, now: float) -> float:
@@ -182,7 +182,7 @@ class Preparation:
         if not self._waiting:
             return None
         self.begin()
-        while (number := self._turns.next(self._ahead)) is None:
+        while (number := self._next()) is None:
             self._wait_for_any(None)
         prepared = self._ahead[number].result()
         self._turns.remove(number)
@@ -213,6 +213,14 @@ class Preparation:
         """Stop; frames still queued are discarded, and those being prepared when their decoders are closed."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
+    def _next(self) -> int | None:
+        """Whose turn it is: of those that are ready if it may be one of them, else of those being prepared.
+
+        Where frames come faster than they are prepared, none would ever have its turn if each waited for the next newer one.
+        """
+        turn = self._turns.next(self._ready())
+        return self._turns.next(self._ahead) if turn is None else turn
+
     def _ready(self) -> list[int]:
         return [number for number, future in self._ahead.items() if future.done()]
 
@@ -222,8 +230,10 @@ class Preparation:
 
     def _made_room(self, soon: Sequence[int]) -> bool:
         """Whether there is room for another image, after putting back those that are no longer next."""
-        for number in self._ready():
-            if len(self._ahead) >= AHEAD and number not in soon:
+        ready = self._ready()
+        turn = self._turns.next(ready)
+        for number in ready:
+            if len(self._ahead) >= AHEAD and number not in soon and number != turn:
                 prepared = self._ahead.pop(number).result()
                 if isinstance(prepared, DecodedFrame):
                     self._features[number] = prepared.features

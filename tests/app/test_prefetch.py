@@ -1,0 +1,78 @@
+"""Frames that are prepared ahead, in the order of their turns, by threads that take their time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from gcs_mosaic.app.prefetch import DecodedFrame, Preparation
+from gcs_mosaic.app.turns import NewestFirst
+from gcs_mosaic.frames.decoding.decoders import Decoders
+from gcs_mosaic.messages import Frame, content_hash
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+
+DECODING_S = 0.1
+
+
+class SlowDecoders:
+    """Each picture takes long, whoever asks."""
+
+    def begin(self) -> None:
+        pass
+
+    def load_frame(self, frame: Frame, reduction: int = 1) -> np.ndarray:
+        time.sleep(DECODING_S)
+        return np.zeros((60, 80, 3), np.uint8)
+
+
+@pytest.fixture
+def preparation() -> Iterator[Preparation]:
+    def find(image: Any, reduction: int) -> Any:
+        return extract(image, FeatureSettings(), reduction)
+
+    with closing(Preparation(find, cast("Decoders", SlowDecoders()), turns=NewestFirst())) as made:
+        yield made
+
+
+def frame(number: int) -> Frame:
+    name, data = f"{number}.jpg", str(number).encode()
+    return Frame(
+        name=name, path=Path(name), content_hash=content_hash(data), size=1, received=0.0, modified=0.0, data=data
+    )
+
+
+def test_frames_that_come_faster_than_they_are_prepared_have_their_turns(preparation: Preparation) -> None:
+    """Three come while one is prepared: each turn has one that is newer than the last, and none waits for ever."""
+    taken = list[int]()
+    for number in range(60):
+        preparation.append(frame(number))
+        until = time.monotonic() + DECODING_S / 3
+        while (left := until - time.monotonic()) > 0:
+            preparation.wait(left)
+            if preparation.is_ready:
+                prepared = preparation.next()
+                assert isinstance(prepared, DecodedFrame)
+                preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+                taken.append(int(Path(prepared.frame.name).stem))
+    assert len(taken) >= 10
+    assert taken == sorted(taken)
+    assert taken[-1] > 45
+
+
+def test_all_that_were_passed_over_have_theirs_in_the_end(preparation: Preparation) -> None:
+    for number in range(8):
+        preparation.append(frame(number))
+    taken = []
+    while len(preparation):
+        prepared = preparation.next()
+        assert prepared is not None
+        preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+        taken.append(prepared.frame.name)
+    assert taken[0] == "7.jpg"
+    assert sorted(taken) == [f"{number}.jpg" for number in range(8)]
