@@ -53,8 +53,10 @@ ALLOWED = {
         *STITCH,
         *("messages", "errors"),
     },
+    "archive": {"app", "config", "store", "render", "frames", *STITCH, "messages", "errors"},
     "cli": {
         "app",
+        "archive",
         "config",
         "web",
         "hints",
@@ -81,6 +83,7 @@ ONLY = {
     ("export", "frames"): {"decode"},
     ("web", "frames"): {"decode"},
     ("config", "web"): {"settings"},
+    ("archive", "app"): {"prefetch"},
     ("config", "hints"): {"settings"},
     ("cli", "hints"): {"settings"},
     ("check", "frames"): {"decode"},

@@ -97,11 +97,13 @@ OTHERS = (
         "asyncio",
         "av",
         "cv2",
+        "distributed",
         "multiprocessing.connection",
         "numpy",
         "pymavlink.dialects.v20.ardupilotmega",
     ),
     *(
+        "obstore",
         "rich.console",
         "rich.live",
         "scipy.linalg",

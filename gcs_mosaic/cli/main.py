@@ -88,6 +88,24 @@ def merge(given: argparse.Namespace) -> None:
     merging.merge(given.flights, Path(config.out), config, Console())
 
 
+def reprocess(given: argparse.Namespace) -> None:
+    """Make a map of an archive of frames, on all cores or a cluster."""
+    from gcs_mosaic.cli.choices import config_of
+    from gcs_mosaic.cli.extras import need_cluster
+
+    need_cluster()
+    from gcs_mosaic.archive.progress import Lines
+    from gcs_mosaic.archive.reprocess import Request, reprocess
+
+    config = config_of(given)
+    if config.method == "paper":
+        raise UsageError("reprocess knows the default method only: leave out `method: paper`, or use gcs-mosaic stitch")
+    restrict(config.permissions)
+    where = {"cluster": given.cluster, "workers": given.workers, "dashboard": given.dashboard}
+    request = Request(tuple(given.sources), given.out, **where)
+    reprocess(request, config, Lines(Console(), as_json=given.json))
+
+
 def replay(given: argparse.Namespace) -> None:
     """Replay a recorded flight."""
     from gcs_mosaic.app import replay
@@ -188,6 +206,7 @@ def demo(given: argparse.Namespace) -> int:
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "stitch": stitch,
     "merge": merge,
+    "reprocess": reprocess,
     "replay": replay,
     "serve": serve,
     "status": status,

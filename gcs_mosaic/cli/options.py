@@ -217,6 +217,29 @@ def _add_merge(parser: argparse.ArgumentParser) -> None:
     _add_output(parser)
 
 
+def _add_reprocess(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "sources", nargs="+", metavar="SOURCE", help="image files, folders of them, or s3://BUCKET/PREFIX"
+    )
+    parser.add_argument("--out", required=True, metavar="TARGET", help="folder for the map, or s3://BUCKET/PREFIX")
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS", help="tcp://HOST:PORT of a Dask scheduler; without: this machine"
+    )
+    parser.add_argument("--workers", type=_positive, metavar="N", help="on this machine; default: one for each core")
+    parser.add_argument("--dashboard", action="store_true", help="tell where Dask shows what the workers do")
+    parser.add_argument("--json", action="store_true", help="progress as a line of JSON each second")
+    _add_scale(parser)
+    _add_blend(parser)
+    parser.add_argument("--features", choices=get_args(FeatureKind), help="what frames are matched by; default: sift")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in YAML (gcs-mosaic config shows all)")
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no number of workers: give 1 or more")
+    return int(text)
+
+
 def _add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
     parser.add_argument("--frames", type=Path, required=True, metavar="DIR", help="folder of the flight's pictures")
@@ -358,6 +381,7 @@ Add = Callable[[argparse.ArgumentParser], None]
 COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "stitch": ("a folder of frames, without MAVLink", _add_stitch, {}),
     "merge": ("flights of earlier days or other laptops become one map", _add_merge, {}),
+    "reprocess": ("an archive of frames, on all cores or a cluster", _add_reprocess, {}),
     "replay": ("a recorded flight again", _add_replay, {"epilog": WHEN_FRAMES_CAME}),
     "serve": ("the page of a flight that was written before", _add_serve, {}),
     "status": ("what a running or ended flight says of itself", _add_status, {}),

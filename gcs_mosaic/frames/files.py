@@ -40,14 +40,30 @@ def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = No
     and no two are equal; otherwise folder by folder by name, in natural order.
     Raises UsageError immediately for a path that does not exist and for a folder without images.
     """
-    given, notes = [paths] if isinstance(paths, Path) else list(paths), list[str]()
+    found = files_in([paths] if isinstance(paths, Path) else list(paths))
+    frames = _frames(found.looks, settings or FolderSettings())
+    return Given(len(found.looks), frames, found.order, found.passed_over, found.notes)
+
+
+@dataclass(frozen=True, slots=True)
+class GivenFiles:
+    """Files that are not read yet, in order; the rest as in `Given`."""
+
+    looks: list[Look]
+    order: str
+    passed_over: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def files_in(given: list[Path]) -> GivenFiles:
+    """As `frames_in`, without reading the files."""
+    notes = list[str]()
     found = [looks_in(path) for path in given]
     looks = [look for looks, _ in found for look in looks]
     passed_over = tuple(text for _, texts in found for text in texts)
     in_folders = all(path.is_dir() for path in given)
     ordered, order = _in_order(looks, notes.append) if in_folders else (looks, "in the order given")
-    frames = _frames(ordered, settings or FolderSettings())
-    return Given(len(looks), frames, f"{len(looks)} frames {order}", passed_over, tuple(notes))
+    return GivenFiles(ordered, f"{len(looks)} frames {order}", passed_over, tuple(notes))
 
 
 def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look], str]:

@@ -25,14 +25,14 @@ from gcs_mosaic.render.cells import around
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.gallery import Gallery
 from gcs_mosaic.render.originals import LoadImage
-from gcs_mosaic.render.painted import Extent, Painted, PaintedFrame, PaintedFrames, TileKey, Turn
+from gcs_mosaic.render.painted import GUEST_LEVELS, Extent, Painted, PaintedFrame, PaintedFrames, TileKey, Turn
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.plans import Plan, Recipe
 from gcs_mosaic.render.pyramid import LoadTile, TilePicture, TileStack, top_level
 from gcs_mosaic.render.territory import Territory
 from gcs_mosaic.render.tile_cache import Layer, Store
-from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.render.tile_grid import Tile, ancestor
 from gcs_mosaic.render.tile_maker import Maker
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
@@ -113,6 +113,7 @@ class Canvas(Kept):
         self._left: dict[str, frozenset[TileKey]] = {}  # by frames that changed level or island: their former tiles
         self._work: _Fold | _Making | None = None
         self._changes = 0
+        self._only: frozenset[TileKey] | None = None  # the tiles to be made; None: all
         self._known: dict[str, PaintedFrame] = {}  # before `resume`: the frames of the earlier run
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
@@ -195,6 +196,18 @@ class Canvas(Kept):
         """Remove frames; their tiles become stale."""
         for name in names:
             self._fall_behind(self._frames.remove(name))
+
+    def confine(self, keys: Iterable[TileKey]) -> None:
+        """Make only these tiles from now on, and of others what these depend on: for painting a map part by part, each with the
+        frames around it."""
+        self._only = frozenset(keys)
+        near = around(around(self._only))
+        above = {(i, ancestor(t, t.z - up)) for i, t in near for up in range(1, min(GUEST_LEVELS, t.z) + 1)}
+        self._give_up([key for key in self._behind if key not in near | above])
+
+    def layer(self, island: int, tile: Tile) -> Layer | None:
+        """What the frames painted at the tile's own level show on it."""
+        return self._stack.own((island, tile))
 
     @property
     def behind(self) -> int:
@@ -287,15 +300,18 @@ class Canvas(Kept):
         """Update owners for tiles with changed cells and their neighbours; returns those that are due because of it."""
         self._changes += 1
         due = self._territory.settle(changed)
-        for key in due:
+        for key in self._wanted(due):
             self._due.setdefault(key, 0.0)
         return due
 
     def _note_due(self, keys: Collection[TileKey]) -> None:
         """Mark displayed tiles whose frames have changed as due, and their neighbours, whose tones may change."""
-        for key in around(keys):
+        for key in self._wanted(around(keys)):
             if key in self._recipes:
                 self._due.setdefault(key, 0.0)
+
+    def _wanted(self, keys: Iterable[TileKey]) -> Iterator[TileKey]:
+        return (key for key in keys if self._only is None or key in self._only)
 
     # Pixels
 
@@ -419,8 +435,8 @@ class Canvas(Kept):
         ready = {key for key, frames in fold.tiles.items() if frames == tuple(self._frames.on(key))}
         changed = self._territory.replace(ready)
         self._territory.drop_fresh(fold.tiles)
-        for key in ready:
-            self._due[key] = max(self._behind.pop(key), self._due.get(key, 0.0))
+        urgency = {key: max(self._behind.pop(key), self._due.get(key, 0.0)) for key in ready}
+        self._due |= {key: urgency[key] for key in self._wanted(ready)}
         self._note_due(ready)
         self._unhosted |= self._territory.hosts(ready - changed) | self._territory.hosts_below(ready)
         self._settle(changed)

@@ -12,9 +12,11 @@ Usage:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.stitch.bundle.island import IslandTask, island_task
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import Worker
@@ -58,7 +60,8 @@ class Mosaic(Kept):
     Large islands are adjusted by `worker` in the background while frames are still being placed; without a worker, inside
     `adjust`. `punctual`: results are deterministic, however fast the worker is. `observer` is notified of every placement
     decision. A frame that raises leaves no trace; when several islands are adjusted or frames compared, each one is either done
-    or unchanged. `shelve`: where the large arrays of features go; without, they stay in memory.
+    or unchanged. `shelve`: where the large arrays of features go; without, they stay in memory. `search`: what compares frames,
+    made as a `Search` is.
     """
 
     FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
@@ -71,11 +74,12 @@ class Mosaic(Kept):
         punctual: bool = False,
         observer: Observer | None = None,
         shelve: Shelve | None = None,
+        search: Callable[..., Search] = Search,
     ) -> None:
         self.settings = settings or StitchSettings()
         adjustment = self.settings.adjustment
         self._graph = ViewGraph(adjustment.focal_prior, adjustment.matches_per_pair, shelve)
-        self._search = Search(self._graph, self.settings.search, self.settings.registration, observer)
+        self._search = search(self._graph, self.settings.search, self.settings.registration, observer)
         self._upkeep = Upkeep(
             self._graph, self.settings.upkeep, adjustment, worker, punctual=punctual, adjusted=self._tell_adjusted
         )
@@ -153,6 +157,12 @@ class Mosaic(Kept):
         self._upkeep.finish() if everything else self._upkeep.after_frame()
         if everything:
             self._tearing.forget_all()
+
+    def adjustments(self) -> list[IslandTask]:
+        """The joint adjustment of each island with links, at the present poses: for who makes it elsewhere instead of here."""
+        islands = sorted(self._graph.frame_counts())
+        tasks = [island_task(self._graph, island, self.settings.adjustment) for island in islands]
+        return [task for task in tasks if task is not None]
 
     def adjust_in_a_pause(self) -> bool:
         """When idle: adjust all islands that have grown. Call again while it returns True."""

@@ -7,7 +7,7 @@ membrane that resists stretching, weakly tied to zero), so where a frame has no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,14 +104,35 @@ def displacements(
     rows = range(len(views)) if of is None else of
     if settings.cells == 0:
         return [None] * len(rows)
+    return [
+        displacement(*view, ground, settings)
+        for view, ground in zip(_chosen(views, rows), seen_ground(seen, views, settings, rows), strict=True)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class SeenGround:
+    """Ground points (m, 2) on the canvas that a frame sees at pixels (m, 2); `scale` as in `MatchedPoints`."""
+
+    scale: float
+    pixels: PointsNx2
+    points: PointsNx2
+
+
+def seen_ground(
+    seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings, rows: Sequence[int]
+) -> Iterator[SeenGround]:
+    """What each of these frames sees of the ground, at these poses of all frames."""
     points = _points(seen, views, settings)
     order = np.argsort(seen.row, kind="stable")
     ends = np.searchsorted(seen.row[order], np.arange(len(views) + 1))
-    found = []
     for row in rows:
         own = order[ends[row] : ends[row + 1]]
-        found.append(_displacement(*views[row], seen.scales[row], seen.pixels[own], points[seen.point[own]], settings))
-    return found
+        yield SeenGround(float(seen.scales[row]), seen.pixels[own], points[seen.point[own]])
+
+
+def _chosen(views: Sequence[tuple[Pose, Camera]], rows: Sequence[int]) -> Iterator[tuple[Pose, Camera]]:
+    return (views[row] for row in rows)
 
 
 def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> PointsNx2:
@@ -132,11 +153,10 @@ def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: Rel
     return triangulate(places, by_height, deviations[row], seen.point, settings.sigma * height)
 
 
-def _displacement(
-    pose: Pose, camera: Camera, scale: float, pixels: PointsNx2, points: PointsNx2, settings: ReliefSettings
-) -> ReliefDisplacement | None:
-    """A frame's grid from ground points (m, 2) it sees at pixels (m, 2); None if there are too few."""
-    shifts = pixels_from_canvas(pose, camera, points) - pixels
+def displacement(pose: Pose, camera: Camera, ground: SeenGround, settings: ReliefSettings) -> ReliefDisplacement | None:
+    """A frame's grid from the ground that it sees; None if there are too few points."""
+    scale, pixels = ground.scale, ground.pixels
+    shifts = pixels_from_canvas(pose, camera, ground.points) - pixels
     with np.errstate(invalid="ignore"):
         believed = np.linalg.norm(shifts, axis=1) < settings.largest * camera.half_diagonal
     if believed.sum() < FEWEST:

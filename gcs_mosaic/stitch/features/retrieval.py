@@ -122,14 +122,9 @@ class RetrievalIndex(Kept):
         return nearness
 
     def _learn(self) -> None:
-        """Learn a vocabulary from everything stored and refile it. Lloyd's k-means on an even sample."""
+        """Learn a vocabulary from everything stored and refile it."""
         seen = self._count * PER_FRAME
-        sample = self._descriptors[np.linspace(0, seen - 1, WORDS * SAMPLE).astype(int)].astype(np.float32)
-        words = sample[::SAMPLE].copy()
-        for _ in range(ROUNDS):
-            word = nearest_words(sample @ words.T, words, 1)[:, 0]
-            for filled in np.unique(word):
-                words[filled] = sample[word == filled].mean(axis=0)
+        words = learnt_words(self._descriptors[np.linspace(0, seen - 1, WORDS * SAMPLE).astype(int)])
         self._words, self._rows = words, [array("q") for _ in words]
         self._file_in_batches(seen)
 
@@ -142,6 +137,17 @@ class RetrievalIndex(Kept):
         stored = self._descriptors[start:stop].astype(np.float32)
         for row, word in enumerate(nearest_words(stored @ self._words.T, self._words, 1)[:, 0], start):
             self._rows[word].append(row)
+
+
+def learnt_words(descriptors: Descriptors) -> FloatRows:
+    """A vocabulary (n / SAMPLE, d) from a sample of descriptors (n, d): Lloyd's k-means."""
+    sample = descriptors.astype(np.float32)
+    words = sample[::SAMPLE].copy()
+    for _ in range(ROUNDS):
+        word = nearest_words(sample @ words.T, words, 1)[:, 0]
+        for filled in np.unique(word):
+            words[filled] = sample[word == filled].mean(axis=0)
+    return words
 
 
 def nearest_words(likeness: FloatRows, words: FloatRows, count: int) -> IndexRows:

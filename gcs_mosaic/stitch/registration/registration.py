@@ -5,6 +5,7 @@ MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). Evidence: `a_cont
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -157,10 +158,34 @@ def register(
     return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
 
 
+def uncontradicted(settings: RegistrationSettings) -> RegistrationSettings:
+    """Settings with which two frames are registered whatever else they show: for `borne_out`, once it is known what of them was
+    matched before."""
+    return replace(settings, least_confirmed=0.0, least_odds_again=-math.inf)
+
+
+def borne_out(
+    found: Registration, a: Features, b: Features, settings: RegistrationSettings, part_a: MatchPart, part_b: MatchPart
+) -> Registration | NotRegistered:
+    """A registration made with `uncontradicted` settings, if the overlap bears it out; neither frame's descriptors are needed."""
+    pair = _pair(a, b, part_a, part_b, NO_MATCHES)
+    small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
+    doubt = _contradicted(
+        pair, small_from_full_b @ found.b_from_a @ full_from_small_a, found.agreeing_a / a.scale, settings
+    )
+    return NotRegistered(doubt, found.independent_inliers, found.pixels_a, found.pixels_b) if doubt else found
+
+
 def _matched(a: Features, b: Features, part_a: MatchPart, part_b: MatchPart, ratio: float) -> _Pair:
     chosen_a, chosen_b = part_a.chosen(a), part_b.chosen(b)
     matches = match(a.descriptors[chosen_a], b.descriptors[chosen_b], ratio)
     matches = matches[moving(a, b, np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1))]
+    return _pair(a, b, part_a, part_b, matches)
+
+
+def _pair(a: Features, b: Features, part_a: MatchPart, part_b: MatchPart, matches: IndexPairsNx2) -> _Pair:
+    """Two frames with these matches (k, 2) of the features that take part."""
+    chosen_a, chosen_b = part_a.chosen(a), part_b.chosen(b)
     return _Pair(
         all_a=a.points[chosen_a].astype(np.float64) / a.scale,
         all_b=b.points[chosen_b].astype(np.float64) / b.scale,
@@ -218,12 +243,13 @@ def _doubt(
     zoom = np.sqrt(area)
     if zoom.max() > settings.largest_zoom or zoom.min() < 1 / settings.largest_zoom:
         return f"change of scale {zoom.min():.2f} to {zoom.max():.2f}"
-    return _contradicted(pair, homography, inlier | displaced, settings)
+    return _contradicted(pair, homography, pair.a[inlier | displaced], settings)
 
 
-def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: Mask, settings: RegistrationSettings) -> str:
-    """Evidence against the overlap, or "": from features matched before if they suffice, else from all."""
-    overlap = _Overlap.of(pair, homography, pair.a[agreeing])
+def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2, settings: RegistrationSettings) -> str:
+    """Evidence against the overlap, or "": from features matched before if they suffice, else from all. `agreeing`: points
+    (k, 2) of a that were matched."""
+    overlap = _Overlap.of(pair, homography, agreeing)
     again = overlap.confirmed_again(pair)
     odds = log_odds(again, EXPECTED_SHARE)
     if odds < settings.least_odds_again:

@@ -1,0 +1,63 @@
+"""Stage 1: which files are whole frames, and what each is by its content."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.grouped import grouped
+from gcs_mosaic.archive.sources import SourceFile
+from gcs_mosaic.archive.tasks import Parts, StageTask, Unmade, task
+from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.messages import content_hash
+
+TOGETHER = 32  # files read by one task
+
+
+@dataclass(frozen=True, slots=True)
+class ArchiveFrame:
+    """A whole picture of the archive, the first with this content; `order`: how many came before it."""
+
+    order: int
+    name: str
+    content_hash: str
+    file: SourceFile
+
+
+@dataclass(frozen=True, slots=True)
+class Arrivals:
+    """The frames in order; and every file with its content's hash, or why it is no frame (then the hash is empty)."""
+
+    frames: tuple[ArchiveFrame, ...]
+    files: tuple[tuple[SourceFile, str, str], ...]
+
+
+def arrivals_of(engine: Engine, files: Sequence[SourceFile], max_pixels: int) -> Arrivals:
+    """What came."""
+
+    def of(some: tuple[SourceFile, ...]) -> StageTask:
+        return task(arrivals, some, max_pixels)
+
+    found = grouped(engine, "arrivals", files, of, TOGETHER)
+    frames: dict[str, ArchiveFrame] = {}
+    told = [("", one.reason) if isinstance(one, Unmade) else one for one in found]
+    for file, (digest, _) in zip(files, told, strict=True):
+        if digest and digest not in frames:
+            frames[digest] = ArchiveFrame(len(frames), file.name, digest, file)
+    return Arrivals(tuple(frames.values()), tuple((file, *one) for file, one in zip(files, told, strict=True)))
+
+
+def arrivals(artefacts: Artefacts, files: tuple[SourceFile, ...], max_pixels: int) -> Parts:
+    """Of each file its content's hash, or why it is no frame."""
+    return {"summary": [_of(file, max_pixels) for file in files]}
+
+
+def _of(file: SourceFile, max_pixels: int) -> tuple[str, str]:
+    try:
+        data = file.read()
+    except OSError as error:
+        return "", f"cannot be read ({error.strerror})"
+    whole = is_whole(data, max_pixels)
+    return ("", whole.reason) if isinstance(whole, NotWhole) else (content_hash(data), "")

@@ -1,0 +1,93 @@
+"""The workers: a local cluster with one for each core, or any Dask cluster that is there already."""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, LocalCluster
+
+from gcs_mosaic.archive.versions import versions
+from gcs_mosaic.errors import UsageError
+
+CONNECT_S = 10.0  # to a scheduler
+WAIT_S = 60.0  # for the first worker of a cluster
+# Settings of a local cluster. A task that has killed so many workers and one more is not given to another (Dask's default is 3).
+# A worker that has died is started again by its nanny; the cluster would give that one up if it happens twice within 15 s.
+LOCAL = {"distributed.scheduler.allowed-failures": 1, "distributed.deploy.lost-worker-timeout": "365 days"}
+
+
+@contextmanager
+def workers_at(address: str | None, count: int | None = None, *, dashboard: bool = False) -> Iterator[Client]:
+    """A client of the cluster at this address, or of a local one with so many workers. Raises UsageError."""
+    if address is None:
+        with _local(count or os.cpu_count() or 1, dashboard=dashboard) as client:
+            yield client
+        return
+    with _connected(address) as client:
+        check_versions(client, address)
+        yield client
+
+
+@contextmanager
+def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
+    with (
+        dask.config.set(LOCAL),
+        tempfile.TemporaryDirectory(prefix="gcs-mosaic-workers-", ignore_cleanup_errors=True) as scratch,
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0" if dashboard else None,
+            silence_logs=logging.CRITICAL,
+            local_directory=scratch,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _connected(address: str) -> Client:
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it means is said in one sentence
+    try:
+        return Client(address, timeout=CONNECT_S)
+    except (OSError, TimeoutError):
+        raise UsageError(
+            f"--cluster {address}: no scheduler answers there; start one (dask scheduler), or leave --cluster out"
+        ) from None
+    except ValueError as error:
+        raise UsageError(f"--cluster {address}: {error}; give an address such as tcp://HOST:8786") from None
+
+
+def check_versions(client: Client, address: str) -> None:
+    """Raises UsageError unless all workers have this program and its libraries in the versions that are here."""
+    try:
+        client.wait_for_workers(1, timeout=WAIT_S)
+    except TimeoutError:
+        raise UsageError(
+            f"--cluster {address}: the scheduler has no workers; start some (dask worker {address})"
+        ) from None
+    try:
+        found: Mapping[str, dict[str, str]] = client.run(versions, on_error="return")
+    except Exception as error:
+        raise UsageError(f"--cluster {address}: its workers do not answer ({error!r})") from None
+    ours = versions()
+    for worker, theirs in sorted(found.items()):
+        if not isinstance(theirs, dict):
+            raise UsageError(
+                f"--cluster {address}: the worker {worker} lacks this program ({theirs!r}); install gcs-mosaic[cluster] there"
+            )
+        unlike = [
+            f"{name} {theirs.get(name)} (here {version})"
+            for name, version in ours.items()
+            if theirs.get(name) != version
+        ]
+        if unlike:
+            raise UsageError(
+                f"--cluster {address}: the worker {worker} has {', '.join(unlike)}; install the same there"
+            )

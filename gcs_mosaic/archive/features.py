@@ -1,0 +1,151 @@
+"""Stage 2: features, thumbnail and facts of each frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+
+import numpy as np
+
+from gcs_mosaic.app.prefetch import UndecodableFrame, prepare
+from gcs_mosaic.archive.arrivals import ArchiveFrame
+from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.sources import SourceFile
+from gcs_mosaic.archive.tasks import Parts, Unmade, task
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.decode import Unreadable, load_frame
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.stitch.arrays import Bands, Descriptors
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, without_border
+from gcs_mosaic.stitch.features.retrieval import PER_FRAME
+
+TOGETHER = 32  # frames of one batch
+KEPT = 256  # frames' features that a worker keeps at hand: 80 MB
+Size = tuple[int, int]  # width, height
+
+
+@dataclass(frozen=True, slots=True)
+class FrameFacts:
+    """What is known of a frame without its picture: the size as taken and as painted, its bands and their depth."""
+
+    size: Size
+    painted: Size
+    bands: int
+    depth: str
+    features: int
+    scale: float
+    sharpness: float
+
+    @property
+    def kind(self) -> tuple[Size, int, str]:
+        """Frames of one kind are shown alike, and have the same dead border."""
+        return self.painted, self.bands, self.depth
+
+
+@dataclass(frozen=True, slots=True)
+class SeenFrame:
+    """A frame with its features' key."""
+
+    frame: ArchiveFrame
+    key: str
+    facts: FrameFacts
+
+
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """A frame that takes no part, and why; `damaged`: it cannot be decoded."""
+
+    frame: ArchiveFrame
+    reason: str
+    damaged: bool
+
+
+def features_of(
+    engine: Engine, frames: Sequence[ArchiveFrame], config: Config
+) -> tuple[list[SeenFrame], list[SetAside]]:
+    """The frames with features, and those that take no part, each in order."""
+    settings = config.stitch.features, config.reduction, config.frames.max_pixels
+    tasks = [task(features, frame.content_hash, *settings, hints=(frame.file,)) for frame in frames]
+    seen, aside = list[SeenFrame](), list[SetAside]()
+    for frame, one, outcome in zip(frames, tasks, engine.run("features", tasks, TOGETHER), strict=True):
+        if isinstance(outcome, Unmade):
+            aside.append(SetAside(frame, outcome.reason, damaged=False))
+        elif isinstance(outcome.summary, str):
+            aside.append(SetAside(frame, outcome.summary, damaged=True))
+        else:
+            seen.append(SeenFrame(frame, one.key, outcome.summary))
+    return seen, aside
+
+
+def features(
+    artefacts: Artefacts, digest: str, settings: FeatureSettings, reduction: int, max_pixels: int, file: SourceFile
+) -> Parts:
+    """A frame's facts, its features with and without descriptors, the strongest of those, and its thumbnail."""
+    load = partial(load_frame, max_pixels=max_pixels)
+    found = prepare(
+        frame_at(file, digest), partial(extract, settings=settings), reduction, settings.megapixels * 1e6, load=load
+    )
+    if isinstance(found, UndecodableFrame):
+        return {"summary": found.reason}
+    seen, image = found.features, found.image
+    facts = FrameFacts(
+        size=(seen.width, seen.height),
+        painted=(image.shape[1], image.shape[0]),
+        bands=image.shape[2],
+        depth=str(image.dtype),
+        features=len(seen),
+        scale=seen.scale,
+        sharpness=seen.sharpness,
+    )
+    places = replace(seen, kept_descriptors=seen.descriptors[:, :0], kept_faint=None)
+    parts = {"summary": facts, "places": places, "descriptors": seen.descriptors, "faint": seen.faint}
+    return parts | {"strongest": seen.descriptors[:PER_FRAME], "thumbnail": found.thumbnail}
+
+
+def frame_at(file: SourceFile, digest: str) -> Frame:
+    """The frame that a file held when it was looked at first."""
+    from pathlib import Path
+
+    data = file.read() if file.bucket else None
+    return Frame(
+        name=file.name,
+        path=Path(file.path),
+        content_hash=digest,
+        size=file.size,
+        received=0.0,
+        modified=file.modified_ns / 1e9,
+        data=data,
+    )
+
+
+def image_of(file: SourceFile, digest: str, reduction: int, max_pixels: int) -> Bands | None:
+    """A frame's pixels as painted; None if it cannot be decoded any more."""
+    image = load_frame(frame_at(file, digest), max_pixels, reduction)
+    return None if isinstance(image, Unreadable) else image
+
+
+@lru_cache(KEPT)
+def whole_features(artefacts: Artefacts, key: str, dead: DeadBorder = NO_BORDER) -> Features:
+    """A frame's features without those at a dead border, which is in its full-resolution pixels. Raises Lost."""
+    places, descriptors, faint = (artefacts.part(key, part) for part in ("places", "descriptors", "faint"))
+    return without_border(replace(places, kept_descriptors=descriptors, kept_faint=faint), dead)
+
+
+def places_of(artefacts: Artefacts, key: str, dead: DeadBorder) -> Features:
+    """As `whole_features`, without descriptors and whatever else is large. Raises Lost."""
+    return without_border(artefacts.part(key, "places"), dead)
+
+
+def strongest_of(artefacts: Artefacts, key: str, dead: DeadBorder) -> Descriptors:
+    """A frame's PER_FRAME strongest descriptors, repeated if it has fewer; zeros if it has none. Raises Lost."""
+    known: Descriptors
+    if dead == NO_BORDER:
+        known = artefacts.part(key, "strongest")
+    else:
+        known = whole_features(artefacts, key, dead).descriptors[:PER_FRAME]
+    if not len(known):
+        return np.zeros((PER_FRAME, known.shape[1]), known.dtype)
+    return np.asarray(known[np.resize(np.arange(len(known)), PER_FRAME)])

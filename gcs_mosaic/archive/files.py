@@ -1,0 +1,156 @@
+"""Files of a store: in a folder that all workers see, or in a bucket (S3, Google Cloud Storage, Azure)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from gcs_mosaic.archive.artefacts import Files
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
+
+BUCKETS = ("s3", "gs", "gcs", "az", "azure", "abfs", "abfss")
+# How long a bucket is tried, in all and for a connection; obstore's own limit is three minutes.
+PATIENCE = {"max_retries": 3, "retry_timeout": "20s"}
+CONNECTING = {"connect_timeout": "5s", "timeout": "60s"}
+BUCKETS_NEED = "buckets need the package obstore: pip install 'gcs-mosaic[cluster]', or name a folder"
+
+
+def is_bucket(place: str) -> bool:
+    """Whether this names a bucket, not a folder."""
+    return urlsplit(place).scheme in BUCKETS and "://" in place
+
+
+@lru_cache(8)
+def files_at(place: str) -> Files:
+    """The files at a folder or in a bucket. Raises UsageError."""
+    return BucketFiles(place) if is_bucket(place) else FolderFiles(Path(place))
+
+
+class FolderFiles:
+    """Files below a folder."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+
+    def write(self, name: str, data: bytes) -> None:
+        path = self._root / name
+        # Two workers may make the same at once: the name tells them apart.
+        beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            with telling_disk_full(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                beside.write_bytes(data)
+                beside.replace(path)
+        except OSError as error:
+            raise CannotWrite(f"{path} cannot be written ({error.strerror}): choose another --out") from error
+
+    def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
+        try:
+            with (self._root / name).open("rb") as file:
+                file.seek(start)
+                return file.read(-1 if length is None else length)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise CannotWrite(f"{self._root / name} cannot be read ({error.strerror})") from error
+
+    def size(self, name: str) -> int | None:
+        path = self._root / name
+        return path.stat().st_size if path.is_file() else None
+
+    def names(self, under: str) -> list[str]:
+        found = (self._root / under).rglob("*")
+        return [path.relative_to(self._root).as_posix() for path in found if path.is_file() and path.name[0] != "."]
+
+    def remove(self, name: str) -> None:
+        (self._root / name).unlink(missing_ok=True)
+
+
+class BucketFiles:
+    """Files below a prefix of a bucket. Credentials and the like are taken from the environment, as its own tools do."""
+
+    def __init__(self, place: str) -> None:
+        try:
+            import obstore
+        except ImportError:
+            raise UsageError(f"{place}: {BUCKETS_NEED}") from None
+        self._place, self._obstore = place, obstore
+        with self._told():
+            self._store: Any = obstore.store.from_url(place, client_options=_options(), retry_config=PATIENCE)
+
+    def write(self, name: str, data: bytes) -> None:
+        with self._told():
+            self._obstore.put(self._store, name, data)
+
+    def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
+        try:
+            with self._told():
+                if length is None and start == 0:
+                    return bytes(self._obstore.get(self._store, name).bytes())
+                end = None if length is None else start + length
+                found = self._obstore.get(self._store, name, options={"range": (start, end)})
+                return bytes(found.bytes())
+        except FileNotFoundError:
+            return None
+
+    def size(self, name: str) -> int | None:
+        try:
+            with self._told():
+                return int(self._obstore.head(self._store, name)["size"])
+        except FileNotFoundError:
+            return None
+
+    def names(self, under: str) -> list[str]:
+        with self._told():
+            found = self._obstore.list(self._store, prefix=under or None)
+            return [meta["path"] for some in found for meta in some]
+
+    def remove(self, name: str) -> None:
+        with self._told():
+            self._obstore.delete(self._store, name)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Raise CannotWrite, in one sentence, for whatever a bucket may answer but that a file is not there."""
+        try:
+            yield
+        except FileNotFoundError as error:
+            if "NoSuchBucket" in str(error) or "container does not exist" in str(error):
+                raise CannotWrite(f"{self._place}: there is no such bucket; make it, or name another one") from None
+            raise
+        except (self._obstore.exceptions.BaseError, OSError, ValueError) as error:
+            raise CannotWrite(f"{self._place}: {_reason(str(error))}") from error
+
+
+# What errors of buckets say, and what to do.
+SIGNS = (
+    (
+        ("NoSuchBucket", "bucket does not exist", "BucketNotFound", "ContainerNotFound"),
+        "there is no such bucket; make it, or name another one",
+    ),
+    (
+        ("169.254.169.254", "CredentialProvider", "Unauthenticated", "Missing AccessKeyId", "No credentials"),
+        "credentials are missing; set those of the bucket's own tools, such as AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+    ),
+    (
+        ("AccessDenied", "PermissionDenied", "Forbidden", "InvalidAccessKeyId", "SignatureDoesNotMatch", "403"),
+        "these credentials may not write there; ask for the right to, or name another bucket",
+    ),
+)
+
+
+def _reason(told: str) -> str:
+    """What an error of a bucket means, as the end of a sentence."""
+    meant = next((meaning for signs, meaning in SIGNS if any(sign in told for sign in signs)), None)
+    return meant or f"it cannot be reached ({' '.join(told.split())[:200]})"
+
+
+def _options() -> dict[str, Any]:
+    insecure = os.environ.get("AWS_ALLOW_HTTP", "").lower() in ("1", "true")
+    return CONNECTING | ({"allow_http": True} if insecure else {})

@@ -1,0 +1,191 @@
+"""Stage 9: how bright each frame is painted, and at which level: overlaps of thumbnails in parallel, then one solution."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.features import SeenFrame
+from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.tasks import Parts, listed, task
+from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
+from gcs_mosaic.render.brightness import size_of
+from gcs_mosaic.render.exposure import ExposureSettings, is_false_colour
+from gcs_mosaic.render.levels import FINER
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.repaint_queue import PaintSettings
+from gcs_mosaic.render.tile_grid import level_among
+from gcs_mosaic.render.vignetting import VignettingEstimate, VignettingSettings
+from gcs_mosaic.render.warp_grid import resolved
+from gcs_mosaic.stitch.arrays import Levels
+from gcs_mosaic.stitch.camera.geometry import reduced_view
+from gcs_mosaic.stitch.graph.placement import Placement
+
+
+@dataclass(frozen=True, slots=True)
+class BookedFrame:
+    """A placed frame: its place in the order of frames, where its placement and its features lie, and its picture's kind."""
+
+    order: int
+    frame: SeenFrame
+    kind: FrameKind
+    placements: str  # artefact
+    place: int  # in it
+
+
+@dataclass(frozen=True, slots=True)
+class Lit:
+    """All placed frames, ready to be painted: the book of them, the artefact with their looks, and where its parts begin."""
+
+    book: str
+    key: str
+    starts: tuple[int, ...]  # of each part, and the end
+    frames: tuple[BookedFrame, ...]
+
+
+def lit(
+    engine: Engine,
+    frames: Sequence[SeenFrame],
+    kinds: Sequence[FrameKind],
+    chunks: Sequence[tuple[str, Sequence[str]]],
+    settings: PaintSettings,
+) -> Lit:
+    """Gain, vignetting and level of all frames of these chunks of placements."""
+    numbers = {one.frame.name: number for number, one in enumerate(frames)}
+    booked = [
+        BookedFrame(frames[numbers[name]].frame.order, frames[numbers[name]], kinds[numbers[name]], key, place)
+        for key, names in chunks
+        for place, name in enumerate(names)
+    ]
+    book = listed(engine.artefacts, booked)
+    starts = tuple(int(at) for at in np.cumsum([0, *(len(names) for _, names in chunks)]))
+    overlaps = [task(overlaps_of, book, first, stop) for first, stop in pairwise(starts)]
+    engine.made("overlaps", overlaps)
+    keys = listed(engine.artefacts, [one.key for one in overlaps])
+    one = task(looks, keys, settings.exposure, settings.vignetting)
+    engine.made("gains", [one])
+    return Lit(book, one.key, starts, tuple(booked))
+
+
+@lru_cache(4)
+def book_of(artefacts: Artefacts, key: str) -> dict[str, BookedFrame]:
+    """All placed frames by name, in order. Raises Lost."""
+    return {one.frame.frame.name: one for one in artefacts.part(key, "list")}
+
+
+@lru_cache(256)
+def placements_of(artefacts: Artefacts, key: str) -> list[Placement]:
+    """The placements of a chunk. Raises Lost."""
+    found: list[Placement] = artefacts.part(key, "placements")
+    return found
+
+
+def unlit(artefacts: Artefacts, one: BookedFrame) -> Painted:
+    """A frame as it is painted but for gain, vignetting and level."""
+    placement = placements_of(artefacts, one.placements)[one.place]
+    pose, camera = reduced_view(placement.pose, placement.camera, *one.frame.facts.painted)
+    return Painted(
+        name=placement.name,
+        order=one.order,
+        island=placement.island,
+        pose=pose,
+        camera=camera,
+        relief=placement.relief,
+        display=one.kind.display,
+        dead=one.kind.dead,
+        level=0,
+    )
+
+
+def overlaps_of(artefacts: Artefacts, book: str, first: int, stop: int) -> Parts:
+    """Some frames without relief, with the ground sampling distance of each and its overlaps with linked frames before it."""
+    known = book_of(artefacts, book)
+    some = list(known.values())[first:stop]
+    frames = [replace(unlit(artefacts, one), relief=None) for one in some]
+    found = [
+        overlap
+        for one, painted in zip(some, frames, strict=True)
+        for overlap in _overlaps(artefacts, known, one, painted)
+    ]
+    return {
+        "summary": len(found),
+        "frames": frames,
+        "distances": [resolved(one.pose, one.camera) for one in frames],
+        "overlaps": found,
+    }
+
+
+def _overlaps(
+    artefacts: Artefacts, known: dict[str, BookedFrame], one: BookedFrame, painted: Painted
+) -> Iterator[Overlap]:
+    small = _thumbnail(artefacts, one)
+    if is_false_colour(small):
+        return
+    linked = placements_of(artefacts, one.placements)[one.place].neighbours
+    for other in (known[name] for name in linked if name in known and known[name].order < one.order):
+        beside, beside_small = unlit(artefacts, other), _thumbnail(artefacts, other)
+        alike = beside.island == painted.island and beside.display == painted.display
+        if alike and not is_false_colour(beside_small):
+            means = overlap_of(painted, small, beside, beside_small)
+            if means is not None:
+                yield painted.name, beside.name, means
+
+
+@lru_cache(512)
+def _thumbnail(artefacts: Artefacts, one: BookedFrame) -> Levels:
+    return one.kind.display.levels(artefacts.part(one.frame.key, "thumbnail"))
+
+
+def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vignetting: VignettingSettings) -> Parts:
+    """Gain, vignetting and level of each frame, part by part as the overlaps are."""
+    keys = artefacts.part(overlaps, "list")
+    chunks: list[list[Painted]] = [artefacts.part(key, "frames") for key in keys]
+    frames = [one for chunk in chunks for one in chunk]
+    found: list[Overlap] = [one for key in keys for one in artefacts.part(key, "overlaps")]
+    distances: list[float | None] = [one for key in keys for one in artefacts.part(key, "distances")]
+    estimates: dict[object, VignettingEstimate] = {}
+    by_name = {one.name: one for one in frames}
+    for name, _, means in found:
+        camera = _camera(by_name[name])
+        estimates[camera] = estimates.get(camera, VignettingEstimate(vignetting)).after(means.radial)
+    curves = {one.name: estimates.get(_camera(one), VignettingEstimate(vignetting)).curves for one in frames}
+    gains = agreed_gains(frames, found, curves, exposure)
+    levels = dict(zip(by_name, levels_of(frames, distances), strict=True))
+    parts = {
+        f"looks {number}": [(gains[one.name], curves[one.name], levels[one.name]) for one in chunk]
+        for number, chunk in enumerate(chunks)
+    }
+    return {"summary": len(frames), **parts}
+
+
+def _camera(painted: Painted) -> object:
+    return size_of(painted), len(painted.display.black)
+
+
+def levels_of(frames: Iterable[Painted], distances: Sequence[float | None]) -> Iterator[int]:
+    """The level of each frame by its ground sampling distance and those of its island; 0 if it sees no ground."""
+    of_island: dict[int, list[float]] = {}
+    given = list(zip(frames, distances, strict=True))
+    for one, distance in given:
+        if distance is not None:
+            of_island.setdefault(one.island, []).append(distance)
+    usual = {island: float(np.quantile(some, FINER)) for island, some in of_island.items()}
+    return (0 if distance is None else level_among(distance, usual[one.island]) for one, distance in given)
+
+
+@lru_cache(256)
+def _looks(artefacts: Artefacts, key: str, part: int) -> list[tuple[object, object, int]]:
+    found: list[tuple[object, object, int]] = artefacts.part(key, f"looks {part}")
+    return found
+
+
+def painted_frame(artefacts: Artefacts, one: BookedFrame, key: str, part: int, place: int) -> Painted:
+    """A frame as it is painted; its look lies at a place of a part of `key`. Raises Lost."""
+    gain, vignetting, level = _looks(artefacts, key, part)[place]
+    return replace(unlit(artefacts, one), gain=gain, vignetting=vignetting, level=level)  # type: ignore[arg-type]

@@ -1,0 +1,161 @@
+"""Stage 12: the flight's folder, as a flight writes it: ledger, originals, tiles, documents. One writer.
+
+It is made beside and moved into place with mosaic.json last, so nobody takes half of it for a map.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.archive.arrivals import Arrivals
+from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.features import SeenFrame, SetAside, frame_at
+from gcs_mosaic.archive.files import files_at
+from gcs_mosaic.archive.islands import Assembled
+from gcs_mosaic.archive.light import Lit, painted_frame, placements_of
+from gcs_mosaic.archive.painting import ArchiveMap
+from gcs_mosaic.archive.super_tiles import SuperTileLayout
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.messages import DamagedFile
+from gcs_mosaic.render.painted import Extent
+from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store.flight_store import FlightStore
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.originals import OriginalsSettings
+from gcs_mosaic.store.records import FlightRecord, FrameState, IslandRecord
+from gcs_mosaic.store.tiles import mask_path, tile_path
+
+FIRST, LAST = ("mosaic.json", LEDGER_NAME), (LEDGER_NAME, "mosaic.json")  # removed, and put into place
+NO_LIMIT_GB = 1e6
+UPLOADS = 8  # at once
+
+
+@dataclass(frozen=True, slots=True)
+class Reprocessed:
+    """All that the stages have found."""
+
+    arrivals: Arrivals
+    seen: list[SeenFrame]
+    aside: list[SetAside]
+    assembled: Assembled
+    lit: Lit
+    map: ArchiveMap
+
+
+def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder: Path) -> None:
+    """Write a whole flight of this name into an empty folder."""
+    _write_tiles(engine, found.map, folder)
+    with Ledger(folder / LEDGER_NAME) as ledger:
+        ledger.begin_flight(FlightRecord(name=name, started_utc=time.time(), canvas=config.paint.canvas))
+    originals = OriginalsSettings(keep="link", budget_gb=NO_LIMIT_GB)
+    with closing(FlightStore(folder, originals=originals, tiles=config.tiles, canvas=config.paint.canvas)) as store:
+        for file, digest, reason in found.arrivals.files:
+            if reason:
+                store.accept_damaged(DamagedFile(name=file.name, reason=reason))
+            else:
+                store.accept(frame_at(file, digest))
+        _note_outcomes(store, found)
+        _note_places(store, engine, found)
+        islands = [IslandRecord(id=number, merged_into=into) for number, into in enumerate(found.assembled.islands)]
+        counts: dict[int, int] = {}
+        for island in found.assembled.placed.values():
+            counts[island] = counts.get(island, 0) + 1
+        store.in_a_pause = True
+        store.save(_Extents(found.map.layout), islands, counts)
+
+
+def _note_outcomes(store: FlightStore, found: Reprocessed) -> None:
+    for one in found.seen:
+        store.changes.sizes[one.frame.name] = one.facts.size
+        store.changes.sharpness[one.frame.name] = one.facts.sharpness
+    for name in found.assembled.placed:
+        store.settle(name, FrameState.PLACED, None)
+    for covered in found.assembled.covered:
+        store.settle(covered.name, FrameState.COVERED, None)
+        store.changes.cover(covered)
+    for rejected in found.assembled.rejected:
+        store.settle(rejected.name, FrameState.REJECTED, rejected.reason)
+    for aside in found.aside:
+        state = FrameState.DAMAGED if aside.damaged else FrameState.REJECTED
+        store.settle(aside.frame.name, state, aside.reason)
+
+
+def _note_places(store: FlightStore, engine: Engine, found: Reprocessed) -> None:
+    lit, part = found.lit, 0
+    for number, one in enumerate(lit.frames):
+        part += number >= lit.starts[part + 1]
+        placement = placements_of(engine.artefacts, one.placements)[one.place]
+        painted = painted_frame(engine.artefacts, one, lit.key, part, number - lit.starts[part])
+        store.changes.placements[placement.name] = placement
+        store.changes.painted[painted.name] = painted
+
+
+class _Extents:
+    """The map, of whose tiles all are written already."""
+
+    def __init__(self, layout: SuperTileLayout) -> None:
+        self._extents = layout.extents
+
+    def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]:
+        return lambda: None
+
+    def extent(self, island: int) -> Extent | None:
+        return self._extents.get(island)
+
+
+def _write_tiles(engine: Engine, painted: ArchiveMap, folder: Path) -> None:
+    for one, key in painted.keys.items():
+        for x, y, colour, mask in engine.part(key, "tiles"):
+            tile = Tile(one.level, x, y)
+            for path, data in (
+                (mask_path(folder, one.island, tile), mask),
+                (tile_path(folder, one.island, tile), colour),
+            ):
+                if data is not None:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    write_beside(path, data)
+
+
+@contextmanager
+def beside(target: Path) -> Iterator[Path]:
+    """An empty folder on the target's disk, gone in the end."""
+    with tempfile.TemporaryDirectory(prefix="packing-", dir=target, ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
+
+
+def move_into_place(made: Path, target: Path) -> None:
+    """Put a whole flight where an older one of the same archive may be. A kill in between leaves none there."""
+    for name in FIRST:
+        (target / name).unlink(missing_ok=True)
+    others = [path for path in made.iterdir() if path.name not in LAST]
+    for path in [*others, *(made / name for name in LAST)]:
+        place = target / path.name
+        if place.is_dir():
+            shutil.rmtree(place)
+        path.replace(place)
+
+
+def upload(made: Path, target: str) -> None:
+    """Put a whole flight into a bucket, mosaic.json last. Raises CannotWrite."""
+    files = files_at(target)
+    for name in FIRST:
+        files.remove(name)
+    paths = [
+        path
+        for path in made.rglob("*")
+        if path.is_file() and path.parent / path.name not in {made / one for one in LAST}
+    ]
+    with ThreadPoolExecutor(UPLOADS) as pool:
+        list(pool.map(lambda path: files.write(path.relative_to(made).as_posix(), path.read_bytes()), paths))
+    for name in LAST:
+        files.write(name, (made / name).read_bytes())

@@ -1,0 +1,101 @@
+"""`gcs-mosaic reprocess`: from an archive of frames to a map, stage by stage."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from gcs_mosaic.archive.adjustment import adjusted_islands
+from gcs_mosaic.archive.arrivals import arrivals_of
+from gcs_mosaic.archive.cluster import workers_at
+from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.features import features_of
+from gcs_mosaic.archive.files import is_bucket
+from gcs_mosaic.archive.islands import assembled
+from gcs_mosaic.archive.kinds import kinds_of
+from gcs_mosaic.archive.light import lit
+from gcs_mosaic.archive.packing import Reprocessed, beside, move_into_place, packed, upload
+from gcs_mosaic.archive.painting import painted_map
+from gcs_mosaic.archive.pairs import registered
+from gcs_mosaic.archive.progress import Progress
+from gcs_mosaic.archive.relief import with_relief
+from gcs_mosaic.archive.retrieval import pairs_of
+from gcs_mosaic.archive.sources import Sources, sources_of
+from gcs_mosaic.archive.super_tiles import SIDE
+from gcs_mosaic.archive.target import checked_target
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import NothingPlaced
+
+ARTEFACTS = "archive"  # folder of the target in which they lie
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to make of what, and by whom. `cluster`: a scheduler's address, None for this machine, with `workers` or one a core;
+    `side`: tiles along a super-tile."""
+
+    sources: tuple[str, ...]
+    target: str
+    cluster: str | None = None
+    workers: int | None = None
+    dashboard: bool = False
+    side: int = SIDE
+
+
+def reprocess(request: Request, config: Config, progress: Progress) -> None:
+    """Make the flight. What was made before is not made again.
+
+    Raises UsageError and CannotWrite for what was given, FlightFailed if it cannot go on, NothingPlaced if there is no map.
+    """
+    sources = sources_of(request.sources)
+    with checked_target(request.target) as target:
+        for text in sources.said:
+            progress.say(text)
+        with workers_at(request.cluster, request.workers, dashboard=request.dashboard) as client:
+            if request.dashboard:
+                progress.say(f"what the workers do: {client.dashboard_link}")
+            engine = Engine(client, f"{target}/{ARTEFACTS}", progress)
+            found = reprocessed(engine, sources, config, request.side)
+            _pack(engine, found, target, config)
+    counts = f"{len(found.assembled.placed)} of {len(sources.files)} frames placed"
+    if not found.assembled.placed:
+        raise NothingPlaced(
+            f"none of {len(sources.files)} frames found a place: there is no map, {target} has the reasons"
+        )
+    progress.say(f"{counts}, {len(found.assembled.covered)} covered: {target}")
+
+
+def reprocessed(engine: Engine, sources: Sources, config: Config, side: int) -> Reprocessed:
+    """All stages but packing."""
+    arrivals = arrivals_of(engine, sources.files, config.frames.max_pixels)
+    seen, aside = features_of(engine, arrivals.frames, config)
+    kinds = kinds_of(engine, seen, config)
+    pairs = pairs_of(engine, seen, kinds)
+    known = registered(engine, seen, kinds, pairs, config.stitch.registration)
+    found = assembled(engine, seen, kinds, known, config.stitch)
+    chunks = with_relief(engine, adjusted_islands(engine, found), config.stitch.adjustment.relief)
+    bright = lit(engine, seen, kinds, chunks, config.paint)
+    return Reprocessed(arrivals, seen, aside, found, bright, painted_map(engine, bright, config, side))
+
+
+def _pack(engine: Engine, found: Reprocessed, target: str, config: Config) -> None:
+    name = target.rstrip("/").rpartition("/")[2]
+    with engine.alone("packing"), _room_beside(target) as folder:
+        packed(engine, found, name, config, folder)
+        if is_bucket(target):
+            upload(folder, target)
+        else:
+            move_into_place(folder, Path(target))
+
+
+@contextmanager
+def _room_beside(target: str) -> Iterator[Path]:
+    if is_bucket(target):
+        with tempfile.TemporaryDirectory(prefix="gcs-mosaic-packing-", ignore_cleanup_errors=True) as folder:
+            yield Path(folder)
+    else:
+        with beside(Path(target) / ARTEFACTS) as folder:
+            yield folder

@@ -1,0 +1,36 @@
+"""What a process computes with: two that differ in it may bring different tiles."""
+
+from __future__ import annotations
+
+import platform
+from functools import cache
+
+import cv2
+import distributed
+import numpy as np
+import scipy
+
+from gcs_mosaic.store.checkpoint import program_digest
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions by name, of this process."""
+    return {
+        "gcs-mosaic": program_digest().hex()[:12],
+        "Python": ".".join(platform.python_version_tuple()[:2]),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "OpenCV": cv2.__version__,
+        "distributed": distributed.__version__,
+    }
+
+
+class OtherVersions(Exception):  # noqa: N818 - names a state
+    """A worker that joined later has other versions than the client."""
+
+
+@cache
+def one_thread() -> None:
+    """A worker has one core: let no library take more."""
+    cv2.setNumThreads(1)

@@ -1,0 +1,58 @@
+"""What tests of archives begin with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from gcs_mosaic.archive.progress import StageCost
+from gcs_mosaic.archive.reprocess import Request, reprocess
+from gcs_mosaic.config.tree import Config
+from sitl.flight import plan
+from sitl.path import Plan
+
+FRAMES, SIZE = 9, (400, 300)
+SIDE = 4  # tiles along a super-tile: several, though the map is small
+
+
+@dataclass
+class Heard:
+    """What a run has told."""
+
+    said: list[str] = field(default_factory=list)
+    costs: list[StageCost] = field(default_factory=list)
+
+    def begin(self, cost: StageCost) -> None:
+        self.costs.append(cost)
+
+    def advance(self, cost: StageCost) -> None:
+        assert cost.done <= cost.tasks
+
+    def end(self, cost: StageCost) -> None:
+        assert cost.done <= cost.tasks
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+
+def flight_in(folder: Path, cache: Path) -> Path:
+    """A folder with the pictures of a small simulated flight."""
+    flown = plan("survey", SIZE, cache=cache, seed=3, world_size=2048, route=Plan(frames=FRAMES, height=60))
+    folder.mkdir(exist_ok=True)
+    for number, data in zip(range(FRAMES), flown.pictures(), strict=False):
+        (folder / f"IMG_{number:04}.JPG").write_bytes(data)
+    return folder
+
+
+def run(*sources: Path | str, out: Path | str, config: Config | None = None, **more: object) -> Heard:
+    """Reprocess an archive on two workers of this machine, or as `more` says."""
+    heard = Heard()
+    request = Request(tuple(map(str, sources)), str(out), workers=2, side=SIDE)
+    reprocess(replace(request, **more), config or Config(), heard)  # type: ignore[arg-type]
+    return heard
+
+
+def tiles_of(out: Path) -> dict[str, bytes]:
+    """All tiles and masks of a flight's folder."""
+    paths = [path for folder in ("tiles", "masks") for path in (out / folder).rglob("*.*")]
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}

@@ -1,0 +1,46 @@
+"""Loaded by workers of the tests (`distributed.worker.preload`): kills each once in every stage, and at once at a poisonous frame.
+
+What it shall do stands in the folder that SABOTAGE names: `stages` is there if workers are to be killed, each stage leaves a file
+there once it has killed, and `poison` holds the name of a frame.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+from distributed import Worker, WorkerPlugin
+
+from gcs_mosaic.archive import features
+from gcs_mosaic.messages import Frame
+
+
+class Saboteur(WorkerPlugin):
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def transition(self, key: Any, start: str, finish: str, **more: Any) -> None:
+        if finish != "executing":
+            return
+        try:
+            (self._folder / str(key).partition("-")[0]).touch(exist_ok=False)
+        except FileExistsError:
+            return
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+async def dask_setup(worker: Worker) -> None:
+    folder = Path(os.environ["SABOTAGE"])
+    if (folder / "stages").exists():
+        await worker.plugin_add(Saboteur(folder))
+    if (folder / "poison").exists():
+        poison, load = (folder / "poison").read_text(), features.load_frame
+
+        def deadly(frame: Frame, *more: Any, **named: Any) -> Any:
+            if frame.name.endswith(poison):
+                os.kill(os.getpid(), signal.SIGKILL)
+            return load(frame, *more, **named)
+
+        features.load_frame = deadly
