@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Any
 from uuid import uuid4
 
-from distributed import CancelledError, Client, as_completed
+from distributed import CancelledError, Client, wait
 from distributed.client import FutureCancelledError
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
@@ -23,13 +23,15 @@ from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.progress import Progress, StageCost
 from gcs_mosaic.archive.tasks import Batch, Made, StageTask, Unmade, artefacts_at, run_batch
 from gcs_mosaic.archive.versions import OtherVersions, versions
-from gcs_mosaic.errors import FlightFailed
+from gcs_mosaic.errors import FlightFailed, UsageError
+from gcs_mosaic.store.disk import CannotWrite
 
 logger = logging.getLogger(__name__)
 
 GONE = (CancelledError, FutureCancelledError, CommClosedError, TimeoutError, OSError)
-AGAIN = "what was made is kept, so start it again and give the command again"
+AGAIN = "what was made is kept; put that right and give the command again"
 AHEAD = 4  # batches submitted for each worker: enough that none waits, few enough for the scheduler's memory
+LOOK_S = 10.0  # how often is looked whether there are workers
 MOST_LOSSES = 3  # times that an artefact may get lost
 
 Outcome = Made | Unmade
@@ -117,22 +119,31 @@ class Engine:
         """Batches with their outcomes as they come; None if they have killed their workers."""
         coming, of = iter(batches), dict[Any, tuple[StageTask, ...]]()
 
-        def submitted(count: int) -> list[Any]:
-            new = {self._submitted(Batch(self._store, some, versions(), anew)): some for some in islice(coming, count)}
-            of.update(new)
-            return list(new)
+        def submitted(count: int) -> None:
+            of.update(
+                {self._submitted(Batch(self._store, some, versions(), anew)): some for some in islice(coming, count)}
+            )
 
-        running = as_completed(submitted(AHEAD * max(1, self._workers())))
+        submitted(AHEAD * max(1, self._workers()))
         try:
-            for future in running:
-                tasks = of.pop(future)
-                yield tasks, self._result(future, tasks)
-                future.release()
-                for more in submitted(1):
-                    running.add(more)
+            while of:
+                for future in self._done(list(of)):
+                    tasks = of.pop(future)
+                    yield tasks, self._result(future, tasks)
+                    future.release()
+                    submitted(1)
         except GONE as error:
             logger.warning("the scheduler is gone", exc_info=True)
             raise FlightFailed(f"the scheduler is gone ({type(error).__name__}): {AGAIN}") from None
+
+    def _done(self, futures: list[Any]) -> list[Any]:
+        """Those that are done, at least one; while there is no worker that is said."""
+        while True:
+            try:
+                return list(wait(futures, timeout=LOOK_S, return_when="FIRST_COMPLETED").done)
+            except TimeoutError:
+                if not self._workers():
+                    self._progress.say("there is no worker: waiting for one")
 
     def _submitted(self, batch: Batch) -> Any:
         """A future; its name begins with that of the function, by which Dask shows it."""
@@ -146,6 +157,8 @@ class Engine:
             return list(future.result())
         except KilledWorker:
             return None
+        except (CannotWrite, UsageError) as error:  # of the store or the archive, not of what is in it
+            raise FlightFailed(f"{error}; {AGAIN}") from None
         except OtherVersions as error:
             raise FlightFailed(f"{error}; install the same on all workers, and give the command again") from None
         except Exception as error:

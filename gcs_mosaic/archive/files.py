@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,8 @@ from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
 
 BUCKETS = ("s3", "gs", "gcs", "az", "azure", "abfs", "abfss")
 # How long a bucket is tried, in all and for a connection; obstore's own limit is three minutes.
-PATIENCE = {"max_retries": 3, "retry_timeout": "20s"}
-CONNECTING = {"connect_timeout": "5s", "timeout": "60s"}
+PATIENCE = {"max_retries": 3, "retry_timeout": timedelta(seconds=20)}
+CONNECTING = {"connect_timeout": timedelta(seconds=5), "timeout": timedelta(seconds=60)}
 BUCKETS_NEED = "buckets need the package obstore: pip install 'gcs-mosaic[cluster]', or name a folder"
 
 
@@ -89,15 +90,15 @@ class BucketFiles:
             self._obstore.put(self._store, name, data)
 
     def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
+        part = {"offset": start} if length is None else (start, start + length)
         try:
             with self._told():
-                if length is None and start == 0:
-                    return bytes(self._obstore.get(self._store, name).bytes())
-                end = None if length is None else start + length
-                found = self._obstore.get(self._store, name, options={"range": (start, end)})
+                found = self._obstore.get(self._store, name, options={"range": part} if part != {"offset": 0} else None)
                 return bytes(found.bytes())
         except FileNotFoundError:
             return None
+        except _BeyondError:
+            return b""
 
     def size(self, name: str) -> int | None:
         try:
@@ -125,8 +126,16 @@ class BucketFiles:
                 raise CannotWrite(f"{self._place}: there is no such bucket; make it, or name another one") from None
             raise
         except (self._obstore.exceptions.BaseError, OSError, ValueError) as error:
+            if any(sign in str(error) for sign in BEYOND):
+                raise _BeyondError from None
             raise CannotWrite(f"{self._place}: {_reason(str(error))}") from error
 
+
+class _BeyondError(Exception):
+    """A part was asked for that begins beyond the file's end."""
+
+
+BEYOND = ("416 Range Not Satisfiable", "InvalidRange", "Requested range was invalid")
 
 # What errors of buckets say, and what to do.
 SIGNS = (
@@ -148,7 +157,7 @@ SIGNS = (
 def _reason(told: str) -> str:
     """What an error of a bucket means, as the end of a sentence."""
     meant = next((meaning for signs, meaning in SIGNS if any(sign in told for sign in signs)), None)
-    return meant or f"it cannot be reached ({' '.join(told.split())[:200]})"
+    return meant or f"it cannot be reached ({' '.join(told.partition('Debug source')[0].split())[:200]})"
 
 
 def _options() -> dict[str, Any]:

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from urllib.request import Request as HttpRequest
+from urllib.request import urlopen
+
+import pytest
 
 from gcs_mosaic.archive.progress import StageCost
 from gcs_mosaic.archive.reprocess import Request, reprocess
 from gcs_mosaic.config.tree import Config
 from sitl.flight import plan
 from sitl.path import Plan
+from tests.ports import free_port
+from tests.running import until
 
 FRAMES, SIZE = 9, (400, 300)
 SIDE = 4  # tiles along a super-tile: several, though the map is small
@@ -44,9 +54,11 @@ def flight_in(folder: Path, cache: Path) -> Path:
     return folder
 
 
-def run(*sources: Path | str, out: Path | str, config: Config | None = None, **more: object) -> Heard:
+def run(
+    *sources: Path | str, out: Path | str, config: Config | None = None, heard: Heard | None = None, **more: object
+) -> Heard:
     """Reprocess an archive on two workers of this machine, or as `more` says."""
-    heard = Heard()
+    heard = heard or Heard()
     request = Request(tuple(map(str, sources)), str(out), workers=2, side=SIDE)
     reprocess(replace(request, **more), config or Config(), heard)  # type: ignore[arg-type]
     return heard
@@ -56,3 +68,35 @@ def tiles_of(out: Path) -> dict[str, bytes]:
     """All tiles and masks of a flight's folder."""
     paths = [path for folder in ("tiles", "masks") for path in (out / folder).rglob("*.*")]
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}
+
+
+@contextmanager
+def bucket_server(monkeypatch: pytest.MonkeyPatch, *buckets: str) -> Iterator[str]:
+    """A server of S3 with these buckets."""
+    address = f"http://127.0.0.1:{(port := free_port())}"
+    command = [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)]
+    server = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    for name, value in {
+        "AWS_ENDPOINT_URL": address,
+        "AWS_ALLOW_HTTP": "true",
+        "AWS_REGION": "us-east-1",
+        "AWS_ACCESS_KEY_ID": "key",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+    }.items():
+        monkeypatch.setenv(name, value)
+    try:
+        until(lambda: answers(address), "the server answers")
+        for bucket in buckets:
+            urlopen(HttpRequest(f"{address}/{bucket}", method="PUT"), timeout=10).close()
+        yield address
+    finally:
+        server.kill()
+        server.wait()
+
+
+def answers(address: str) -> bool:
+    try:
+        urlopen(address, timeout=10).close()
+    except OSError:
+        return False
+    return True

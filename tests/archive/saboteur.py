@@ -1,7 +1,7 @@
-"""Loaded by workers of the tests (`distributed.worker.preload`): kills each once in every stage, and at once at a poisonous frame.
+"""Loaded by workers of the tests (`distributed.worker.preload`): kills one in every stage, and all at a poisonous frame.
 
-What it shall do stands in the folder that SABOTAGE names: `stages` is there if workers are to be killed, each stage leaves a file
-there once it has killed, and `poison` holds the name of a frame.
+The folder that SABOTAGE names tells what to do: `stages` is there if workers are to be killed, and each stage leaves a file once
+it has killed one; `poison` holds the name of a frame.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from typing import Any
 from distributed import Worker, WorkerPlugin
 
 from gcs_mosaic.archive import features
+from gcs_mosaic.frames.decode import load_frame
 from gcs_mosaic.messages import Frame
 
 
-class Saboteur(WorkerPlugin):
+class Saboteur(WorkerPlugin):  # type: ignore[misc]  # Dask is not typed
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
@@ -36,11 +37,11 @@ async def dask_setup(worker: Worker) -> None:
     if (folder / "stages").exists():
         await worker.plugin_add(Saboteur(folder))
     if (folder / "poison").exists():
-        poison, load = (folder / "poison").read_text(), features.load_frame
+        poison = (folder / "poison").read_text()
 
         def deadly(frame: Frame, *more: Any, **named: Any) -> Any:
             if frame.name.endswith(poison):
                 os.kill(os.getpid(), signal.SIGKILL)
-            return load(frame, *more, **named)
+            return load_frame(frame, *more, **named)
 
-        features.load_frame = deadly
+        vars(features)["load_frame"] = deadly

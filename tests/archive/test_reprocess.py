@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -11,10 +15,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from gcs_mosaic.archive.files import BucketFiles
+from gcs_mosaic.archive.progress import StageCost
 from gcs_mosaic.check import table
+from gcs_mosaic.errors import FlightFailed
 from gcs_mosaic.store.records import FrameState
 from tests.archive import saboteur
-from tests.archive.archives import FRAMES, flight_in, run, tiles_of
+from tests.archive.archives import FRAMES, Heard, bucket_server, flight_in, run, tiles_of
+from tests.ports import free_port
 from tests.rebuilt import assert_explained
 from tests.running import frames_of
 
@@ -101,3 +109,71 @@ def test_a_frame_that_kills_workers_is_rejected_with_that_reason(
     assert states.pop("poison.png") == (FrameState.REJECTED, "its task has killed one worker after the other")
     assert set(states.values()) == {(FrameState.PLACED, None)}
     assert tiles_of(out) == tiles_of(alone)
+
+
+class Ending(Heard):
+    """Ends a process when a stage begins."""
+
+    def __init__(self, stage: str, victim: subprocess.Popen[bytes]) -> None:
+        super().__init__()
+        self._stage, self._victim = stage, victim
+
+    def begin(self, cost: StageCost) -> None:
+        super().begin(cost)
+        if cost.stage == self._stage:
+            self._victim.kill()
+            self._victim.wait()
+
+
+def dask_program(*words: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "dask", *words]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@contextmanager
+def cluster(port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """A scheduler with one worker, as an operator starts them; yields the scheduler."""
+    address = f"tcp://127.0.0.1:{port}"
+    scheduler = dask_program("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    worker = dask_program("worker", address, "--nthreads", "1", "--no-dashboard")
+    try:
+        yield scheduler
+    finally:
+        for process in (worker, scheduler):
+            process.terminate()
+            process.wait(20)
+
+
+def test_after_the_scheduler_was_killed_the_command_goes_on(frames: Path, alone: Path, tmp_path: Path) -> None:
+    out, port = copied(alone, tmp_path), free_port()
+    (out / "mosaic.json").unlink()
+    for stage in ("pair_group", *STAGES[STAGES.index("islands") :]):
+        shutil.rmtree(out / "archive" / stage)
+    address = f"tcp://127.0.0.1:{port}"
+    with cluster(port) as scheduler, pytest.raises(FlightFailed, match="the scheduler is gone"):
+        run(frames, out=out, cluster=address, heard=Ending("pairs", scheduler))
+    assert not (out / "mosaic.json").exists()
+    with cluster(port):
+        heard = run(frames, out=out, cluster=address)
+    assert {cost.stage: cost.there for cost in heard.costs}["features"] == FRAMES
+    assert tiles_of(out) == tiles_of(alone)
+
+
+def test_an_archive_in_a_bucket_becomes_a_map_in_a_bucket(
+    frames: Path, alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with bucket_server(monkeypatch, "frames", "maps"):
+        given, made = BucketFiles("s3://frames"), BucketFiles("s3://maps/one")
+        for path in frames.iterdir():
+            given.write(path.name, path.read_bytes())
+        for path in (alone / "archive" / "features").rglob("*"):  # their keys do not tell where the frames lie
+            if path.is_file():
+                made.write(path.relative_to(alone).as_posix(), path.read_bytes())
+        heard = run("s3://frames", out="s3://maps/one")
+        assert {cost.stage: cost.there for cost in heard.costs}["features"] == FRAMES
+        for name in made.names(""):
+            if not name.startswith("archive/"):
+                (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+                (tmp_path / name).write_bytes(made.read(name) or b"")
+    assert tiles_of(tmp_path) == tiles_of(alone)
+    assert table.run(tmp_path, Console(quiet=True), mend=False, every_tile=False, sources=[], as_json=False) == 0

@@ -1,0 +1,154 @@
+"""What is wrong with an archive, a bucket or a cluster is said in one sentence, and nothing half-made is taken for whole."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.archive.artefacts import Artefacts, Lost
+from gcs_mosaic.archive.cluster import check_versions, workers_at
+from gcs_mosaic.archive.files import BucketFiles, FolderFiles
+from gcs_mosaic.archive.sources import sources_of
+from gcs_mosaic.archive.target import checked_target
+from gcs_mosaic.cli import main as cli
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store.disk import CannotWrite
+from tests.archive.archives import bucket_server
+from tests.ports import free_port
+
+pytestmark = pytest.mark.filterwarnings("default")
+PARTS = {"summary": [1, 2], "large": b"x" * 100_000}
+
+
+@pytest.fixture
+def artefacts(tmp_path: Path) -> Artefacts:
+    return Artefacts(FolderFiles(tmp_path))
+
+
+def test_an_artefact_comes_back_part_by_part(artefacts: Artefacts) -> None:
+    artefacts.put("a/b", PARTS)
+    assert artefacts.part("a/b", "large") == PARTS["large"]
+    assert artefacts.whole("a/b", "summary") == PARTS["summary"]
+
+
+@pytest.mark.parametrize("length", [0, 10, 60, 150, 5000, -1])
+def test_what_was_cut_off_is_lost(artefacts: Artefacts, tmp_path: Path, length: int) -> None:
+    artefacts.put("a/b", PARTS)
+    path = tmp_path / "a/b"
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(Lost):
+        artefacts.whole("a/b", "summary")
+    with pytest.raises(Lost):
+        artefacts.part("a/b", "large")
+
+
+def test_what_has_changed_on_the_disk_is_lost(artefacts: Artefacts, tmp_path: Path) -> None:
+    artefacts.put("a/b", PARTS)
+    data = bytearray((tmp_path / "a/b").read_bytes())
+    data[-5] ^= 1
+    (tmp_path / "a/b").write_bytes(data)
+    assert artefacts.whole("a/b", "summary") == PARTS["summary"]
+    with pytest.raises(Lost):
+        artefacts.part("a/b", "large")
+
+
+def test_an_artefact_names_no_code(artefacts: Artefacts) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return print, ("gone off",)
+
+    artefacts.put("a/b", {"summary": Bomb()})
+    with pytest.raises(Lost):
+        artefacts.part("a/b", "summary")
+
+
+def test_a_bucket_keeps_artefacts_as_a_folder_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    with bucket_server(monkeypatch, "there"):
+        files = BucketFiles("s3://there/part")
+        artefacts = Artefacts(files)
+        artefacts.put("a/b", PARTS)
+        assert artefacts.part("a/b", "large") == PARTS["large"]
+        assert artefacts.whole("a/b", "summary") == PARTS["summary"]
+        assert files.names("a") == ["a/b"]
+        assert (files.read("a/b", 10**6, 5), files.read("a/c"), files.size("a/c")) == (b"", None, None)
+        files.write("a/b", (files.read("a/b") or b"")[:200])
+        with pytest.raises(Lost):
+            artefacts.whole("a/b", "summary")
+        files.remove("a/b")
+        files.remove("a/b")
+        with pytest.raises(CannotWrite, match="there is no such bucket"):
+            BucketFiles("s3://nowhere").write("a", b"")
+        with pytest.raises(UsageError, match="--out s3://nowhere/map: there is no such bucket"):
+            checked_target("s3://nowhere/map").__enter__()
+        with pytest.raises(UsageError, match="s3://there/empty holds no images"):
+            sources_of(["s3://there/empty"])
+        monkeypatch.delenv("AWS_ACCESS_KEY_ID")
+        monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
+        with pytest.raises(CannotWrite, match="credentials are missing"):
+            BucketFiles("s3://there").write("a", b"")
+
+
+def test_a_bucket_out_of_reach_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION"):
+        monkeypatch.setenv(name, "some")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{free_port()}")
+    monkeypatch.setenv("AWS_ALLOW_HTTP", "true")
+    with pytest.raises(CannotWrite, match="s3://there: it cannot be reached") as error:
+        BucketFiles("s3://there").write("a", b"")
+    assert "\n" not in str(error.value)
+
+
+def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+    with pytest.raises(UsageError, match=r"--cluster tcp://127.0.0.1:\d+: no scheduler answers there"):
+        workers_at(f"tcp://127.0.0.1:{free_port()}").__enter__()
+
+
+@pytest.mark.parametrize(
+    ("theirs", "said"),
+    [
+        (
+            {"tcp://w": {"numpy": "1.0"}},
+            r"the worker tcp://w has .*numpy 1\.0 \(here [\d.]+\).*; install the same there",
+        ),
+        ({"tcp://w": ModuleNotFoundError("No module named 'gcs_mosaic'")}, "the worker tcp://w lacks this program"),
+    ],
+)
+def test_other_versions_on_a_worker_are_told(theirs: dict[str, object], said: str) -> None:
+    class Cluster:
+        """Its workers answer so."""
+
+        def wait_for_workers(self, count: int, timeout: float) -> None:
+            assert count == 1
+
+        def run(self, function: object, on_error: str) -> dict[str, object]:
+            return theirs
+
+    with pytest.raises(UsageError, match=said):
+        check_versions(Cluster(), "tcp://c")
+
+
+def test_a_folder_that_holds_a_flight_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mosaic.json").write_text("{}")
+    with pytest.raises(UsageError, match="holds an earlier flight"):
+        checked_target(str(tmp_path)).__enter__()
+    assert [path.name for path in tmp_path.iterdir()] == ["mosaic.json"]
+
+
+def test_one_writer_at_a_time(tmp_path: Path) -> None:
+    with checked_target(str(tmp_path)), pytest.raises(UsageError, match="is being written by another gcs-mosaic"):
+        checked_target(str(tmp_path)).__enter__()
+
+
+def test_without_the_extra_the_command_says_what_it_needs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("gcs_mosaic.cli.extras.CLUSTER", ("dask", "no_such_package"))
+    assert cli.main(["reprocess", str(tmp_path), "--out", str(tmp_path / "map")]) == 2
+    said = capsys.readouterr().err
+    assert re.fullmatch(
+        r"gcs-mosaic: reprocess needs the packages? no_such_package: pip install 'gcs-mosaic\[cluster\]'\n", said
+    )
+    assert not (tmp_path / "map").exists()
