@@ -27,14 +27,14 @@ class ArchiveFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class Arrivals:
+class ArchiveFiles:
     """The frames in order; and every file with its content's hash, or why it is no frame (then the hash is empty)."""
 
     frames: tuple[ArchiveFrame, ...]
     files: tuple[tuple[SourceFile, str, str], ...]
 
 
-def arrivals_of(engine: Engine, files: Sequence[SourceFile], max_pixels: int) -> Arrivals:
+def arrivals_of(engine: Engine, files: Sequence[SourceFile], max_pixels: int) -> ArchiveFiles:
     """What came."""
 
     def of(some: tuple[SourceFile, ...]) -> StageTask:
@@ -46,7 +46,7 @@ def arrivals_of(engine: Engine, files: Sequence[SourceFile], max_pixels: int) ->
     for file, (digest, _) in zip(files, told, strict=True):
         if digest and digest not in frames:
             frames[digest] = ArchiveFrame(len(frames), file.name, digest, file)
-    return Arrivals(tuple(frames.values()), tuple((file, *one) for file, one in zip(files, told, strict=True)))
+    return ArchiveFiles(tuple(frames.values()), tuple((file, *one) for file, one in zip(files, told, strict=True)))
 
 
 def arrivals(artefacts: Artefacts, files: tuple[SourceFile, ...], max_pixels: int) -> Parts:

@@ -47,11 +47,12 @@ class FrameFacts:
 
 @dataclass(frozen=True, slots=True)
 class SeenFrame:
-    """A frame with its features' key."""
+    """A frame with the keys of its features and, once it was looked at, of what painting wants to know of it."""
 
     frame: ArchiveFrame
     key: str
     facts: FrameFacts
+    sight: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Stage 12: the flight's folder, as a flight writes it: ledger, originals, tiles, documents. One writer.
+"""Stage 13: the flight's folder, as a flight writes it: ledger, originals, tiles, documents. One writer.
 
 It is made beside and moved into place with mosaic.json last, so nobody takes half of it for a map.
 """
@@ -14,7 +14,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_mosaic.archive.arrivals import Arrivals
+from gcs_mosaic.archive.arrivals import ArchiveFiles
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, SetAside, frame_at
 from gcs_mosaic.archive.files import files_at
@@ -44,7 +44,7 @@ UPLOADS = 8  # at once
 class Reprocessed:
     """All that the stages have found."""
 
-    arrivals: Arrivals
+    arrivals: ArchiveFiles
     seen: list[SeenFrame]
     aside: list[SetAside]
     assembled: Assembled

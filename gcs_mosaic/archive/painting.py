@@ -1,4 +1,4 @@
-"""Stages 10 and 11: super-tiles are painted, each by itself, and coarser ones made of finer ones.
+"""Stages 11 and 12: super-tiles are painted, each by itself, and coarser ones made of finer ones.
 
 A tile is a pure function of the frames around it (`render.canvas`), so a super-tile is painted from those alone, whatever else is
 painted, where and when.
@@ -10,7 +10,7 @@ import tempfile
 import zlib
 from bisect import bisect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from gcs_mosaic.archive.super_tiles import Footprint, SuperTile, SuperTileLayout
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.looks import Sight
 from gcs_mosaic.render.overviews import assemble, composite, shrink
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.tile_cache import Layer, make_layer
@@ -129,8 +130,11 @@ def _own(
     load = partial(_load, by_name, how)
     with (
         tempfile.TemporaryDirectory(prefix="gcs-mosaic-painting-", ignore_cleanup_errors=True) as scratch,
-        Canvas(load, how.canvas, scratch=Path(scratch)) as canvas,
+        Canvas(load, replace(how.canvas, threads=1), scratch=Path(scratch)) as canvas,
     ):
+        for frame in painted:
+            if (sight := _sight(artefacts, by_name[frame.name])) is not None:
+                canvas.know(frame.name, sight)
         canvas.move(painted)
         canvas.confine((one.island, tile) for tile in one.tiles(how.side))
         for _ in canvas.repaint():
@@ -139,6 +143,11 @@ def _own(
             raise FileNotFoundError(2, "its original is gone", sorted(canvas.gone)[0])
         layers = {tile: canvas.layer(one.island, tile) for tile in one.tiles(how.side)}
     return {tile: layer for tile, layer in layers.items() if layer is not None}
+
+
+def _sight(artefacts: Artefacts, one: BookedFrame) -> Sight | None:
+    found: Sight | None = artefacts.part(one.frame.sight, "sight")
+    return found
 
 
 def _load(booked: Mapping[str, BookedFrame], how: HowPainted, name: str) -> Bands | None:

@@ -23,6 +23,7 @@ from gcs_mosaic.archive.pairs import registered
 from gcs_mosaic.archive.progress import Progress
 from gcs_mosaic.archive.relief import with_relief
 from gcs_mosaic.archive.retrieval import pairs_of
+from gcs_mosaic.archive.sights import looked_at
 from gcs_mosaic.archive.sources import Sources, sources_of
 from gcs_mosaic.archive.super_tiles import SIDE
 from gcs_mosaic.archive.target import checked_target
@@ -77,6 +78,7 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, side: int) -> 
     known = registered(engine, seen, kinds, pairs, config.stitch.registration)
     found = assembled(engine, seen, kinds, known, config.stitch)
     chunks = with_relief(engine, adjusted_islands(engine, found), config.stitch.adjustment.relief)
+    seen = looked_at(engine, seen, kinds, config)
     bright = lit(engine, seen, kinds, chunks, config.paint)
     return Reprocessed(arrivals, seen, aside, found, bright, painted_map(engine, bright, config, side))
 

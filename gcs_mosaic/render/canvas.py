@@ -24,6 +24,7 @@ from gcs_mosaic.render.blending import mix, mix_pixels
 from gcs_mosaic.render.cells import around
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.gallery import Gallery
+from gcs_mosaic.render.looks import Sight
 from gcs_mosaic.render.originals import LoadImage
 from gcs_mosaic.render.painted import GUEST_LEVELS, Extent, Painted, PaintedFrame, PaintedFrames, TileKey, Turn
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part
@@ -204,6 +205,10 @@ class Canvas(Kept):
         near = around(around(self._only))
         above = {(i, ancestor(t, t.z - up)) for i, t in near for up in range(1, min(GUEST_LEVELS, t.z) + 1)}
         self._give_up([key for key in self._behind if key not in near | above])
+
+    def know(self, name: str, sight: Sight) -> None:
+        """Take the look of a frame, made elsewhere by `gallery.seen_by`: it need not be loaded where it does not show."""
+        self._gallery.know(name, sight)
 
     def layer(self, island: int, tile: Tile) -> Layer | None:
         """What the frames painted at the tile's own level show on it."""

@@ -128,6 +128,10 @@ class Gallery:
             self._look(painted, picture)
         return picture is not None
 
+    def know(self, name: str, sight: Sight) -> None:
+        """Take a frame's look that was made elsewhere."""
+        self._store.put(("sight", name), sight)
+
     def clear(self) -> None:
         self._originals.clear()
         self._placing.clear()
@@ -162,8 +166,9 @@ class Gallery:
         return self._seen(picture.image, (painted.display, painted.dead))
 
     def _seen(self, image: ImageBGR, of: Of) -> Sight:
-        assert self._mode.look is not None
-        return self._mode.look(shrunk(image, LOOK_PIXELS), of)
+        sight = seen_by(self._mode, image, of)
+        assert sight is not None
+        return sight
 
     def _take_look(self, name: str) -> None:
         """Store the result of a background look. If it raised, the frame's next look will: the caller may be working on another
@@ -171,6 +176,11 @@ class Gallery:
         coming = self._looking.pop(name, None)
         if coming is not None and coming.exception() is None:
             self._store.put(("sight", name), coming.result())
+
+
+def seen_by(mode: Mode, image: ImageBGR, of: Of) -> Sight | None:
+    """What a mode wants to know of a frame's picture as displayed; None if nothing."""
+    return None if mode.look is None else mode.look(shrunk(image, LOOK_PIXELS), of)
 
 
 def _place(painted: Painted, before: _Placed | None) -> _Placed:

@@ -30,7 +30,7 @@ pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("default")]
 
 STAGES = (
     *("arrivals", "features", "kind", "vocabulary", "inverted", "alike", "pair_group", "islands", "adjustment"),
-    *("relief", "overlaps_of", "looks", "footprints", "super_tile"),
+    *("relief", "sight", "overlaps_of", "looks", "footprints", "super_tile"),
 )
 
 
@@ -144,7 +144,10 @@ def cluster(port: int) -> Iterator[subprocess.Popen[bytes]]:
             process.wait(20)
 
 
-def test_after_the_scheduler_was_killed_the_command_goes_on(frames: Path, alone: Path, tmp_path: Path) -> None:
+def test_after_the_scheduler_was_killed_the_command_goes_on(
+    frames: Path, alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 5.0)  # for so long a scheduler is sought, too
     out, port = copied(alone, tmp_path), free_port()
     (out / "mosaic.json").unlink()
     for stage in ("pair_group", *STAGES[STAGES.index("islands") :]):

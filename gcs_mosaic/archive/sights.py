@@ -1,0 +1,49 @@
+"""Stage 9: what painting wants to know of each frame (where it is sharp, what stands out), made once for all super-tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.features import TOGETHER, SeenFrame, image_of
+from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.sources import SourceFile
+from gcs_mosaic.archive.tasks import Parts, task
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.render.blend_modes import MODES
+from gcs_mosaic.render.display import Display
+from gcs_mosaic.render.gallery import seen_by
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+
+
+def looked_at(
+    engine: Engine, frames: Sequence[SeenFrame], kinds: Sequence[FrameKind], config: Config
+) -> list[SeenFrame]:
+    """The frames, with their sights. Raises FlightFailed if an original is gone."""
+    how = config.reduction, config.frames.max_pixels, config.paint.canvas.blend
+    tasks = [
+        task(sight, one.frame.content_hash, kind.display, tuple(kind.dead), *how, hints=(one.frame.file,))
+        for one, kind in zip(frames, kinds, strict=True)
+    ]
+    engine.made("sights", tasks, TOGETHER)
+    return [replace(one, sight=made.key) for one, made in zip(frames, tasks, strict=True)]
+
+
+def sight(
+    artefacts: Artefacts,
+    digest: str,
+    display: Display,
+    dead: tuple[int, int, int, int],
+    reduction: int,
+    max_pixels: int,
+    blend: str,
+    file: SourceFile,
+) -> Parts:
+    """What a blend mode wants to know of a frame. Raises FileNotFoundError if its original is gone."""
+    image = image_of(file, digest, reduction, max_pixels)
+    if image is None:
+        raise FileNotFoundError(2, "its original is gone", file.name)
+    border = DeadBorder(*dead)
+    return {"summary": None, "sight": seen_by(MODES[blend], display.picture(border.filled(image)), (display, border))}
