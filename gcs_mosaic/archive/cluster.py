@@ -7,9 +7,11 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 import dask
 from distributed import Client, LocalCluster
+from distributed.security import Security
 
 from gcs_mosaic.archive.versions import versions
 from gcs_mosaic.errors import UsageError
@@ -35,6 +37,9 @@ def workers_at(address: str | None, count: int | None = None, *, dashboard: bool
 
 @contextmanager
 def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
+    if dashboard and find_spec("bokeh") is None:
+        raise UsageError("--dashboard needs the package bokeh: pip install bokeh")
+    # With keys of its own, because whoever reaches a scheduler can have it run code: others who use this machine, too.
     with (
         dask.config.set(LOCAL),
         tempfile.TemporaryDirectory(prefix="gcs-mosaic-workers-", ignore_cleanup_errors=True) as scratch,
@@ -43,7 +48,10 @@ def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address="127.0.0.1:0" if dashboard else None,
+            security=Security.temporary(),
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": dashboard},
             silence_logs=logging.CRITICAL,
             local_directory=scratch,
         ) as cluster,

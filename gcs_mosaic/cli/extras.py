@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 from gcs_mosaic.errors import UsageError
 
-CLUSTER = ("dask", "distributed")
+CLUSTER = ("dask", "distributed", "cryptography")
 
 
 def need_cluster() -> None:

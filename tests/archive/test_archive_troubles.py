@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import psutil
 import pytest
+from distributed import Client
 
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.cluster import check_versions, workers_at
@@ -128,6 +130,17 @@ def test_other_versions_on_a_worker_are_told(theirs: dict[str, object], said: st
 
     with pytest.raises(UsageError, match=said):
         check_versions(Cluster(), "tcp://c")
+
+
+def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alone() -> None:
+    with workers_at(None, 1) as client:
+        address = client.scheduler.address
+        assert address.startswith("tls://127.0.0.1:")
+        with pytest.raises(OSError), Client(address.replace("tls", "tcp"), timeout=1):  # noqa: PT011
+            pass
+        processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
+        listening = {one.laddr.ip for of in processes for one in of.net_connections() if one.status == "LISTEN"}
+        assert listening == {"127.0.0.1"}
 
 
 def test_a_folder_that_holds_a_flight_is_left_alone(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import subprocess
 import sys
@@ -13,12 +14,14 @@ import cv2
 import dask
 import numpy as np
 import pytest
+import tifffile
 from rich.console import Console
 
 from gcs_mosaic.archive.files import BucketFiles
 from gcs_mosaic.archive.progress import StageCost
 from gcs_mosaic.check import table
 from gcs_mosaic.errors import FlightFailed
+from gcs_mosaic.export.multiband_tiff import export_tiff
 from gcs_mosaic.store.records import FrameState
 from tests.archive import saboteur
 from tests.archive.archives import FRAMES, Heard, bucket_server, flight_in, run, tiles_of
@@ -162,21 +165,31 @@ def test_after_the_scheduler_was_killed_the_command_goes_on(
     assert tiles_of(out) == tiles_of(alone)
 
 
-def test_an_archive_in_a_bucket_becomes_a_map_in_a_bucket(
-    frames: Path, alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_four_bands_of_sixteen_bits_in_a_bucket_become_a_map_in_a_bucket(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with bucket_server(monkeypatch, "frames", "maps"):
         given, made = BucketFiles("s3://frames"), BucketFiles("s3://maps/one")
-        for path in frames.iterdir():
-            given.write(path.name, path.read_bytes())
-        for path in (alone / "archive" / "features").rglob("*"):  # their keys do not tell where the frames lie
-            if path.is_file():
-                made.write(path.relative_to(alone).as_posix(), path.read_bytes())
-        heard = run("s3://frames", out="s3://maps/one")
-        assert {cost.stage: cost.there for cost in heard.costs}["features"] == FRAMES
+        for path in sorted(frames.iterdir())[:5]:
+            given.write(f"{path.stem}.tif", with_four_bands(path.read_bytes()))
+        run("s3://frames", out="s3://maps/one")
         for name in made.names(""):
             if not name.startswith("archive/"):
                 (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
                 (tmp_path / name).write_bytes(made.read(name) or b"")
-    assert tiles_of(tmp_path) == tiles_of(alone)
-    assert table.run(tmp_path, Console(quiet=True), mend=False, every_tile=False, sources=[], as_json=False) == 0
+    assert table.run(tmp_path, Console(quiet=True), mend=False, every_tile=True, sources=[], as_json=False) == 0
+    assert {frame.state for frame in frames_of(tmp_path).values()} == {FrameState.PLACED}
+    export_tiff(tmp_path, tmp_path / "bands.tif")
+    bands = tifffile.imread(tmp_path / "bands.tif")
+    assert (bands.dtype, min(bands.shape)) == (np.dtype(np.uint16), 4 + 1)  # and where there is something
+    assert bands.max() > 255
+
+
+def with_four_bands(jpeg: bytes) -> bytes:
+    """A picture as a camera with four bands of twelve bits has it."""
+    colour = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert colour is not None
+    bands = np.dstack([colour, cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY)]).astype(np.uint16) * 16
+    file = io.BytesIO()
+    tifffile.imwrite(file, bands, photometric="minisblack", planarconfig="contig")
+    return file.getvalue()
