@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+import zlib
 from collections.abc import Mapping
 from typing import Any, Protocol
 
@@ -17,7 +18,12 @@ MAGIC = b"gcs-mosaic artefact 1\n"
 HEAD = struct.Struct("<I16s")  # length and digest of the table of parts
 AHEAD = 4096  # bytes read at once: of most artefacts the table and the summary
 
-Table = dict[str, tuple[int, int, bytes]]  # by part: where it begins, its length, its digest
+SAMPLED, WORTH = (
+    65_536,
+    0.6,
+)  # bytes by which is judged whether compression is worth its time, and to what share of them
+# By part: where it begins, its length, its digest, and whether it is compressed.
+Table = dict[str, tuple[int, int, bytes, bool]]
 
 
 class Lost(Exception):  # noqa: N818 - names a state
@@ -55,13 +61,14 @@ class Artefacts:
 
     def put(self, key: str, parts: Mapping[str, object]) -> None:
         """Write an artefact whole. Raises CannotWrite."""
-        data = {name: encoded(value) for name, value in parts.items()}
-        at, table = 0, Table()
-        for name, part in data.items():
-            table[name] = at, len(part), _digest(part)
+        at, table, data = 0, Table(), list[bytes]()
+        for name, value in parts.items():
+            part, is_packed = _packed(encoded(value))
+            table[name] = at, len(part), _digest(part), is_packed
             at += len(part)
+            data.append(part)
         head = encoded(table)
-        self.files.write(key, b"".join([MAGIC, HEAD.pack(len(head), _digest(head)), head, *data.values()]))
+        self.files.write(key, b"".join([MAGIC, HEAD.pack(len(head), _digest(head)), head, *data]))
 
     def part(self, key: str, name: str) -> Any:
         """A part of an artefact. Raises Lost, also if anything of it is damaged."""
@@ -70,12 +77,12 @@ class Artefacts:
             raise Lost(key)
         try:
             table, start = self._table(key, first)
-            at, length, digest = table[name]
+            at, length, digest, is_packed = table[name]
             data = first[start + at : start + at + length]
             if len(data) < length:
                 data = self.files.read(key, start + at, length) or b""
             if _digest(data) == digest:
-                return decoded(data)
+                return decoded(zlib.decompress(data) if is_packed else data)
         except Exception as error:  # what is damaged may raise anything
             raise Lost(key) from error
         raise Lost(key)
@@ -84,7 +91,7 @@ class Artefacts:
         """A part, of an artefact that is as long as it should be: a sign that nothing of it was cut off. Raises Lost."""
         found = self.part(key, name)
         table, start = self._table(key, self.files.read(key, 0, AHEAD) or b"")
-        if self.files.size(key) != start + sum(length for _, length, _ in table.values()):
+        if self.files.size(key) != start + sum(length for _, length, *_ in table.values()):
             raise Lost(key)
         return found
 
@@ -100,6 +107,13 @@ class Artefacts:
         if _digest(head) != digest:
             raise ValueError("a damaged table")
         return decoded(head), begin + length
+
+
+def _packed(data: bytes) -> tuple[bytes, bool]:
+    """The bytes, compressed if that is worth it; and whether they are."""
+    if len(data) < SAMPLED or len(zlib.compress(data[-SAMPLED:], 1)) > WORTH * SAMPLED:
+        return data, False
+    return zlib.compress(data, 1), True
 
 
 def _digest(data: bytes) -> bytes:
