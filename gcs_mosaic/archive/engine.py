@@ -31,7 +31,8 @@ logger = logging.getLogger(__name__)
 GONE = (CancelledError, FutureCancelledError, CommClosedError, TimeoutError, OSError)
 AGAIN = "what was made is kept; put that right and give the command again"
 AHEAD = 4  # batches submitted for each worker: enough that none waits, few enough for the scheduler's memory
-LOOK_S = 10.0  # how often is looked whether there are workers
+LOOK_S = 10.0  # how often is looked whether there are workers,
+SAY_EACH = 30  # and how often, in looks, it is said that there are none
 MOST_LOSSES = 3  # times that an artefact may get lost
 
 Outcome = Made | Unmade
@@ -138,11 +139,13 @@ class Engine:
 
     def _done(self, futures: list[Any]) -> list[Any]:
         """Those that are done, at least one; while there is no worker that is said."""
+        lonely = 0  # looks in a row that found no worker: one that has died is back after the next
         while True:
             try:
                 return list(wait(futures, timeout=LOOK_S, return_when="FIRST_COMPLETED").done)
             except TimeoutError:
-                if not self._workers():
+                lonely = 0 if self._workers() else lonely + 1
+                if lonely % SAY_EACH == 2:
                     self._progress.say("there is no worker: waiting for one")
 
     def _submitted(self, batch: Batch) -> Any:

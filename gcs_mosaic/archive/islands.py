@@ -66,7 +66,7 @@ def islands(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetti
     """Place all frames; the islands' joint adjustments are left to the next stage."""
     described = artefacts.part(frames, "list")
     known = PairBook(artefacts, described, KnownPairs(dict(artefacts.part(pairs, "list"))))
-    mosaic = Mosaic(settings, search=partial(LookUp, known), punctual=True)
+    mosaic = Mosaic(without_relief(settings), search=partial(LookUp, known), punctual=True)
     rejected = []
     for name, key, dead in described:
         outcome = mosaic.place(places_of(artefacts, key, dead), name)
@@ -76,7 +76,7 @@ def islands(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetti
     while mosaic.connect_some():
         mosaic.adjust()
     mosaic.retry_waiting()
-    tasks = {task.island: task for task in mosaic.adjustments()}
+    tasks = {task.island: replace(task, settings=settings.adjustment) for task in mosaic.adjustments()}
     summary = (
         tuple(island.merged_into for island in mosaic.islands),
         tuple((number, len(task.members)) for number, task in tasks.items()),
@@ -89,6 +89,13 @@ def islands(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetti
         of_islands.setdefault(placement.island, []).append(placement)
     parts = {f"placements {number}": found for number, found in of_islands.items()}
     return {"summary": summary, **parts, **{f"adjustment {number}": task for number, task in tasks.items()}}
+
+
+def without_relief(settings: StitchSettings) -> StitchSettings:
+    """The same, but sheets of relief are not fitted: no place depends on them, and they are fitted in parallel later."""
+    adjustment = settings.adjustment
+    relief = replace(adjustment.relief, cells=0)
+    return replace(settings, adjustment=replace(adjustment, relief=relief))
 
 
 class PairBook:
