@@ -13,6 +13,7 @@ import dask
 from distributed import Client, LocalCluster
 from distributed.security import Security
 
+from gcs_mosaic.archive import worker_setup
 from gcs_mosaic.archive.versions import versions
 from gcs_mosaic.errors import UsageError
 
@@ -20,6 +21,7 @@ CONNECT_S = 10.0  # to a scheduler
 WAIT_S = 60.0  # for the first worker of a cluster
 # Settings of a local cluster. A task that has killed so many workers and one more is not given to another (Dask's default is 3).
 # A worker that has died is started again by its nanny; the cluster would give that one up if it happens twice within 15 s.
+PRELOAD = "distributed.worker.preload"
 LOCAL = {"distributed.scheduler.allowed-failures": 1, "distributed.deploy.lost-worker-timeout": "365 days"}
 
 
@@ -41,7 +43,7 @@ def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
         raise UsageError("--dashboard needs the package bokeh: pip install bokeh")
     # With keys of its own, because whoever reaches a scheduler can have it run code: others who use this machine, too.
     with (
-        dask.config.set(LOCAL),
+        dask.config.set(LOCAL | {PRELOAD: [*dask.config.get(PRELOAD, []), worker_setup.__name__]}),
         tempfile.TemporaryDirectory(prefix="gcs-mosaic-workers-", ignore_cleanup_errors=True) as scratch,
         LocalCluster(
             n_workers=count,

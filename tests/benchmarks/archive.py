@@ -2,10 +2,10 @@
 
     python -m tests.benchmarks.archive FRAMES|DIR... [--workers 1 2] [--model 8 64] [--frames 100000 1000000]
 
-Each run begins without artefacts. The model: a stage of one task takes as long on any cluster; another one its core seconds,
-divided by the workers, times what two workers needed more than half of one (busy machines, waiting), but never less than its
-longest task. For larger archives a stage's core seconds and its number of tasks grow with the frames, its longest task does not;
-a serial stage grows with the frames too, which is measured for the adjustment (adjustment_at_scale.py) and hoped for the others.
+Each run begins without artefacts. The model is of an idle cluster: a stage of one task takes its core seconds; another one these
+divided by the workers, but never less than its longest task. What the machine took beyond that is printed as worker seconds for
+each core second. For larger archives core seconds grow with the frames, and so does the longest task of a serial stage: measured
+for the adjustment (adjustment_at_scale.py), hoped for the others.
 """
 
 from __future__ import annotations
@@ -33,18 +33,15 @@ class StageModel:
     core_s: float
     longest_s: float
     serial: bool
-    waste: float  # worker seconds for each core second
 
     def seconds(self, workers: int) -> float:
         """On so many workers."""
-        if self.serial:
-            return self.core_s * self.waste
-        return max(self.core_s * self.waste / workers, self.longest_s * self.waste)
+        return self.core_s if self.serial else max(self.core_s / workers, self.longest_s)
 
     def grown(self, times: float) -> StageModel:
         """Of an archive so many times as large."""
         longest = self.longest_s * times if self.serial else self.longest_s
-        return StageModel(self.stage, self.core_s * times, longest, self.serial, self.waste)
+        return StageModel(self.stage, self.core_s * times, longest, self.serial)
 
 
 def main() -> None:
@@ -57,11 +54,10 @@ def main() -> None:
     runs = {workers: measured(asked.sources, workers) for workers in asked.workers}
     frames = next(cost.tasks for cost in runs[asked.workers[0]] if cost.stage == "features")
     for workers, costs in runs.items():
-        wall = sum(cost.wall_s for cost in costs)
-        print(
-            f"{workers} workers: {wall:.0f} s, {wall / frames:.2f} s a frame, core {core(costs) / frames:.2f} s a frame"
-        )
-    stages = modelled(runs[max(runs)], max(runs))
+        wall, used = sum(cost.wall_s for cost in costs), sum(cost.wall_s * min(workers, cost.tasks) for cost in costs)
+        print(f"{workers} workers: {wall:.0f} s, {core(costs) / frames:.2f} core s a frame, ", end="")
+        print(f"{used / core(costs):.1f} worker seconds for each core second")
+    stages = modelled(runs[max(runs)])
     table(stages, frames)
     for workers in asked.model:
         told(f"{frames} frames, {workers} workers", stages, workers)
@@ -83,19 +79,15 @@ def core(costs: Sequence[StageCost]) -> float:
     return sum(cost.core_s for cost in costs)
 
 
-def modelled(costs: Sequence[StageCost], workers: int) -> list[StageModel]:
-    """Stages with levels of painting taken together."""
+def modelled(costs: Sequence[StageCost]) -> list[StageModel]:
+    """Stages, with levels of painting taken together."""
     grouped: dict[str, list[StageCost]] = {}
     for cost in costs:
         grouped.setdefault(cost.stage.partition(",")[0], []).append(cost)
-    found = []
-    for stage, some in grouped.items():
-        total, wall = core(some), sum(cost.wall_s for cost in some)
-        serial = stage in SERIAL
-        used = 1 if serial else min(workers, max(cost.tasks for cost in some))
-        longest = max(cost.longest_s for cost in some)
-        found.append(StageModel(stage, total, longest, serial, max(1.0, wall * used / max(total, 1e-3))))
-    return found
+    return [
+        StageModel(stage, core(some), max(cost.longest_s for cost in some), stage in SERIAL)
+        for stage, some in grouped.items()
+    ]
 
 
 SERIAL = ("islands", "adjustment", "gains", "vocabulary", "packing")  # stages of one task, or one for each island
