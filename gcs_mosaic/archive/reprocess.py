@@ -10,8 +10,9 @@ from pathlib import Path
 
 from gcs_mosaic.archive.adjustment import adjusted_islands
 from gcs_mosaic.archive.arrivals import arrivals_of
+from gcs_mosaic.archive.artefacts import Lost
 from gcs_mosaic.archive.cluster import workers_at
-from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.engine import AGAIN, Engine
 from gcs_mosaic.archive.features import features_of
 from gcs_mosaic.archive.files import is_bucket
 from gcs_mosaic.archive.islands import assembled
@@ -28,7 +29,7 @@ from gcs_mosaic.archive.sources import Sources, sources_of
 from gcs_mosaic.archive.super_tiles import SIDE
 from gcs_mosaic.archive.target import checked_target
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.errors import NothingPlaced
+from gcs_mosaic.errors import FlightFailed, NothingPlaced
 
 ARTEFACTS = "archive"  # folder of the target in which they lie
 
@@ -59,8 +60,11 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
             if request.dashboard:
                 progress.say(f"what the workers do: {client.dashboard_link}")
             engine = Engine(client, f"{target}/{ARTEFACTS}", progress)
-            found = reprocessed(engine, sources, config, request.side)
-            _pack(engine, found, target, config)
+            try:
+                found = reprocessed(engine, sources, config, request.side)
+                _pack(engine, found, target, config)
+            except Lost as error:  # what the client itself reads
+                raise FlightFailed(f"the store has lost {error.key}; {AGAIN}") from None
     counts = f"{len(found.assembled.placed)} of {len(sources.files)} frames placed"
     if not found.assembled.placed:
         raise NothingPlaced(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
+from functools import partial
 from pathlib import Path
 
 import dask
@@ -11,6 +13,7 @@ import psutil
 import pytest
 from distributed import Client
 
+from gcs_mosaic.archive.adjustment import on_workers
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.cluster import check_versions, workers_at
 from gcs_mosaic.archive.files import BucketFiles, FolderFiles
@@ -19,8 +22,10 @@ from gcs_mosaic.archive.target import checked_target
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.records import FrameState
 from tests.archive.archives import bucket_server
 from tests.ports import free_port
+from tests.running import frames_of
 
 pytestmark = pytest.mark.filterwarnings("default")
 PARTS = {"summary": [1, 2], "large": bytes(random.Random(1).randbytes(100_000)), "dull": b"x" * 100_000}
@@ -136,6 +141,14 @@ def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alo
         assert listening == {"127.0.0.1"}
 
 
+def test_a_task_gives_parts_of_its_work_to_other_workers() -> None:
+    with workers_at(None, 1) as client:  # which does them itself, while the task waits
+        assert client.submit(on_workers, abs, [-1, 2, -3]).result() == [1, 2, 3]
+        assert client.submit(on_workers, abs, []).result() == []
+        with pytest.raises(ZeroDivisionError):
+            client.submit(on_workers, partial(divmod, 1), [1, 0]).result()
+
+
 def test_a_folder_that_holds_a_flight_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mosaic.json").write_text("{}")
     with pytest.raises(UsageError, match="holds an earlier flight"):
@@ -158,3 +171,17 @@ def test_without_the_extra_the_command_says_what_it_needs(
         r"gcs-mosaic: reprocess needs the packages? no_such_package: pip install 'gcs-mosaic\[cluster\]'\n", said
     )
     assert not (tmp_path / "map").exists()
+
+
+def test_an_archive_without_a_whole_picture_ends_with_that_and_each_stage_is_a_line_of_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "cut.jpg").write_bytes(b"\xff\xd8\xff\xe0 no more of it")
+    out = tmp_path / "map"
+    assert cli.main(["reprocess", str(tmp_path / "frames"), "--out", str(out), "--workers", "1", "--json"]) == 3
+    said = capsys.readouterr()
+    assert said.err == f"gcs-mosaic: none of 1 frames found a place: there is no map, {out} has the reasons\n"
+    told = [json.loads(line) for line in said.out.splitlines()]
+    assert {"stage": "arrivals", "done": 1, "of": 1, "state": "done"}.items() <= told[1].items()
+    assert [frame.state for frame in frames_of(out).values()] == [FrameState.DAMAGED]
