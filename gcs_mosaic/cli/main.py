@@ -102,7 +102,7 @@ def reprocess(given: argparse.Namespace) -> None:
         raise UsageError("reprocess knows the default method only: leave out `method: paper`, or use gcs-mosaic stitch")
     restrict(config.permissions)
     where = {"cluster": given.cluster, "workers": given.workers, "dashboard": given.dashboard}
-    request = Request(tuple(given.sources), given.out, **where)
+    request = Request(tuple(given.archive), given.out, **where)
     reprocess(request, config, Lines(Console(), as_json=given.json))
 
 

@@ -219,7 +219,7 @@ def _add_merge(parser: argparse.ArgumentParser) -> None:
 
 def _add_reprocess(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "sources", nargs="+", metavar="SOURCE", help="image files, folders of them, or s3://BUCKET/PREFIX"
+        "archive", nargs="+", metavar="SOURCE", help="image files, folders of them, or s3://BUCKET/PREFIX"
     )
     parser.add_argument("--out", required=True, metavar="TARGET", help="folder for the map, or s3://BUCKET/PREFIX")
     parser.add_argument(
