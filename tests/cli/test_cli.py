@@ -101,7 +101,7 @@ def empty(tmp_path: Path) -> Path:
         (["stich", "."], "'stich' is no command (did you mean 'stitch'?)"),
         (
             ["fly"],
-            "'fly' is no command (those are stitch, merge, replay, serve, status, vehicle, check, anchor, export, "
+            "'fly' is no command (those are stitch, merge, reprocess, replay, serve, status, vehicle, check, anchor, export, "
             "benchmark, config, demo)",
         ),
         (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
