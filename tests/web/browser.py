@@ -80,11 +80,19 @@ class Page:
             raise RuntimeError(str(error)) from error
 
     def wait_for(self, expression: str, timeout_s: float = 10.0) -> None:
-        """Until the expression is true."""
+        """Until the expression is true; on a page that goes elsewhere meanwhile, of the one it goes to."""
         end = time.monotonic() + timeout_s
-        while not self.evaluate(expression):
+        while not self._is_true(expression):
             assert time.monotonic() < end, f"never true: {expression}\n{self.evaluate('document.body?.innerText')}"
             self._page.wait_for_timeout(50)
+
+    def _is_true(self, expression: str) -> bool:
+        try:
+            return bool(self.evaluate(expression))
+        except RuntimeError as error:
+            if "Execution context was destroyed" not in str(error):
+                raise
+            return False
 
     def hosts(self) -> set[str]:
         """Every host that the page asked anything of."""

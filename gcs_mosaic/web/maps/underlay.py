@@ -8,19 +8,26 @@ read is missing.
 from __future__ import annotations
 
 import logging
+import os
+import re
 import sqlite3
 import threading
+from collections.abc import Collection
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 from urllib.parse import quote
 
 import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.geo.mercator import FINEST_LEVEL
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
 from gcs_mosaic.stitch.arrays import Bands, ImageBGRA
 from gcs_mosaic.views.hole_filling import coarse_from_tile
+from gcs_mosaic.web.maps.underlay_extent import Span, TileIndex, UnderlayExtent, extent_of
 
 logger = logging.getLogger(__name__)
 
@@ -28,11 +35,13 @@ DEEPEST = 8  # levels between a tile and the ancestor that stands for it
 LARGEST_BYTES = 2 << 20
 LARGEST_PIXELS = 1024 * 1024
 STEPS, MOST_STEPS = 1000, 200  # of SQLite's machine for one tile, a look between so many
+MOST_NAMES = 5000  # of one folder that are looked at
 SUFFIXES = (".png", ".jpg", ".jpeg")
+NUMBER = re.compile("0|[1-9][0-9]{0,8}")
 WANTED = "name an MBTiles file of PNG or JPEG tiles, or a folder z/x/y.png"
 
 
-class TileFiles(Protocol):
+class TileFiles(TileIndex, Protocol):
     """Encoded tiles, from any source."""
 
     def data(self, tile: Tile) -> bytes | None:
@@ -44,6 +53,11 @@ class Underlay:
 
     def __init__(self, files: TileFiles) -> None:
         self._files = files
+
+    @cached_property
+    def extent(self) -> UnderlayExtent | None:
+        """As it was when it was first asked for; None if it cannot be told."""
+        return extent_of(self._files)
 
     def tile(self, level: int, x: int, y: int) -> ImageBGRA | None:
         """(256, 256, 4), opaque; None if neither the tile nor an ancestor of it is there."""
@@ -86,6 +100,19 @@ class FolderOfTiles:
                 logger.info("a tile of the underlay cannot be read", exc_info=True)
         return None
 
+    def levels(self) -> list[int]:
+        named = sorted(level for level in numbers_in(self._root) if level <= FINEST_LEVEL)
+        return [level for level in named if self.columns(level) is not None]
+
+    def columns(self, level: int) -> Span | None:
+        return span_of(numbers_in(self._root / str(level)), level)
+
+    def rows(self, level: int, column: int) -> Span | None:
+        return span_of(numbers_in(self._root / str(level) / str(column), SUFFIXES), level)
+
+    def told_bounds(self) -> str | None:
+        return None
+
 
 class MbtilesFile:
     """An MBTiles file, whose rows count from the south. Raises sqlite3.Error and OSError when it is opened."""
@@ -105,18 +132,61 @@ class MbtilesFile:
     def data(self, tile: Tile) -> bytes | None:
         row = (1 << tile.z) - 1 - tile.y
         question = "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
+        found = self._first(question, tile.z, tile.x, row)
+        return found if isinstance(found, bytes) else None
+
+    def levels(self) -> list[int]:
+        question = "SELECT 1 FROM tiles WHERE zoom_level = ? LIMIT 1"
+        return [level for level in range(FINEST_LEVEL + 1) if self._first(question, level) is not None]
+
+    def columns(self, level: int) -> Span | None:
+        return self._span("tile_column", "zoom_level = ?", level)
+
+    def rows(self, level: int, column: int) -> Span | None:
+        found = self._span("tile_row", "zoom_level = ? AND tile_column = ?", level, column)
+        last = (1 << level) - 1
+        return None if found is None else (last - found[1], last - found[0])
+
+    def told_bounds(self) -> str | None:
+        found = self._first("SELECT value FROM metadata WHERE name = 'bounds'")
+        return found if isinstance(found, str) else None
+
+    def _span(self, name: str, where: str, level: int, *more: int) -> Span | None:
+        """The least and the greatest number of a column of the table, by its index."""
+        question = f"SELECT {name} FROM tiles WHERE {where} ORDER BY {name} "  # names of ours alone
+        ends = [self._first(question + order, level, *more) for order in ("LIMIT 1", "DESC LIMIT 1")]
+        return span_of([end for end in ends if isinstance(end, int)], level)
+
+    def _first(self, question: str, *values: int) -> Any:
+        """The first value of the first row; None if there is none, or none within the limits."""
         with self._lock:
             self._steps = 0
             try:
-                found = self._file.execute(question, (tile.z, tile.x, row)).fetchone()
+                found = self._file.execute(question, values).fetchone()
             except (sqlite3.Error, OverflowError):
-                logger.info("a tile of the underlay cannot be read", exc_info=True)
+                logger.info("the underlay cannot be read", exc_info=True)
                 return None
-        return found[0] if found is not None and isinstance(found[0], bytes) else None
+        return None if found is None else found[0]
 
     def _is_too_long(self) -> int:
         self._steps += 1
         return int(self._steps > MOST_STEPS)
+
+
+def span_of(numbers: Collection[int], level: int) -> Span | None:
+    """The least and the greatest of those that a level can have."""
+    within = [number for number in numbers if 0 <= number < 1 << level]
+    return (min(within), max(within)) if within else None
+
+
+def numbers_in(folder: Path, suffixes: Collection[str] = ("",)) -> set[int]:
+    """The names in a folder that are numbers, with one of these suffixes; of its first names alone."""
+    try:
+        with os.scandir(folder) as entries:
+            names = [Path(entry.name) for entry in islice(entries, MOST_NAMES)]
+    except OSError:
+        return set()
+    return {int(name.stem) for name in names if name.suffix in suffixes and NUMBER.fullmatch(name.stem)}
 
 
 def decoded(data: bytes) -> Bands | None:

@@ -3,6 +3,7 @@
 
 import { send, trying } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
+import { Laying } from "/viewer/laying.js";
 import { openPanel } from "/viewer/panels.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
@@ -33,6 +34,7 @@ export class Anchors {
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
     for (const name of NOTATIONS) this.notation.append(new Option(name.toUpperCase(), name));
     map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
+    new Laying(map, () => this.read());
   }
 
   async read() {

@@ -44,7 +44,7 @@ export function listenForKeys() {
 
 function onKey({ key, target, ctrlKey, altKey, metaKey }) {
   const isTyping = target.matches?.("input:not([type=range], [type=checkbox]), textarea, select");
-  if (ctrlKey || altKey || metaKey || isTyping || byId("help").open) return;
+  if (ctrlKey || altKey || metaKey || isTyping || document.querySelector("dialog[open]")) return;
   const panel = /^[0-9]$/.test(key) && PANELS[(Number(key) + 9) % 10];
   if (panel) press(`open-${panel}`);
   else if (byId("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();

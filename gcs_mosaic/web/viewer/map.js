@@ -4,7 +4,7 @@
 import { byId } from "/viewer/dom.js";
 import { isOutOfKept } from "/viewer/kept.js";
 import { Layers } from "/viewer/layers.js";
-import { outlineOf } from "/viewer/outline.js";
+import { outlineLayer, outlineOf } from "/viewer/outline.js";
 import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 import { Turn } from "/viewer/turn.js";
 import { t } from "/viewer/words.js";
@@ -242,10 +242,4 @@ function layerOptions({ bounds: [left, top, right, bottom], minzoom, maxzoom }) 
     updateInterval: 100,
     keepBuffer: 3,
   };
-}
-
-/** Yellow (or the colour of one of several aircraft) on black, so that it shows on any ground. */
-function outlineLayer(corners, colour) {
-  const line = (color, weight) => L.polygon(corners, { color, weight, fill: false, interactive: false });
-  return L.featureGroup([line("#000", 6), line(colour, 3)]);
 }

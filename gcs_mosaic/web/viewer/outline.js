@@ -14,3 +14,9 @@ export function middleOf(frame) {
   const corners = outlineOf(frame);
   return corners && [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
 }
+
+/** Yellow (or the colour of one of several aircraft) on black, so that it shows on any ground. */
+export function outlineLayer(corners, colour) {
+  const line = (color, weight) => L.polygon(corners, { color, weight, fill: false, interactive: false });
+  return L.featureGroup([line("#000", 6), line(colour, 3)]);
+}
