@@ -152,12 +152,18 @@ def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, 
 def test_pins_lay_the_map_and_the_cursor_tells_its_coordinate(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-anchors")
-    for x, y, coordinate in ((300, 300, "44.5, 7.0"), (700, 300, "44.5, 7.003"), (300, 600, "44.4984, 7.0")):
+    for x, y, coordinate in ((300, 300, "44.5, 7.0"), (700, 300, "44.49787, 7.0"), (300, 600, "44.5, 6.99776")):
         someone.press("anchors-set")
         someone.click(x, y)
         someone.type("anchors-form", coordinate=coordinate)
         page.wait_for("document.getElementById('anchors-form').hidden")
     someone.sees("anchors-told", "Laid by 3 pins that fit")
+    someone.press("open-look")
+    someone.press("turn-north-up")
+    north = "parseFloat(getComputedStyle(document.getElementById('pane')).getPropertyValue('--turn'))"
+    assert page.evaluate(north) == pytest.approx(90.0, abs=1.0)
+    someone.press("turn-none")
+    someone.press("open-anchors")
     page.command("Input.dispatchMouseEvent", type="mouseMoved", x=300, y=300)
     someone.sees("coordinate", "44.5")
     someone.press("anchors-set")

@@ -71,6 +71,7 @@ export class Anchors {
   showNorth(anchor) {
     const arrow = byId("north");
     arrow.hidden = !anchor;
+    this.map.turn.setNorth(anchor ? anchor.north_deg : null);
     if (anchor) arrow.style.rotate = `calc(${anchor.north_deg}deg + var(--turn, 0deg))`;
   }
 

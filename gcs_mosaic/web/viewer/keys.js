@@ -20,6 +20,7 @@ const KEYS = [
     press("measure-line");
   }],
   ["r", "Flight up", () => press("turn-flight-up")],
+  ["t", "North up", () => press("turn-north-up")],
   ["f", "Full screen", () => press("full")],
   ["1 … 9, 0", "Layers, Finds, Hints, Measure, Review, Anchor, Islands, Flight, Look, On other maps", null],
   ["+  −", "Nearer, farther", null],

@@ -1,5 +1,5 @@
 // @ts-check
-// The map turned by hand, or so that the aircraft flies upwards. Leaflet knows nothing of it: its container is turned as a whole,
+// The map turned by hand, so that the aircraft flies upwards, or so that north is up. Leaflet knows nothing of it: its container is turned as a whole,
 // large enough to fill the pane at any angle, and what it is told of the mouse and the fingers is turned back.
 
 import { byId } from "/viewer/dom.js";
@@ -16,10 +16,14 @@ export class Turn {
     this.pane = byId("pane");
     this.degrees = 0;
     this.isFlightUp = false;
+    this.isNorthUp = false;
+    this.north = null; // where it is on the canvas, degrees clockwise from its top; null: not known
     this.way = []; // middles of the newest frames
     this.onTurned = null; // called after the map was turned
     this.slider = byId("turn-slider");
     this.button = byId("turn-flight-up");
+    this.northButton = byId("turn-north-up");
+    this.northButton.onclick = () => this.setNorthUp(!this.isNorthUp);
     this.slider.oninput = () => this.byHand(Number(this.slider.value));
     byId("turn-none").onclick = () => this.byHand(0);
     this.button.onclick = () => this.setFlightUp(!this.isFlightUp);
@@ -35,13 +39,35 @@ export class Turn {
 
   byHand(degrees) {
     this.setFlightUp(false);
+    this.setNorthUp(false);
     this.to(degrees);
   }
 
   setFlightUp(isFlightUp) {
     this.isFlightUp = isFlightUp;
     this.button.setAttribute("aria-pressed", String(isFlightUp));
-    if (isFlightUp) this.followCourse();
+    if (!isFlightUp) return;
+    this.setNorthUp(false);
+    this.followCourse();
+  }
+
+  setNorthUp(isNorthUp) {
+    this.isNorthUp = isNorthUp;
+    this.northButton.setAttribute("aria-pressed", String(isNorthUp));
+    if (!isNorthUp) return;
+    this.setFlightUp(false);
+    this.followNorth();
+  }
+
+  /** What an anchor tells, which may change while the map is turned by it. */
+  setNorth(degrees) {
+    this.north = degrees;
+    this.northButton.disabled = degrees === null;
+    this.followNorth();
+  }
+
+  followNorth() {
+    if (this.isNorthUp && this.north !== null) this.to(-this.north);
   }
 
   /** The newest frame, which may be the one that was told before. */

@@ -155,6 +155,7 @@ export default {
   "No island with an anchor reaches there.": "Keine Insel mit Anker reicht dorthin.",
   "No scale is known of this island: measured in pixels of the map.": "Von dieser Insel ist kein Maßstab bekannt: gemessen in Pixeln der Karte.",
   "North": "Norden",
+  "North up": "Norden oben",
   "Not allowed": "Nicht erlaubt",
   "Not on the map: {n}": "Nicht auf der Karte: {n}",
   "Not responding": "Antwortet nicht",
