@@ -12,10 +12,8 @@ from pyproj import Transformer
 
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.geo.ellipsoid import LocalPlane
-from gcs_mosaic.notes.binding import Binding
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.pins import NewPin, Pins
 from tests.export.multiband_flight import WINDOW, Flown, flown, ground_counts, ground_from_canvas, middle
+from tests.notes.written_pins import write_pins
 
 PLANE = LocalPlane(7.0, 44.5)
 PINNED = ((-200.0, -150.0), (250.0, -150.0), (-200.0, 300.0), (250.0, 300.0))
@@ -25,22 +23,11 @@ PINNED = ((-200.0, -150.0), (250.0, -150.0), (-200.0, 300.0), (250.0, 300.0))
 def five(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     """Laid by four points whose place on the simulated ground is known."""
     made = flown(tmp_path_factory, world_cache, bands=5, depth=16)
-    book = NotesBook(made.out)
+    pins = []
     for x, y in PINNED:
         east, south = (ground_from_canvas(made) @ (x, y, 1.0))[:2]
-        longitude, latitude = PLANE.places(np.array([east, -south])).tolist()
-        Pins(book).create(
-            NewPin(
-                label="",
-                longitude_deg=longitude,
-                latitude_deg=latitude,
-                written="",
-                sigma_m=0.05,
-                who="Kim",
-                binding=Binding(island=0, x=x, y=y, frame=None, pixel=None),
-            )
-        )
-    book.close()
+        pins.append((x, y, *PLANE.places(np.array([east, -south])).tolist()))
+    write_pins(made.out, pins)
     return made
 
 

@@ -23,10 +23,8 @@ from gcs_mosaic.geo.mercator import places_of_mercator
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
-from gcs_mosaic.notes.binding import Binding
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.pins import NewPin, Pins
 from tests.geotiles.ground import anchor
+from tests.notes.written_pins import write_pins
 from tests.sure import sure
 from tests.web.maps.anchored_flight import PINNED, AnchoredFlight
 from tests.web.maps.marked_flight import MARKS, MarkedFlight, mark_in, opened, worst_px
@@ -35,31 +33,12 @@ Export = Callable[..., Path]
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
-def set_pins(flight: AnchoredFlight, count: int = 4) -> None:
-    book = NotesBook(flight.root)
-    for x, y in PINNED[:count]:
-        longitude, latitude = flight.truth.places(np.array([x, y])).tolist()
-        binding = Binding(island=0, x=x, y=y, frame=None, pixel=None)
-        Pins(book).create(
-            NewPin(
-                label="",
-                longitude_deg=longitude,
-                latitude_deg=latitude,
-                written="",
-                sigma_m=0.05,
-                who="Kim",
-                binding=binding,
-            )
-        )
-    book.close()
-
-
 @pytest.fixture(scope="module", params=[44.5, -67.0], ids=["44.5 N", "67 S"])
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> AnchoredFlight:
     root = tmp_path_factory.mktemp("flight") / "small"
     root.mkdir()
     made = MarkedFlight(root, anchor(gsd_m=0.1, turned_deg=-52.0, latitude=request.param))
-    set_pins(made)
+    write_pins(root, [(x, y, *made.truth.places(np.array([x, y])).tolist()) for x, y in PINNED])
     return made
 
 

@@ -1,0 +1,20 @@
+"""Pins written into a flight's notes, without its page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+
+from gcs_mosaic.notes.binding import Binding
+from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.pins import NewPin, Pins
+
+
+def write_pins(root: Path, pins: Iterable[tuple[float, float, float, float]]) -> None:
+    """Each (x, y) of island 0 has this longitude and latitude, within 5 cm."""
+    with closing(NotesBook(root)) as book:
+        for x, y, longitude, latitude in pins:
+            binding = Binding(island=0, x=x, y=y, frame=None, pixel=None)
+            place = {"longitude_deg": longitude, "latitude_deg": latitude, "sigma_m": 0.05}
+            Pins(book).create(NewPin(label="", written="", who="Kim", binding=binding, **place))
