@@ -16,6 +16,7 @@ SILENT = {
     ("cli/streams.py", "flush_or_let_go"): (1, "the reader of the terminal is gone: nobody is there to be told"),
     ("cli/streams.py", "open_standard_streams"): (1, "it is closed, which is the answer; there is no log yet"),
     ("app/heap.py", "share_heap"): (1, "another system, which has no such thing"),
+    ("web/maps/underlay.py", "numbers_in"): (1, "a folder that cannot be read has no tiles, which is the answer"),
     ("app/merging.py", "_hold"): (1, "a folder that nobody can write into, so nobody does"),
     ("store/stages.py", "_tells_core"): (1, "another system, which has no such thing"),
     ("store/folder.py", "FlightFolder.close"): (1, "tidying up; the log is closed already"),
