@@ -58,7 +58,10 @@ CONSTANTS = {
 }
 
 IMPORTED_BY = {
-    ("graph.view_graph", "LENS_KNOWN"): ("mapping.resection",)
+    ("graph.view_graph", "LENS_KNOWN"): ("mapping.resection",),
+    ("graph.view_graph", "FIRST_CELLS"): ("graph.union",),
+    ("graph.view_graph", "FIRST_SHARE"): ("graph.union",),
+    ("mapping.islands", "AGREEMENT"): ("mapping.linking",),
 }  # modules with a name of their own for a constant of another one
 
 
