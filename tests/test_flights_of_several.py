@@ -15,7 +15,7 @@ COUNT = 14
 pytestmark = pytest.mark.long
 
 
-@pytest.mark.parametrize("links", ["one", "each"])
+@pytest.mark.parametrize("links", ["one", pytest.param("each", marks=pytest.mark.thorough)])
 def test_two_aircraft_over_one_ground_make_one_map(tmp_path: Path, links: str) -> None:
     """Two system ids on one link, and a link for each; both cameras write the same names."""
     flown = fly(tmp_path, "--aircraft", "2", "--links", links, "--manner", "px4,camera", "--count", str(COUNT))

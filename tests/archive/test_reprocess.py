@@ -147,6 +147,7 @@ def cluster(port: int) -> Iterator[subprocess.Popen[bytes]]:
             process.wait(20)
 
 
+@pytest.mark.thorough
 def test_after_the_scheduler_was_killed_the_command_goes_on(
     frames: Path, alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
