@@ -172,9 +172,8 @@ class ViewGraph(Kept):
         if order != self.order + 1 or aircraft != self.aircraft:
             seen = {other: place for (one, other), place in self._seen_at.items() if one == aircraft}
             nearest = min(seen, key=lambda other: (abs(other - order), other), default=None)
-            self.last_placed = (
-                self.last_placed if nearest is None else seen[nearest]
-            )  # a new one begins where the last is
+            if nearest is not None:  # that of a new aircraft begins where the last frame is
+                self.last_placed = seen[nearest]
         self.order, self.aircraft = order, aircraft
 
     def found_island(self) -> int:
