@@ -67,3 +67,7 @@ def test_the_aircraft_of_a_flight_are_those_that_are_named_and_those_with_a_sour
     assert config.of_source(config.sources[1]).rtsp == "auto"
     assert load_config(written(tmp_path, "link: {vehicles: all}")).aircraft == "all"
     assert load_config(written(tmp_path, "link: {vehicle: 3}")).aircraft == ()
+    followed = load_config(written(tmp_path, "sources: [{vehicle: 4, watch: a}]\nlink: {vehicle: 3}"))
+    assert followed.aircraft == (4,), "which one is followed is asked where one is"
+    with pytest.raises(UsageError, match="4 is what we announce"):
+        load_config(written(tmp_path, "sources: [{vehicle: 4, watch: a}]\nlink: {announce: 4}"))

@@ -85,7 +85,7 @@ def watched_folders(
     """The watched folders, created if missing. Raises UsageError."""
     for source in sources:
         if not source.config.rtsp:
-            yield source.marked(watching(source.config, stop, _taken(folder, source.vehicle)))
+            yield source.marked(watching(source.config, stop, taken_of(folder, source.vehicle)))
 
 
 def elsewhere(sources: Iterable[FrameSource], name: str) -> Path:
@@ -98,7 +98,7 @@ def elsewhere(sources: Iterable[FrameSource], name: str) -> Path:
     return Path(file)
 
 
-def _taken(folder: FlightFolder, vehicle: int | None) -> dict[str, Taken] | None:
+def taken_of(folder: FlightFolder, vehicle: int | None) -> dict[str, Taken] | None:
     """Files of one source that were accepted already; None for a new flight."""
     if not folder.resumed:
         return None
@@ -107,6 +107,8 @@ def _taken(folder: FlightFolder, vehicle: int | None) -> dict[str, Taken] | None
 
 
 def _within(frames: Iterable[FrameRecord], vehicle: int | None) -> Iterator[FrameRecord]:
+    """By their names, for it is names that must not come twice: a flight may have been begun with its sources told otherwise."""
     for frame in frames:
-        if frame.vehicle == vehicle:
-            yield replace(frame, name=name_without(vehicle, frame.name))
+        within = name_without(vehicle, frame.name)
+        if vehicle is None or within != frame.name:
+            yield replace(frame, name=within)

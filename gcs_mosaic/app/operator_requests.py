@@ -43,8 +43,8 @@ class OperatorRequests:
 
     def _follow(self, request: FollowRequest) -> Answer:
         before, taken = self._choice.followed, self._choice.choose(request.vehicle)
-        if counted := self._choice.counted:
-            named = ", ".join(map(str, counted))
+        if self._choice.is_of_several:
+            named = ", ".join(map(str, self._choice.counted)) or "all, of which none has triggered yet"
             text = f"this flight is of several aircraft ({named}), whose triggers all count, so nothing was changed"
         elif not taken:
             heard = ", ".join(map(str, self._choice.systems())) or "none"

@@ -214,12 +214,15 @@ class Preparation:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _next(self) -> int | None:
-        """Whose turn it is: of those that are ready if it may be one of them, else of those being prepared.
+        """Whose turn it is among those being prepared; once newer ones are to come before it, that of one that is ready.
 
         Where frames come faster than they are prepared, none would ever have its turn if each waited for the next newer one.
         """
-        turn = self._turns.next(self._ready())
-        return self._turns.next(self._ahead) if turn is None else turn
+        best = self._turns.next(self._ahead)
+        if best is None or best in self._turns.soon():
+            return best
+        ready = self._turns.next(self._ready())
+        return best if ready is None else ready
 
     def _ready(self) -> list[int]:
         return [number for number, future in self._ahead.items() if future.done()]

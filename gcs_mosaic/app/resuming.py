@@ -109,7 +109,8 @@ def source_of(config: Config) -> str:
     """Where frames come from: a flight resumes by itself only with frames of the same camera."""
     if not config.sources:
         return config.rtsp or str(Path(config.watch).resolve())
-    return ", ".join(f"{one.vehicle}={source_of(config.of_source(one))}" for one in config.sources)
+    in_order = sorted(config.sources, key=lambda one: one.vehicle)
+    return ", ".join(f"{one.vehicle}={source_of(config.of_source(one))}" for one in in_order)
 
 
 def saved_flight(checkpoints: Checkpoints, config: Config, *, same_source: bool = False) -> Snapshot | Unusable:

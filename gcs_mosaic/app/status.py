@@ -31,7 +31,8 @@ STATUS_EACH_S = 1.0
 NOTICES_SHOWN = 20
 NOTICES_KEPT = 1000  # until the ledger takes them
 ISLANDS_SHOWN = 12  # all are in mosaic.json
-STATUS_BYTES = 8192  # more than the document needs: padded, so that a full disk can still overwrite it in place
+# More than the document needs, more for each of several aircraft: padded, so that a full disk can still overwrite it in place.
+STATUS_BYTES, AIRCRAFT_BYTES = 8192, 1024
 BRINGING = ("watching", "connected", "connecting")
 STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 
@@ -130,7 +131,8 @@ class Reporter:
             conditions=() if state == "stopped" else self.conditions.so_now(self._facts(behind, islands)),
             notices=tuple(self._notices),
         )
-        self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(STATUS_BYTES).encode("ascii"))
+        room = STATUS_BYTES + AIRCRAFT_BYTES * len(status.aircraft)
+        self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(room).encode("ascii"))
         self._written = time.monotonic()
         for notice in self.conditions.fresh():
             self.say(notice)

@@ -52,7 +52,7 @@ def _several(named: Sequence[int], every: str | None) -> dict[str, object]:
     """One is followed; of several all count."""
     if named and every:
         raise UsageError("--vehicles all: leave out --vehicle, or name all that are to count by it")
-    if len(named) == 1:
+    if len(set(named)) == 1:
         return {"vehicle": named[0], "vehicles": []}
     return {"vehicle": None, "vehicles": [every] if every else list(named) or None}
 

@@ -76,14 +76,17 @@ class Config(Listening):
         named = [source.vehicle for source in self.sources]
         if twice := {vehicle for vehicle in named if named.count(vehicle) > 1}:
             raise ValueError(f"sources: expected one for each aircraft, got more for {min(twice)}")
+        if self.link.announce in named:
+            raise ValueError(
+                f"sources: {self.link.announce} is what we announce ourselves as; give --announce another number"
+            )
 
     @property
     def aircraft(self) -> AircraftIds:
-        """The aircraft whose triggers all count; none if a single one is followed."""
+        """The aircraft whose triggers all count; none if a single one is followed, which `link.vehicle` is about alone."""
         if self.link.aircraft == "all":
             return "all"
-        named = {*self.link.aircraft, *(source.vehicle for source in self.sources)}
-        return tuple(sorted(named | ({self.link.vehicle} if named and self.link.vehicle is not None else set())))
+        return tuple(sorted({*self.link.aircraft, *(source.vehicle for source in self.sources)}))
 
     def of_source(self, source: AircraftSource) -> Config:
         """A copy whose one source of frames is this."""

@@ -61,6 +61,11 @@ class VehicleChoice:
         with self._lock:
             return tuple(sorted(self._counted))
 
+    @property
+    def is_of_several(self) -> bool:
+        """Whether the triggers of several count, even if none has come yet."""
+        return bool(self._named)
+
     def counts(self, system: int) -> bool:
         """Whether the triggers of `system` count, as that of the followed one or of one of several."""
         return system in self._counted if self._named else system == self._followed
@@ -113,8 +118,12 @@ class VehicleChoice:
                 return
 
     def _counts_now(self, system: int) -> bool:
-        if self._named == "all" and len(self._counted) < MOST_AIRCRAFT:
-            self._counted.add(system)
+        """Of `all`, as many as there are places for; one whose autopilot is heard takes that of one of which none is."""
+        if self._named == "all" and system not in self._counted:
+            if len(self._counted) >= MOST_AIRCRAFT and system in self._autopilots:
+                self._counted -= set(sorted(self._counted - self._autopilots)[:1])
+            if len(self._counted) < MOST_AIRCRAFT:
+                self._counted.add(system)
         return system in self._counted
 
     def _look(self, now: float) -> None:

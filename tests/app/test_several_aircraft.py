@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.app.event_log import EventLog
-from gcs_mosaic.app.frame_sources import elsewhere, frame_sources
+from gcs_mosaic.app.frame_sources import elsewhere, frame_sources, taken_of
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import AircraftSource
+from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.lock import try_lock
 from gcs_mosaic.store.records import EventAccount, FrameState
 from gcs_mosaic.triggers import PairingSettings
 from gcs_mosaic.triggers.shots import Shots, ShotSettings
@@ -23,6 +25,7 @@ from tests import documents
 from tests.factories import frame, trigger_event
 from tests.rebuilt import assert_explained
 from tests.running import Running, flying, frames_of
+from tests.sure import sure
 
 FOLDERS = ("--watch", "1=north", "--watch", "2=south")
 
@@ -118,6 +121,17 @@ def test_the_file_of_a_frame_is_sought_in_the_folder_of_its_aircraft(tmp_path: P
     assert elsewhere(sources, "12/DCIM/x.jpg#2") == Path("b/DCIM/x.jpg")
     assert elsewhere(sources, "1/x.jpg") == Path("a/x.jpg")
     assert elsewhere(frame_sources(Config(watch="c")), "1/x.jpg") == Path("c/1/x.jpg")
+
+
+def test_a_file_that_was_taken_is_not_taken_again_however_its_source_is_told(tmp_path: Path) -> None:
+    lock = sure(try_lock(tmp_path))
+    folder = FlightFolder(path=tmp_path, said="", lock=lock, resumed=True)
+    with Ledger(tmp_path / LEDGER_NAME) as ledger:
+        for name, vehicle in (("1/a.jpg", 1), ("1/b.jpg", None), ("c.jpg", None)):
+            ledger.record_frame(frame(name, vehicle=vehicle))
+    assert set(taken_of(folder, None) or ()) == {"1/a.jpg", "1/b.jpg", "c.jpg"}
+    assert set(taken_of(folder, 1) or ()) == {"a.jpg", "b.jpg"}
+    lock.release()
 
 
 def test_one_folder_for_two_aircraft_is_refused(tmp_path: Path) -> None:

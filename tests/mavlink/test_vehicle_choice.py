@@ -212,3 +212,15 @@ def test_all_means_as_many_as_fly_and_not_as_many_as_can_be_forged() -> None:
         link.trigger(system, 1.0)
     assert [system for system, _ in link.events] == list(range(1, MOST_AIRCRAFT + 1))
     assert link.choice.counted == tuple(range(1, MOST_AIRCRAFT + 1))
+
+
+def test_ids_without_an_autopilot_take_no_place_of_an_aircraft_that_has_one() -> None:
+    link = Link(LinkSettings(vehicles=("all",)))
+    for system in range(100, 100 + MOST_AIRCRAFT):
+        link.trigger(system, 0.0)
+    link.heartbeats(1, [1.0])
+    link.trigger(1, 2.0)
+    assert list(link.events)[-1] == (1, 2.0)
+    assert len(link.choice.counted) == MOST_AIRCRAFT
+    link.trigger(200, 3.0)
+    assert 200 not in link.choice.counted

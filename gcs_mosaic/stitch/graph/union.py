@@ -77,6 +77,7 @@ def _add_knowledge(graph: ViewGraph, other: ViewGraph, first: int) -> None:
         graph.waiting.add(frame + first)
     graph.waiting.forget_comparisons()
     graph.moved |= set(placed)
-    graph.last_placed = other.last_placed + first
+    if other.frames:
+        graph.last_placed = other.last_placed + first
     graph.cells_expected += other.cells_expected - FIRST_CELLS
     graph.cells_confirmed += other.cells_confirmed - FIRST_CELLS * FIRST_SHARE

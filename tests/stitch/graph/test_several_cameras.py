@@ -6,6 +6,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.union import Renamed, unite
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 
@@ -32,6 +33,12 @@ def test_each_aircraft_has_a_camera_of_its_own_for_each_size() -> None:
     frame_of(graph, 1, 3, size=(320, 240))
     assert graph.cameras.tolist() == [0, 1, 0, 2]
     assert graph.aircraft_of == [1, 2, 1]
+
+
+def test_a_flight_without_a_frame_adds_nothing_to_another() -> None:
+    graph = graph_of((1, 0), (1, 1))
+    islands = unite(graph, ViewGraph(1.5, 24), Renamed(name_of=str, aircraft_of=lambda one: one))
+    assert (islands, len(graph.frames), graph.last_placed) == (1, 2, 1)
 
 
 def test_the_search_begins_at_the_last_frame_of_the_same_aircraft() -> None:
