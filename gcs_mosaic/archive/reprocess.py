@@ -26,6 +26,7 @@ from gcs_mosaic.archive.relief import with_relief
 from gcs_mosaic.archive.retrieval import pairs_of
 from gcs_mosaic.archive.sights import looked_at
 from gcs_mosaic.archive.sources import Sources, sources_of
+from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.archive.super_tiles import SIDE
 from gcs_mosaic.archive.target import checked_target
 from gcs_mosaic.config.tree import Config
@@ -37,13 +38,14 @@ ARTEFACTS = "archive"  # folder of the target in which they lie
 @dataclass(frozen=True, slots=True)
 class Request:
     """What to make of what, and by whom. `cluster`: a scheduler's address, None for this machine, with `workers` or one a core;
-    `side`: tiles along a super-tile."""
+    `stretch`: frames placed by one task; `side`: tiles along a super-tile."""
 
     sources: tuple[str, ...]
     target: str
     cluster: str | None = None
     workers: int | None = None
     dashboard: bool = False
+    stretch: int = STRETCH
     side: int = SIDE
 
 
@@ -61,7 +63,7 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
                 progress.say(f"what the workers do: {client.dashboard_link}")
             engine = Engine(client, f"{target}/{ARTEFACTS}", progress)
             try:
-                found = reprocessed(engine, sources, config, request.side)
+                found = reprocessed(engine, sources, config, request)
                 _pack(engine, found, target, config)
             except Lost as error:  # what the client itself reads
                 raise FlightFailed(f"the store has lost {error.key}; {AGAIN}") from None
@@ -73,18 +75,18 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
     progress.say(f"{counts}, {len(found.assembled.covered)} covered: {target}")
 
 
-def reprocessed(engine: Engine, sources: Sources, config: Config, side: int) -> Reprocessed:
+def reprocessed(engine: Engine, sources: Sources, config: Config, request: Request) -> Reprocessed:
     """All stages but packing."""
     arrivals = arrivals_of(engine, sources.files, config.frames.max_pixels)
     seen, aside = features_of(engine, arrivals.frames, config)
     kinds = kinds_of(engine, seen, config)
     pairs = pairs_of(engine, seen, kinds)
     known = registered(engine, seen, kinds, pairs, config.stitch.registration)
-    found = assembled(engine, seen, kinds, known, config.stitch)
+    found = assembled(engine, seen, kinds, known, config.stitch, request.stretch)
     chunks = with_relief(engine, adjusted_islands(engine, found), config.stitch.adjustment.relief)
     seen = looked_at(engine, seen, kinds, config)
     bright = lit(engine, seen, kinds, chunks, config.paint)
-    return Reprocessed(arrivals, seen, aside, found, bright, painted_map(engine, bright, config, side))
+    return Reprocessed(arrivals, seen, aside, found, bright, painted_map(engine, bright, config, request.side))
 
 
 def _pack(engine: Engine, found: Reprocessed, target: str, config: Config) -> None:

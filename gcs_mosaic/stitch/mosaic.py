@@ -12,7 +12,7 @@ Usage:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 from gcs_mosaic.stitch.arrays import Bands
@@ -33,7 +33,7 @@ from gcs_mosaic.stitch.graph.view_graph import Aircraft, ViewGraph
 from gcs_mosaic.stitch.mapping.covering import Covering, CoverSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
-from gcs_mosaic.stitch.mapping.linking import link_across
+from gcs_mosaic.stitch.mapping.linking import link_across, link_pairs
 from gcs_mosaic.stitch.mapping.resection import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.registration.registration import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
@@ -142,11 +142,32 @@ class Mosaic(Kept):
         """
         return self._assembly.connect_some(frames)
 
+    def connect(self, pairs: Iterable[tuple[str, str]]) -> bool:
+        """Compare frames of which is known that they look alike, where they are not connected: as `connect_some`, which looks for
+        such pairs itself. Whether any was connected; then call `adjust`."""
+        return self._assembly.connect(self._numbers(pairs))
+
+    def link(self, pairs: Iterable[tuple[str, str]]) -> tuple[int, int]:
+        """Link frames that lie on one island, where that agrees with how they were registered; then call `adjust`. Returns how
+        many were linked, and how many registrations do not agree."""
+        with transaction(self):
+            gained, astray = link_pairs(self._graph, self._search, self._numbers(pairs))
+            self._make_due(gained)
+        return sum(gained.values()), astray
+
+    def _numbers(self, pairs: Iterable[tuple[str, str]]) -> list[tuple[int, int]]:
+        """Frames by their numbers; what is covered or was rejected has none."""
+        numbers = self._graph.numbers
+        return [(numbers[one], numbers[other]) for one, other in pairs if one in numbers and other in numbers]
+
     def link_across(self) -> None:
         """Link what several aircraft or flights have seen of one ground, wherever it overlaps; then call `adjust`."""
         with transaction(self):
-            for island in link_across(self._graph, self._search):
-                self._upkeep.grow(island, self._graph.count_members(island))  # all of it: its adjustment is due
+            self._make_due(link_across(self._graph, self._search))
+
+    def _make_due(self, islands: Iterable[int]) -> None:
+        for island in islands:
+            self._upkeep.grow(island, self._graph.count_members(island))  # all of it
 
     def adjust(self, *, everything: bool = False) -> None:
         """After each frame: adjust the islands that have grown enough since their last adjustment.

@@ -27,7 +27,7 @@ from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.lock import try_lock
+from gcs_mosaic.store.lock import LOCK_NAME, try_lock
 from gcs_mosaic.store.records import Estimate, EventState
 from gcs_mosaic.store.schema import VERSION, connect
 from sitl.path import Plan
@@ -100,11 +100,11 @@ def merged(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def files_of(root: Path) -> dict[Path, bytes]:
-    """All but what any reader of a ledger makes beside it."""
+    """All but what is beside any flight while somebody reads its ledger or keeps others from writing."""
     return {
         path: path.read_bytes()
         for path in root.rglob("*")
-        if path.is_file() and not path.name.endswith(("-wal", "-shm"))
+        if path.is_file() and not path.name.endswith(("-wal", "-shm", LOCK_NAME))
     }
 
 

@@ -22,6 +22,7 @@ from tests.ports import free_port
 from tests.running import until
 
 FRAMES, SIZE = 9, (400, 300)
+STRETCH = 2  # frames placed by themselves: so few that there is something to join twice
 SIDE = 4  # tiles along a super-tile: several, though the map is small
 
 
@@ -59,7 +60,7 @@ def run(
 ) -> Heard:
     """Reprocess an archive on two workers of this machine, or as `more` says."""
     heard = heard or Heard()
-    request = Request(tuple(map(str, sources)), str(out), workers=2, side=SIDE)
+    request = Request(tuple(map(str, sources)), str(out), workers=2, stretch=STRETCH, side=SIDE)
     reprocess(replace(request, **more), config or Config(), heard)  # type: ignore[arg-type]
     return heard
 

@@ -32,8 +32,8 @@ from tests.running import frames_of
 pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("default")]
 
 STAGES = (
-    *("arrivals", "features", "kind", "vocabulary", "inverted", "alike", "pair_group", "islands", "adjustment"),
-    *("relief", "sight", "overlaps_of", "looks", "footprints", "super_tile"),
+    *("arrivals", "features", "kind", "vocabulary", "inverted", "alike", "pair_group", "stretch", "joined"),
+    *("islands", "adjustment", "relief", "sight", "overlaps_of", "looks", "footprints", "super_tile"),
 )
 
 

@@ -5,7 +5,7 @@ Nothing is compared or moved: the islands of both lie apart, each on its own can
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -17,6 +17,7 @@ from gcs_mosaic.stitch.graph.view_graph import (
     NOWHERE,
     Aircraft,
     Bridge,
+    CameraNumber,
     GraphFrame,
     ViewGraph,
 )
@@ -32,28 +33,32 @@ class Renamed:
 
 def unite(graph: ViewGraph, other: ViewGraph, renamed: Renamed) -> int:
     """Add another graph to this one; returns the number of its first island here. Its frames count as moved."""
-    first = len(graph.frames)
-    cameras, islands = len(graph.sizes), len(graph.merged_into)
-    graph.sizes += other.sizes
-    graph.aircraft_of += [renamed.aircraft_of(one) for one in other.aircraft_of]
+    first, islands = len(graph.frames), len(graph.merged_into)
+    cameras = _cameras(graph, other, renamed)
     graph.merged_into += [None if into is None else into + islands for into in other.merged_into]
     for state in other.frames:
         _add_frame(graph, _moved(state, first, cameras, renamed))
     graph.islands = np.append(graph.islands, np.where(other.islands == NOWHERE, NOWHERE, other.islands + islands))
-    graph.cameras = np.append(graph.cameras, other.cameras + cameras)
+    graph.cameras = np.append(graph.cameras, np.array(cameras, np.intp)[other.cameras])
     graph.boxes = np.concatenate([graph.boxes, other.boxes])
     graph.roots |= {island + islands: frame + first for island, frame in other.roots.items()}
-    graph.lenses |= {(island + islands, camera + cameras): lens for (island, camera), lens in other.lenses.items()}
+    graph.lenses |= {(island + islands, cameras[camera]): lens for (island, camera), lens in other.lenses.items()}
     _add_comparisons(graph, other, first)
     _add_knowledge(graph, other, first)
     return islands
 
 
-def _moved(state: GraphFrame, first: int, cameras: int, renamed: Renamed) -> GraphFrame:
+def _cameras(graph: ViewGraph, other: ViewGraph, renamed: Renamed) -> list[CameraNumber]:
+    """The numbers here of another graph's cameras: those of one aircraft with one size are one."""
+    known = zip(other.sizes, other.aircraft_of, strict=True)
+    return [graph.camera_with(one.width, one.height, renamed.aircraft_of(carrier)) for one, carrier in known]
+
+
+def _moved(state: GraphFrame, first: int, cameras: Sequence[CameraNumber], renamed: Renamed) -> GraphFrame:
     """A frame by its new number; where it was drawn is of no concern on another map."""
     inliers = MappingProxyType({frame + first: count for frame, count in state.inliers.items()})
     name = renamed.name_of(state.name)
-    return replace(state, name=name, camera=state.camera + cameras, drawn=None, inliers=inliers)
+    return replace(state, name=name, camera=cameras[state.camera], drawn=None, inliers=inliers)
 
 
 def _add_frame(graph: ViewGraph, state: GraphFrame) -> None:

@@ -146,7 +146,7 @@ class ViewGraph(Kept):
     def append(self, name: str, features: Features) -> int:
         """Add a frame, not yet placed; a new frame size of an aircraft is a new camera."""
         features = features if self._shelve is None else features.shelved(self._shelve)
-        number, camera = len(self.frames), self._camera_with(features.width, features.height)
+        number, camera = len(self.frames), self.camera_with(features.width, features.height, self.aircraft)
         self.frames.append(GraphFrame(name, features, camera))
         self.numbers[name] = number
         self.islands = np.append(self.islands, NOWHERE)
@@ -155,14 +155,14 @@ class ViewGraph(Kept):
         self.retrieval.add(features)
         return number
 
-    def _camera_with(self, width: int, height: int) -> CameraNumber:
-        """The camera of the aircraft whose turn it is that makes frames of this size; a new one if there is none."""
+    def camera_with(self, width: int, height: int, aircraft: Aircraft) -> CameraNumber:
+        """The camera of an aircraft that makes frames of this size; a new one if there is none."""
         known = zip(self.sizes, self.aircraft_of, strict=True)
-        cameras = [(camera.width, camera.height, aircraft) for camera, aircraft in known]
-        if (width, height, self.aircraft) in cameras:
-            return cameras.index((width, height, self.aircraft))
+        cameras = [(camera.width, camera.height, carrier) for camera, carrier in known]
+        if (width, height, aircraft) in cameras:
+            return cameras.index((width, height, aircraft))
         self.sizes.append(Camera(width, height, focal=self._first_focal))
-        self.aircraft_of.append(self.aircraft)
+        self.aircraft_of.append(aircraft)
         return len(cameras)
 
     def turn_to(self, order: int, aircraft: Aircraft = None) -> None:

@@ -82,12 +82,28 @@ class Assembly:
                 self._compare_with_likeliest(frame, each)
         return bool(graph.frames_to_ask) or graph.asked_when != self._what_is_known()
 
+    def connect(self, pairs: Iterable[Pair]) -> bool:
+        """Compare these pairs of frames, where they are not connected; as `connect_some`. Whether any was connected."""
+        before = self._what_is_known()
+        with EachWhole(self._graph, self._upkeep, otherwise="frames that may be connected were not compared") as each:
+            for frame, other in pairs:
+                self._compare_if_apart(frame, other, each)
+        return self._what_is_known() != before
+
     def _compare_with_likeliest(self, frame: int, each: EachWhole) -> None:
         count = self._bridges.tries_in_a_pause
         for other in each.tried(lambda: self._search.likeliest(frame, self._apart_from(frame), count)) or []:
-            if self._is_worth_comparing(frame, other) and other in self._apart_from(frame):
-                self._graph.compared[_pair(frame, other)] = None
-                self._place_and_use(partial(self._compare, frame, other), each)
+            self._compare_if_apart(frame, other, each)
+
+    def _compare_if_apart(self, frame: int, other: int, each: EachWhole) -> None:
+        if self._are_apart(frame, other) and self._is_worth_comparing(frame, other):
+            self._graph.compared[_pair(frame, other)] = None
+            self._place_and_use(partial(self._compare, frame, other), each)
+
+    def _are_apart(self, frame: int, other: int) -> bool:
+        """Whether two frames are not connected: on two islands, or one of them waiting."""
+        here, there = (self._graph.islands[one] for one in (frame, other))
+        return other in self._graph.waiting if there == NOWHERE else bool(here != there)
 
     def _is_worth_comparing(self, frame: int, other: int) -> bool:
         """Whether they were never compared, or have much in common and have moved since that failed."""

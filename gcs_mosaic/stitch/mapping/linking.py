@@ -7,13 +7,13 @@ matched with those of the others around it, as a new frame is when it is placed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.graph.candidates import Search
-from gcs_mosaic.stitch.graph.view_graph import ViewGraph
+from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph
 from gcs_mosaic.stitch.mapping.islands import AGREEMENT
 from gcs_mosaic.stitch.registration.registration import Registration
 
@@ -37,6 +37,25 @@ def _new_links(graph: ViewGraph, search: Search, frame: int, island: int) -> Ite
     for other, found in search.neighbour_links(frame, graph.pose_of(frame), island).items():
         if found is not None and other in others and _agrees(graph, frame, other, found):
             yield other, found
+
+
+def link_pairs(graph: ViewGraph, search: Search, pairs: Iterable[tuple[int, int]]) -> tuple[dict[int, int], int]:
+    """Link these pairs of frames where they lie on one island and are not linked yet; returns how many links each island has
+    gained, and how many registrations do not agree with how the frames lie."""
+    gained, astray = dict[int, int](), 0
+    for frame, other in pairs:
+        island = int(graph.islands[frame])
+        if island == NOWHERE or graph.islands[other] != island or other in graph.frames[frame].inliers:
+            continue
+        found = search.register(frame, other)
+        if found is None:
+            continue
+        if _agrees(graph, frame, other, found):
+            graph.link(frame, other, found)
+            gained[island] = gained.get(island, 0) + 1
+        else:
+            astray += 1
+    return gained, astray
 
 
 def _aircraft(graph: ViewGraph, frame: int) -> int | None:

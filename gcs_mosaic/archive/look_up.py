@@ -1,0 +1,141 @@
+"""Comparisons that were made before, looked up: what placing a frame asks of a search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.pairs import KnownPairs, Pair
+from gcs_mosaic.stitch.arrays import Mask
+from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings, View
+from gcs_mosaic.stitch.graph.observer import Observer
+from gcs_mosaic.stitch.graph.view_graph import ViewGraph
+from gcs_mosaic.stitch.registration.registration import (
+    MatchPart,
+    NotRegistered,
+    Registration,
+    RegistrationSettings,
+    borne_out,
+)
+
+GROUPS_KEPT = 512  # of pairs, 250 kB each
+NEVER = NotRegistered("never compared", 0, np.empty((0, 2)), np.empty((0, 2)))
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedFrame:
+    """A frame of the archive by its number; `key`: its features; `dead`: their dead border."""
+
+    number: int
+    name: str
+    key: str
+    dead: DeadBorder
+
+
+class PairBook:
+    """Registrations by the frames' numbers in the archive, read when they are asked for."""
+
+    def __init__(self, artefacts: Artefacts, frames: Iterable[NumberedFrame], known: KnownPairs) -> None:
+        self._frames = {one.number: one for one in frames}
+        self._numbers = {one.name: one.number for one in self._frames.values()}
+        self._keys = {pair: key for pair, (key, _) in known.found.items()}
+        self._group = lru_cache(GROUPS_KEPT)(lambda key: artefacts.part(key, "found"))
+        self._others = known.others()
+
+    def knows(self, one: str, other: str) -> bool:
+        """Whether two frames were compared."""
+        return self._pair(one, other) in self._keys
+
+    def others(self, name: str) -> dict[int, bool]:
+        """The frames of the archive that one was compared with, and whether they were registered."""
+        return self._others.get(self._numbers[name], {})
+
+    def number(self, name: str) -> int:
+        return self._numbers[name]
+
+    def name(self, number: int) -> str:
+        return self._frames[number].name
+
+    def found(self, a: str, b: str, of_a: Features, of_b: Features) -> Registration | NotRegistered:
+        """The registration of frame a with frame b."""
+        pair = self._pair(a, b)
+        if pair not in self._keys:
+            return NEVER
+        stored = self._group(self._keys[pair])[tuple(self._frames[number].key for number in pair)]
+        if isinstance(stored, str):
+            return replace(NEVER, reason=stored)
+        if pair[0] == self._numbers[a]:
+            return stored.whole(of_a, of_b)  # type: ignore[no-any-return]
+        turned: Registration = stored.whole(of_b, of_a).turned()
+        return turned
+
+    def _pair(self, one: str, other: str) -> Pair:
+        numbers = self._numbers[one], self._numbers[other]
+        return min(numbers), max(numbers)
+
+
+class LookUp(Search):
+    """A search that compares nothing: what is alike and how frames lie to each other is looked up."""
+
+    def __init__(
+        self,
+        known: PairBook,
+        graph: ViewGraph,
+        settings: SearchSettings,
+        registration: RegistrationSettings,
+        observer: Observer | None = None,
+    ) -> None:
+        super().__init__(graph, settings, registration, observer)
+        self._known = known
+
+    def likeliest(self, frame: int, among: ArrayLike, count: int | None = None) -> list[int]:
+        known, own = self._known.others(self._name(frame)), self._known.number(self._name(frame))
+        found = ((self._graph.numbers.get(self._known.name(number)), number) for number in known)
+        numbers = {other: number for other, number in found if other is not None}
+        others = np.array(list(numbers), np.intp)
+        alike: list[int] = others[np.isin(others, among)].tolist()
+        alike.sort(key=lambda other: (not known[numbers[other]], abs(numbers[other] - own), other))
+        return alike[: self._settings.wide_tries if count is None else count]
+
+    def register(self, frame: int, other: int) -> Registration | None:
+        part, of_other = (MatchPart(again=self._graph.matched_before(f)) for f in (frame, other))
+        return self._told(frame, other, self._looked_up(frame, other, part, of_other))
+
+    def compare(self, name: str, features: Features, other: int) -> Registration | None:
+        placed = self._graph.frames[other]
+        found = self._known.found(name, placed.name, features, placed.features)
+        if isinstance(found, Registration):
+            part = MatchPart(again=self._graph.matched_before(other))
+            found = borne_out(found, features, placed.features, self._registration, MatchPart(), part)
+        return self._told_of(name, other, found)
+
+    def _overlapping(self, frame: int, *view: object) -> list[int]:
+        """Only frames that were compared: nothing can be said of the others."""
+        others = super()._overlapping(frame, *view)  # type: ignore[arg-type]
+        return [other for other in others if self._known.knows(self._name(frame), self._name(other))]
+
+    def _registered_in_place(self, frame: int, view_a: View, again: Mask, other: int) -> Registration | NotRegistered:
+        part_b = MatchPart(again=self._graph.matched_before(other))
+        return self._looked_up(frame, other, MatchPart(again=again), part_b)
+
+    def _looked_up(
+        self, frame: int, other: int, part: MatchPart, part_of_other: MatchPart
+    ) -> Registration | NotRegistered:
+        (a, b), (name, of_other) = (
+            (self._graph.frames[f].features for f in (frame, other)),
+            map(self._name, (frame, other)),
+        )
+        found = self._known.found(name, of_other, a, b)
+        if isinstance(found, NotRegistered):
+            return found
+        return borne_out(found, a, b, self._registration, part, part_of_other)
+
+    def _name(self, frame: int) -> str:
+        return self._graph.frames[frame].name
