@@ -54,7 +54,9 @@ def assembled(
 
 def islands(artefacts: Artefacts, parts: tuple[str, ...], pairs: str, settings: StitchSettings) -> Parts:
     """Join what is left to join, and see what there is."""
-    mosaic, rejected, _ = together(artefacts, parts, pairs, settings)
+    found = together(artefacts, parts, pairs, settings)
+    found.book.check()
+    mosaic = found.mosaic
     tasks = {task.island: replace(task, settings=settings.adjustment) for task in mosaic.adjustments()}
     of_islands: dict[int, list[Placement]] = {}
     for placement in mosaic.placements():
@@ -64,7 +66,7 @@ def islands(artefacts: Artefacts, parts: tuple[str, ...], pairs: str, settings: 
         tuple((number, len(task.members)) for number, task in tasks.items()),
         {placement.name: island for island, some in of_islands.items() for placement in some},
         tuple(mosaic.covered()),
-        (*rejected, *mosaic.finish()),
+        (*found.rejected, *mosaic.finish()),
     )
-    placements = {f"placements {number}": found for number, found in of_islands.items()}
+    placements = {f"placements {number}": some for number, some in of_islands.items()}
     return {"summary": summary, **placements, **{f"adjustment {number}": task for number, task in tasks.items()}}

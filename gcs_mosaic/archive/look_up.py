@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gcs_mosaic.archive.artefacts import Artefacts
-from gcs_mosaic.archive.pairs import KnownPairs, Pair
+from gcs_mosaic.archive.artefacts import Artefacts, Lost
+from gcs_mosaic.archive.pairs import KnownPairs, Pair, StoredRegistration
 from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.features.extraction import Features
@@ -48,6 +48,7 @@ class PairBook:
         self._keys = {pair: key for pair, (key, _) in known.found.items()}
         self._group = lru_cache(GROUPS_KEPT)(lambda key: artefacts.part(key, "found"))
         self._others = known.others()
+        self._lost: Lost | None = None
 
     def knows(self, one: str, other: str) -> bool:
         """Whether two frames were compared."""
@@ -68,13 +69,24 @@ class PairBook:
         pair = self._pair(a, b)
         if pair not in self._keys:
             return NEVER
-        stored = self._group(self._keys[pair])[tuple(self._frames[number].key for number in pair)]
+        stored = self._read(self._keys[pair])[tuple(self._frames[number].key for number in pair)]
         if isinstance(stored, str):
             return replace(NEVER, reason=stored)
         if pair[0] == self._numbers[a]:
-            return stored.whole(of_a, of_b)  # type: ignore[no-any-return]
-        turned: Registration = stored.whole(of_b, of_a).turned()
-        return turned
+            return stored.whole(of_a, of_b)
+        return stored.whole(of_b, of_a).turned()
+
+    def _read(self, key: str) -> dict[tuple[str, ...], StoredRegistration | str]:
+        try:
+            return self._group(key)  # type: ignore[no-any-return]
+        except Lost as error:
+            self._lost = error
+            raise
+
+    def check(self) -> None:
+        """Raises Lost if any registration that was asked for was not there, whatever became of that."""
+        if self._lost is not None:
+            raise self._lost
 
     def _pair(self, one: str, other: str) -> Pair:
         numbers = self._numbers[one], self._numbers[other]

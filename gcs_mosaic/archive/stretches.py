@@ -7,9 +7,12 @@ of two stretches, links all such pairs that agree with that, and adjusts the isl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
+from typing import TypeVar
 
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
@@ -17,9 +20,14 @@ from gcs_mosaic.archive.features import places_of
 from gcs_mosaic.archive.look_up import LookUp, NumberedFrame, PairBook
 from gcs_mosaic.archive.pairs import KnownPairs, Pair
 from gcs_mosaic.archive.tasks import Parts, listed, task
+from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Rejection
 from gcs_mosaic.stitch.graph.union import Renamed
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 STRETCH = 512  # frames: a minute's work
 JOINED = 4  # stretches that one task joins; then as many of what was joined
@@ -71,49 +79,77 @@ def _list(engine: Engine, of_one: dict[int, list[KnownPair]], number: int) -> st
 
 def stretch(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSettings) -> Parts:
     """Place frames one after another."""
-    lists = Lists((frames,), (pairs,))
-    mosaic, rejected = _mosaic(lists.book(artefacts), settings), list[Rejection]()
+    found = _begun(artefacts, Lists((frames,), (pairs,)), settings)
+    mosaic = found.mosaic
     for one in artefacts.part(frames, "list"):
-        outcome = mosaic.place(places_of(artefacts, one.key, one.dead), one.name)
-        mosaic.adjust()
-        rejected += [outcome] if isinstance(outcome, Rejection) else []
-    mosaic.retry_waiting()
-    while mosaic.connect_some():
-        mosaic.adjust()
-    mosaic.retry_waiting()
-    mosaic.adjust(everything=True)
-    return _saved(mosaic, rejected, lists)
+        found.rejected += _placed(mosaic, places_of(artefacts, one.key, one.dead), one.name)
+        _tried(mosaic.adjust)
+    _tried(mosaic.retry_waiting)
+    while _tried(mosaic.connect_some) is not False:
+        _tried(mosaic.adjust)
+    _tried(mosaic.retry_waiting)
+    _tried(partial(mosaic.adjust, everything=True))
+    return found.parts()
+
+
+def _placed(mosaic: Mosaic, features: Features, name: str) -> list[Rejection]:
+    """Place a frame; its rejection, if it is rejected at once."""
+    try:
+        outcome = mosaic.place(features, name)
+    except Exception as error:
+        logger.exception("%s could not be placed", name)
+        return [Rejection(name, f"it could not be processed ({error!r})")]
+    return [outcome] if isinstance(outcome, Rejection) else []
 
 
 def joined(artefacts: Artefacts, parts: tuple[str, ...], pairs: str, settings: StitchSettings) -> Parts:
     """Join what was placed apart."""
-    mosaic, rejected, lists = together(artefacts, parts, pairs, settings)
-    mosaic.adjust(everything=True)
-    return _saved(mosaic, rejected, lists)
+    found = together(artefacts, parts, pairs, settings)
+    _tried(partial(found.mosaic.adjust, everything=True))
+    return found.parts()
 
 
-def together(
-    artefacts: Artefacts, parts: Sequence[str], pairs: str, settings: StitchSettings
-) -> tuple[Mosaic, list[Rejection], Lists]:
-    """One mosaic of what was placed apart, joined and linked by these pairs, which leaves a last adjustment to make."""
-    known = [artefacts.part(key, "lists") for key in parts]
-    lists = Lists(
-        tuple(key for one in known for key in one.frames), (pairs, *(key for one in known for key in one.pairs))
-    )
-    book = lists.book(artefacts)
-    mosaic = _mosaic(book, settings)
+def together(artefacts: Artefacts, parts: Sequence[str], pairs: str, settings: StitchSettings) -> PlacedTogether:
+    """What was placed apart, joined and linked by these pairs; its last adjustment is left to make."""
+    found = _begun(artefacts, Lists.of([artefacts.part(key, "lists") for key in parts], pairs), settings)
+    mosaic, book = found.mosaic, found.book
     for key in parts:
         one = _mosaic(book, settings)
         one.load(artefacts.part(key, "mosaic"))
         mosaic.take_over(one, AS_THEY_ARE)
+        found.rejected += artefacts.part(key, "rejected")
     registered = [(book.name(a), book.name(b)) for (a, b), (_, is_one) in artefacts.part(pairs, "list") if is_one]
     for _ in range(ROUNDS):
-        mosaic.connect(registered)
-        linked, astray = mosaic.link(registered)
+        _tried(partial(mosaic.connect, registered))
+        linked, astray = _tried(partial(mosaic.link, registered)) or (0, 0)
         if not (linked and astray):
             break
-        mosaic.adjust(everything=True)
-    return mosaic, [rejection for key in parts for rejection in artefacts.part(key, "rejected")], lists
+        _tried(partial(mosaic.adjust, everything=True))
+    return found
+
+
+def _tried(step: Callable[[], T]) -> T | None:
+    """What a step of a mosaic brings; None if it raises, which has left what it was about as it was."""
+    try:
+        return step()
+    except Exception:
+        logger.warning("a step of the assembly has failed", exc_info=True)
+        return None
+
+
+@dataclass(slots=True)
+class PlacedTogether:
+    """Frames that were placed by one task."""
+
+    mosaic: Mosaic
+    book: PairBook
+    lists: Lists
+    rejected: list[Rejection] = field(default_factory=list)
+
+    def parts(self) -> Parts:
+        """What is kept of it. Raises Lost if anything was that it needed."""
+        self.book.check()
+        return {"summary": None, "mosaic": self.mosaic.saved(), "rejected": self.rejected, "lists": self.lists}
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +159,20 @@ class Lists:
     frames: tuple[str, ...]
     pairs: tuple[str, ...]
 
+    @staticmethod
+    def of(parts: Sequence[Lists], pairs: str) -> Lists:
+        """Those of several parts, and the pairs between them."""
+        return Lists(tuple(chain(*(one.frames for one in parts))), (pairs, *chain(*(one.pairs for one in parts))))
+
     def book(self, artefacts: Artefacts) -> PairBook:
         frames = [one for key in self.frames for one in artefacts.part(key, "list")]
         known = [pair for key in self.pairs for pair in artefacts.part(key, "list")]
         return PairBook(artefacts, frames, KnownPairs(dict(known)))
+
+
+def _begun(artefacts: Artefacts, lists: Lists, settings: StitchSettings) -> PlacedTogether:
+    book = lists.book(artefacts)
+    return PlacedTogether(_mosaic(book, settings), book, lists)
 
 
 def _mosaic(book: PairBook, settings: StitchSettings) -> Mosaic:
@@ -134,7 +180,3 @@ def _mosaic(book: PairBook, settings: StitchSettings) -> Mosaic:
     adjustment = settings.adjustment
     without_relief = replace(adjustment, relief=replace(adjustment.relief, cells=0))
     return Mosaic(replace(settings, adjustment=without_relief), search=partial(LookUp, book), punctual=True)
-
-
-def _saved(mosaic: Mosaic, rejected: Sequence[Rejection], lists: Lists) -> Parts:
-    return {"summary": None, "mosaic": mosaic.saved(), "rejected": list(rejected), "lists": lists}

@@ -5,12 +5,14 @@
 Each run begins without artefacts. The model is of an idle cluster: a stage of one task takes its core seconds; another one these
 divided by the workers, but never less than its longest task. What the machine took beyond that is printed as worker seconds for
 each core second. For larger archives core seconds grow with the frames, and so does the longest task of a serial stage: measured
-for the adjustment (adjustment_at_scale.py), hoped for the others.
+for the adjustment (adjustment_at_scale.py), hoped for the others. Joining grows by levels, each of which costs about the same a
+frame; where a measured archive had no level, what its islands cost a frame stands for it.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +22,7 @@ from rich.console import Console
 
 from gcs_mosaic.archive.progress import Lines, StageCost
 from gcs_mosaic.archive.reprocess import Request, reprocess
+from gcs_mosaic.archive.stretches import JOINED, STRETCH
 from gcs_mosaic.config.tree import Config
 
 HOUR_S = 3600.0
@@ -63,7 +66,7 @@ def main() -> None:
         told(f"{frames} frames, {workers} workers", stages, workers)
     for count in asked.frames:
         for workers in asked.model:
-            told(f"{count} frames, {workers} workers", [one.grown(count / frames) for one in stages], workers)
+            told(f"{count} frames, {workers} workers", grown(stages, frames, count), workers)
 
 
 def measured(sources: Sequence[Path], workers: int) -> list[StageCost]:
@@ -91,6 +94,31 @@ def modelled(costs: Sequence[StageCost]) -> list[StageModel]:
 
 
 SERIAL = ("islands", "adjustment", "gains", "vocabulary", "packing")  # stages of one task, or one for each island
+
+
+def grown(stages: Sequence[StageModel], frames: int, to: int) -> list[StageModel]:
+    """The stages of an archive of `to` frames, by those of one of `frames`."""
+    others = [one.grown(to / frames) for one in stages if one.stage != JOINING]
+    levels = len(lengths_joined(frames))
+    of_level = sum(one.core_s for one in stages if one.stage == (JOINING if levels else "islands")) / max(levels, 1)
+    return others + [
+        StageModel(
+            f"{JOINING} {length} frames", of_level * to / frames, of_level * min(length, to) / frames, serial=False
+        )
+        for length in lengths_joined(to)
+    ]
+
+
+def lengths_joined(frames: int) -> list[int]:
+    """Frames that a task joins, by level, as in `stretches.placed_stretches`."""
+    found, parts, length = list[int](), math.ceil(frames / STRETCH), STRETCH
+    while parts > JOINED:
+        parts, length = math.ceil(parts / JOINED), length * JOINED
+        found.append(length)
+    return found
+
+
+JOINING = "joining"
 
 
 def table(stages: Sequence[StageModel], frames: int) -> None:

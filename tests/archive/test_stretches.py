@@ -1,0 +1,138 @@
+"""What is placed in stretches is what would have been placed in one."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs_mosaic.archive.adjustment import adjustment
+from gcs_mosaic.archive.artefacts import Artefacts, Lost
+from gcs_mosaic.archive.files import files_at
+from gcs_mosaic.archive.islands import islands
+from gcs_mosaic.archive.look_up import NumberedFrame
+from gcs_mosaic.archive.pairs import pair_group
+from gcs_mosaic.archive.stretches import KnownPair, joined, stretch
+from gcs_mosaic.archive.tasks import listed
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, similarity_between
+from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.graph.placement import Outcome, Placement
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from tests.benchmarks.flight_of_points import LENS, features_of_flight
+
+SETTINGS = StitchSettings()
+FRAMES = 16
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Features of a flight, and the registrations of all pairs of its frames."""
+    folder = tmp_path_factory.mktemp("artefacts")
+    found = Artefacts(files_at(str(folder)))
+    for number, features in zip(range(FRAMES), features_of_flight(FRAMES), strict=False):
+        places = replace(features, kept_descriptors=features.descriptors[:, :0])
+        found.put(f"frame/{number}", {"places": places, "descriptors": features.descriptors, "faint": None})
+    for number in range(FRAMES):
+        pairs = tuple(((f"frame/{other}", NO_BORDER), (f"frame/{number}", NO_BORDER)) for other in range(number))
+        found.put(f"pairs/{number}", pair_group(found, pairs, SETTINGS.registration))
+    return folder
+
+
+@pytest.fixture
+def artefacts(made: Path, tmp_path: Path) -> Artefacts:
+    return Artefacts(files_at(str(shutil.copytree(made, tmp_path / "artefacts"))))
+
+
+def frames_from(artefacts: Artefacts, start: int, end: int) -> str:
+    frames = [NumberedFrame(number, str(number), f"frame/{number}", NO_BORDER) for number in range(start, end)]
+    return listed(artefacts, frames)
+
+
+def pairs_of(artefacts: Artefacts, firsts: range, seconds: range) -> str:
+    """Pairs of a first frame with an earlier second one."""
+    found = list[KnownPair]()
+    for one in firsts:
+        of_one = artefacts.part(f"pairs/{one}", "found")
+        for other in (number for number in seconds if number < one):
+            is_one = not isinstance(of_one[f"frame/{other}", f"frame/{one}"], str)
+            found.append(((other, one), (f"pairs/{one}", is_one)))
+    return listed(artefacts, found)
+
+
+def none_of(artefacts: Artefacts) -> str:
+    return listed(artefacts, [])
+
+
+def placed(artefacts: Artefacts, start: int, end: int) -> str:
+    frames, pairs = frames_from(artefacts, start, end), pairs_of(artefacts, range(start, end), range(start, end))
+    artefacts.put(key := f"placed/{start}-{end}", stretch(artefacts, frames, pairs, SETTINGS))
+    return key
+
+
+def map_of(artefacts: Artefacts, *parts: str, pairs: str) -> dict[str, Placement]:
+    """All frames on the only island, after its adjustment."""
+    artefacts.put("islands", islands(artefacts, parts, pairs, SETTINGS))
+    artefacts.put("adjusted", adjustment(artefacts, "islands", 0, spread=False))
+    chunks = range(len(artefacts.part("adjusted", "summary")))
+    found = [placement for chunk in chunks for placement in artefacts.part("adjusted", f"placements {chunk}")]
+    return {placement.name: placement for placement in found}
+
+
+def apart(one: dict[str, Placement], other: dict[str, Placement]) -> float:
+    """Largest distance of the corners of frames, after one similarity; pixels."""
+    corners = np.array([[0.0, 0.0], [LENS.width, 0.0], [LENS.width, LENS.height], [0.0, LENS.height]])
+    here, there = (
+        np.concatenate([canvas_from_pixels(places[name].pose, places[name].camera, corners) for name in sorted(one)])
+        for places in (one, other)
+    )
+    scale, angle, shift = similarity_between(here, there)
+    c, s = np.cos(angle), np.sin(angle)
+    return float(np.linalg.norm(scale * here @ np.array([[c, s], [-s, c]]) + shift - there, axis=1).max())
+
+
+def test_four_stretches_that_are_joined_twice_are_the_map_of_one(artefacts: Artefacts) -> None:
+    whole = map_of(artefacts, placed(artefacts, 0, FRAMES), pairs=none_of(artefacts))
+    quarters = [range(at, at + FRAMES // 4) for at in range(0, FRAMES, FRAMES // 4)]
+    parts = [placed(artefacts, one.start, one.stop) for one in quarters]
+    halves = list[str]()
+    for number in (0, 2):
+        between = pairs_of(artefacts, quarters[number + 1], quarters[number])
+        artefacts.put(
+            key := f"joined/{number}", joined(artefacts, tuple(parts[number : number + 2]), between, SETTINGS)
+        )
+        halves.append(key)
+    left = pairs_of(artefacts, range(FRAMES // 2, FRAMES), range(FRAMES // 2))
+    found = map_of(artefacts, *halves, pairs=left)
+    assert len(found) == len(whole) == FRAMES
+    assert apart(found, whole) < 3 * max(placement.corner_deviation_px for placement in whole.values()) < 3.0
+
+
+def test_a_frame_that_cannot_be_placed_does_not_keep_the_others_from_it(
+    artefacts: Artefacts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = Mosaic.place
+
+    def failing(mosaic: Mosaic, features: Features, name: str) -> Outcome:
+        if name == "5":
+            raise np.linalg.LinAlgError("singular")
+        return place(mosaic, features, name)
+
+    monkeypatch.setattr(Mosaic, "place", failing)
+    artefacts.put("islands", islands(artefacts, (placed(artefacts, 0, FRAMES),), none_of(artefacts), SETTINGS))
+    _, _, places, _, rejected = artefacts.part("islands", "summary")
+    assert set(places) == {str(number) for number in range(FRAMES) if number != 5}
+    assert [(one.name, one.reason) for one in rejected] == [
+        ("5", "it could not be processed (LinAlgError('singular'))")
+    ]
+
+
+def test_what_is_lost_is_asked_for_whatever_became_of_it(artefacts: Artefacts) -> None:
+    """A step that fails is no reason to go on without what the store is to give once more."""
+    frames, pairs = frames_from(artefacts, 0, FRAMES), pairs_of(artefacts, range(FRAMES), range(FRAMES))
+    artefacts.files.remove("pairs/7")
+    with pytest.raises(Lost, match="pairs/7"):
+        stretch(artefacts, frames, pairs, SETTINGS)
