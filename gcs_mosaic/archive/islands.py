@@ -42,14 +42,26 @@ def assembled(
     stretch: int,
 ) -> Assembled:
     """All frames, placed. `stretch`: how many are placed by one task."""
-    numbered = [
-        NumberedFrame(number, one.frame.name, one.key, kind.dead_as_taken)
-        for number, (one, kind) in enumerate(zip(frames, kinds, strict=True))
-    ]
+    numbered = numbered_frames(frames, kinds)
     left = placed_stretches(engine, numbered, known, settings, stretch)
     one = task(islands, left.parts, left.pairs, settings)
     merged, tasks, placed, covered, rejected = engine.made("islands", [one])[0]
     return Assembled(one.key, merged, tasks, placed, covered, rejected)
+
+
+def numbered_frames(frames: Sequence[SeenFrame], kinds: Sequence[FrameKind]) -> list[NumberedFrame]:
+    """The frames in their order. Another folder may be another aircraft's, or another year's, whose lens is not the same."""
+    folders: dict[tuple[str, str], int] = {}
+    return [
+        NumberedFrame(
+            number,
+            one.frame.name,
+            one.key,
+            kind.dead_as_taken,
+            folders.setdefault(one.frame.file.folder, len(folders)),
+        )
+        for number, (one, kind) in enumerate(zip(frames, kinds, strict=True))
+    ]
 
 
 def islands(artefacts: Artefacts, parts: tuple[str, ...], pairs: str, settings: StitchSettings) -> Parts:

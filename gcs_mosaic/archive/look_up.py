@@ -31,12 +31,14 @@ NEVER = NotRegistered("never compared", 0, np.empty((0, 2)), np.empty((0, 2)))
 
 @dataclass(frozen=True, slots=True)
 class NumberedFrame:
-    """A frame of the archive by its number; `key`: its features; `dead`: their dead border."""
+    """A frame of the archive by its number; `key`: its features; `dead`: their dead border; `folder`: the number of that in which
+    it lay, whose frames of one size were taken by one camera."""
 
     number: int
     name: str
     key: str
     dead: DeadBorder
+    folder: int = 0
 
 
 class PairBook:

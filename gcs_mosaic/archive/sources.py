@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from gcs_mosaic.archive.files import files_at, is_bucket
 from gcs_mosaic.errors import UsageError
@@ -21,6 +21,11 @@ class SourceFile:
     path: str
     size: int
     modified_ns: int
+
+    @property
+    def folder(self) -> tuple[str, str]:
+        """Where it lies: the bucket, and the path in it."""
+        return self.bucket, str(PurePath(self.path).parent)
 
     def read(self) -> bytes:
         """Its bytes now. Raises OSError, and CannotWrite for a bucket."""

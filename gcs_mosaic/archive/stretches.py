@@ -82,7 +82,7 @@ def stretch(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetti
     found = _begun(artefacts, Lists((frames,), (pairs,)), settings)
     mosaic = found.mosaic
     for one in artefacts.part(frames, "list"):
-        found.rejected += _placed(mosaic, places_of(artefacts, one.key, one.dead), one.name)
+        found.rejected += _placed(mosaic, places_of(artefacts, one.key, one.dead), one)
         _tried(mosaic.adjust)
     _tried(mosaic.retry_waiting)
     while _tried(mosaic.connect_some) is not False:
@@ -92,13 +92,13 @@ def stretch(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetti
     return found.parts()
 
 
-def _placed(mosaic: Mosaic, features: Features, name: str) -> list[Rejection]:
+def _placed(mosaic: Mosaic, features: Features, frame: NumberedFrame) -> list[Rejection]:
     """Place a frame; its rejection, if it is rejected at once."""
     try:
-        outcome = mosaic.place(features, name)
+        outcome = mosaic.place(features, frame.name, aircraft=frame.folder)
     except Exception as error:
-        logger.exception("%s could not be placed", name)
-        return [Rejection(name, f"it could not be processed ({error!r})")]
+        logger.exception("%s could not be placed", frame.name)
+        return [Rejection(frame.name, f"it could not be processed ({error!r})")]
     return [outcome] if isinstance(outcome, Rejection) else []
 
 

@@ -48,8 +48,11 @@ def artefacts(made: Path, tmp_path: Path) -> Artefacts:
 
 
 def frames_from(artefacts: Artefacts, start: int, end: int) -> str:
-    frames = [NumberedFrame(number, str(number), f"frame/{number}", NO_BORDER) for number in range(start, end)]
-    return listed(artefacts, frames)
+    return listed(artefacts, [numbered(number) for number in range(start, end)])
+
+
+def numbered(number: int, folder: int = 0) -> NumberedFrame:
+    return NumberedFrame(number, str(number), f"frame/{number}", NO_BORDER, folder)
 
 
 def pairs_of(artefacts: Artefacts, firsts: range, seconds: range) -> str:
@@ -111,15 +114,25 @@ def test_four_stretches_that_are_joined_twice_are_the_map_of_one(artefacts: Arte
     assert apart(found, whole) < 3 * max(placement.corner_deviation_px for placement in whole.values()) < 3.0
 
 
+def test_each_folder_has_a_camera_of_its_own(artefacts: Artefacts) -> None:
+    frames = listed(artefacts, [numbered(number, folder=number // 8) for number in range(FRAMES)])
+    pairs = pairs_of(artefacts, range(FRAMES), range(FRAMES))
+    artefacts.put("placed", stretch(artefacts, frames, pairs, SETTINGS))
+    found = map_of(artefacts, "placed", pairs=none_of(artefacts))
+    assert len(found) == FRAMES
+    assert len({found[str(number)].camera for number in range(8)}) == 1
+    assert len({placement.camera for placement in found.values()}) == 2
+
+
 def test_a_frame_that_cannot_be_placed_does_not_keep_the_others_from_it(
     artefacts: Artefacts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     place = Mosaic.place
 
-    def failing(mosaic: Mosaic, features: Features, name: str) -> Outcome:
+    def failing(mosaic: Mosaic, features: Features, name: str, **more: int) -> Outcome:
         if name == "5":
             raise np.linalg.LinAlgError("singular")
-        return place(mosaic, features, name)
+        return place(mosaic, features, name, **more)
 
     monkeypatch.setattr(Mosaic, "place", failing)
     artefacts.put("islands", islands(artefacts, (placed(artefacts, 0, FRAMES),), none_of(artefacts), SETTINGS))
