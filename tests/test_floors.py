@@ -88,7 +88,7 @@ ONLY = {
     ("cli", "hints"): {"settings"},
     ("check", "frames"): {"decode"},
     ("check", "notes"): {"schema"},
-    ("app", "notes"): {"anchor_setting"},
+    ("app", "notes"): {"anchor_setting", "taken_over"},
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }

@@ -25,6 +25,7 @@ from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.messages import DamagedFile, Frame, Notice
+from gcs_mosaic.notes.taken_over import NotedFlight, take_over_notes
 from gcs_mosaic.stitch.graph.union import Renamed
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import Unusable
@@ -69,9 +70,11 @@ def merge(flights: Sequence[Path], out: Path, config: Config, console: Console) 
         stack.enter_context(closing(folder))
         stack.enter_context(flight_log(folder, config))
         say(console, Notice(source="out", level="info", text=folder.said))
-        placed = _merge_into(folder.path, sources, config, console)
-    if not placed:
-        raise NothingPlaced(f"no frame of these flights found a place: there is no map, {folder.path} has the reasons")
+        if not _merge_into(folder.path, sources, config, console):
+            text = f"no frame of these flights found a place: there is no map, {folder.path} has the reasons"
+            raise NothingPlaced(text)
+        for notice in take_over_notes(folder.path, [NotedFlight(source.path, source.name_of) for source in sources]):
+            say(console, notice)
     return folder.path
 
 
