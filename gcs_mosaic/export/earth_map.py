@@ -75,8 +75,7 @@ class EarthMap:
 
     def sentence(self) -> str:
         """The same in words."""
-        ways = {"pins": "pins", "positions": "the aircraft's positions"}
-        by = " and ".join(sorted({ways[self.laid[one.id].by] for one in self.pyramid.islands}))
+        by = " and ".join(sorted({_way(self.laid[one.id]) for one in self.pyramid.islands}))
         return f"gcs-mosaic: {self.flight}, flown {iso(self.started_utc)}; laid by {by}, {self.about()['error']}"
 
 
@@ -143,6 +142,12 @@ def _without(flight: Path, island: int | None, laid: Mapping[int, IslandAnchor])
     what = f"The map in {flight}" if island is None else f"Island {island} of {flight}"
     why = f" ({refused[0]})" if refused else ""
     return f"{what} has no anchor{why}, and so no longitude: {HOW}."
+
+
+def _way(laid: IslandAnchor) -> str:
+    if laid.by == "positions":
+        return "the aircraft's positions"
+    return "pins that do not fit each other" if isinstance(laid.result, PinnedMap) and not laid.result.fits else "pins"
 
 
 def _about(island: EarthIsland, laid: IslandAnchor) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gcs_mosaic.geo.anchor import (
     GSD_M,
+    WITHIN_95,
     Anchor,
     Complexes,
     as_complex,
@@ -42,6 +43,7 @@ class PinnedMap:
     """An anchor, and each pin's distance (metres) from where the map lays it.
 
     Two pins always fit, so they check nothing. Of three that do not fit nobody can say which is wrong; of more `misfit` does.
+    Where they do not fit, the anchor's stated error is what they tell of it, not what was said of each.
     """
 
     anchor: Anchor
@@ -81,6 +83,7 @@ def anchored_by_pins(pins: Sequence[Pin], map_error_units: float = 0.0) -> Pinne
     sigmas = np.hypot(sigmas, anchor.map_error_m)
     if misfit_of(places, spots, sigmas) <= 1:
         return PinnedMap(anchor, residuals, fits=True)
+    anchor = _widened(anchor, residuals, sigmas)
     return PinnedMap(anchor, residuals, fits=False, misfit=_wrong_one(pins, places, spots, sigmas))
 
 
@@ -115,6 +118,14 @@ def _anchor(plane: LocalPlane, turn: complex, shift: complex, places: Complexes,
     covariance = np.diag([of_turn, of_turn, at_middle, at_middle])
     rows = tuple(tuple(map(float, row)) for row in covariance)
     return Anchor(plane=plane, turn=turn, shift=shift, middle=middle, covariance=rows)
+
+
+def _widened(anchor: Anchor, residuals: Sequence[float], sigmas: Floats) -> Anchor:
+    """With the deviation that the residuals tell; of few of them that is uncertain: the radius is that of Student's distribution."""
+    freedom = 2 * len(residuals) - 4
+    measured = math.sqrt(float(((np.array(residuals) / sigmas) ** 2).sum()) / freedom)
+    factor = max(measured * math.sqrt(freedom * (0.05 ** (-2 / freedom) - 1)) / WITHIN_95, 1.0)
+    return replace(anchor, covariance=tuple(tuple(factor**2 * one for one in row) for row in anchor.covariance))
 
 
 def misfit_of(places: Complexes, spots: Complexes, sigmas: Floats) -> float:

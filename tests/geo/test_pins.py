@@ -92,6 +92,23 @@ def test_of_three_that_do_not_fit_none_is_named() -> None:
     assert found.misfit is None
 
 
+@pytest.mark.parametrize("count", [3, 4, 5])
+@pytest.mark.parametrize("wrong_m", [30.0, 500.0])
+def test_where_a_pin_is_wrong_the_stated_error_tells_it(count: int, wrong_m: float) -> None:
+    """Else a map that lies hundreds of metres off would be given to others as good to a few."""
+    chance = np.random.default_rng(5)
+    within = []
+    for _ in range(60):
+        offs = chance.normal(0, 3.0, (count, 2))
+        angle = chance.uniform(0, 2 * math.pi)
+        offs[chance.integers(count)] += wrong_m * math.cos(angle), wrong_m * math.sin(angle)
+        found = fitted(*(pin(at, off=tuple(offs[at])) for at in range(count)))
+        if not found.fits:
+            within += [off_m(found.anchor, x, y) <= found.anchor.error(x, y).major_m for x, y in SPOTS]
+    assert len(within) > 200
+    assert np.mean(within) > 0.95
+
+
 def test_pins_with_their_usual_errors_fit() -> None:
     """And 95 % of the stated errors hold."""
     chance = np.random.default_rng(3)
