@@ -41,6 +41,11 @@ class Coordinate:
     latitude_deg: float
     precision_m: float
 
+    @property
+    def least_sigma_m(self) -> float:
+        """One standard deviation of what was rounded away, in each direction; to a centimetre."""
+        return round(self.precision_m / math.sqrt(3), 2)
+
 
 def read_coordinate(text: str) -> Coordinate:
     """The place that somebody has written. Raises UsageError, which says what came and what is wanted."""
@@ -132,7 +137,8 @@ def _of_angles(text: str, told: str) -> Coordinate:
         raise UsageError(f'"{text}": a latitude is from -90 to 90 degrees, and comes first; {WANTED}.')
     if not abs(second.degrees) <= 180:
         raise UsageError(f'"{text}": a longitude is from -180 to 180 degrees; {WANTED}.')
-    return _checked(text, second.degrees, first.degrees, max(first.half, second.half) * 111_320.0)
+    # Programs leave out zeros at the end of one of the two: what is given of the other is how exact both are.
+    return _checked(text, second.degrees, first.degrees, min(first.half, second.half) * 111_320.0)
 
 
 @dataclass(frozen=True, slots=True)

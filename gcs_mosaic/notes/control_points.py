@@ -164,11 +164,13 @@ def _point(row: Mapping[str, str], number: int) -> ControlPoint:
     """Raises ValueError (Unfit) and UsageError."""
     if row.get("coordinate"):
         at = read_coordinate(row["coordinate"])
-        longitude, latitude = at.longitude_deg, at.latitude_deg
+        longitude, latitude, least_m = at.longitude_deg, at.latitude_deg, at.least_sigma_m
     else:
+        least_m = 0.0
         longitude = _number(row, "longitude", -180, 180)
         latitude = _number(row, "latitude", -90, 90)
-    sigma = _number(row, "sigma_m", *SIGMAS_M) if row.get("sigma_m") else USUAL_SIGMA_M
+    said_m = _number(row, "sigma_m", *SIGMAS_M) if row.get("sigma_m") else USUAL_SIGMA_M
+    sigma = max(said_m, least_m)
     label = text_of(row.get("name", ""), "name", LONGEST_LABEL)
     bare = ControlPoint(
         label=label, longitude_deg=longitude, latitude_deg=latitude, sigma_m=sigma, written=f"line {number}"

@@ -54,6 +54,11 @@ def test_a_table_with_a_heading(tmp_path: Path) -> None:
     assert (second.longitude_deg, second.latitude_deg) == pytest.approx(true, abs=1e-8)
 
 
+def test_a_coordinate_is_no_more_exact_than_its_digits(tmp_path: Path) -> None:
+    text = "frame,px,py,coordinate,sigma_m\na.jpg,1,1,32TLQ 501 304,\na.jpg,1,1,32TLQ 50123 30456,0.1\n"
+    assert [one.sigma_m for one in read_control_points(written(tmp_path, text))] == [28.87, 0.29]
+
+
 @pytest.mark.parametrize(
     ("first", "code", "east", "north"),
     [

@@ -107,13 +107,23 @@ def test_the_way_back_from_a_coordinate(client: Writer) -> None:
 
 def test_a_pin_can_be_taken_away_and_brought_back(client: Writer) -> None:
     set_pins(client, 4)
-    client.send("POST", "/pins", pin(150.0, 50.0, coordinate="44.52, 7.0", label="wrong"))
+    client.send("POST", "/pins", pin(150.0, 50.0, coordinate="44.520000, 7.000000", label="wrong"))
     assert client.get("/anchors")["islands"][0]["misfit"] == "wrong"
     assert client.send("DELETE", "/pins/5")[1]["deleted"] is True
     assert client.get("/anchors")["islands"][0]["checked"] is True
     assert client.send("POST", "/pins/5/restore")[1]["deleted"] is False
     assert client.get("/anchors")["islands"][0]["misfit"] == "wrong"
     assert client.send("DELETE", "/pins/9")[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "sigma_m"), [("32TLQ 501 304", 28.87), ("44.51, 7.12", 321.35), ("44.5123456, 7.12", 0.5)]
+)
+def test_a_coordinate_is_no_more_exact_than_its_digits(client: Writer, coordinate: str, sigma_m: float) -> None:
+    """Of two numbers those of the longer one: programs leave out zeros at an end."""
+    status, told = client.send("POST", "/pins", pin(*SPOTS[0], coordinate=coordinate))
+    assert (status, told["sigma_m"]) == (201, pytest.approx(sigma_m, abs=0.01))
+    assert client.send("POST", "/pins", pin(*SPOTS[0], coordinate=coordinate, sigma_m=500))[1]["sigma_m"] == 500
 
 
 def test_pins_follow_the_ground_when_the_map_moves(client: Writer, flight: MappedFlight) -> None:

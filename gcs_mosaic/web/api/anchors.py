@@ -71,8 +71,8 @@ async def ask_for_positions(request: web.Request) -> web.StreamResponse:
 async def create(request: web.Request) -> web.StreamResponse:
     """POST: a place (island, x, y; or frame, pixel) and its coordinate, as text or as longitude and latitude."""
     told, notes = await body_of(request), request.app[NOTES]
-    written, longitude, latitude = _coordinate(told)
-    sigma = number_of(told.get("sigma_m", USUAL_SIGMA_M), "sigma_m", *SIGMAS_M)
+    written, longitude, latitude, least_m = _coordinate(told)
+    sigma = max(number_of(told.get("sigma_m", USUAL_SIGMA_M), "sigma_m", *SIGMAS_M), least_m)
     label, who = text_of(told.get("label"), "label", LONGEST_LABEL), who_of(told.get("who"))
     binding = await _binding(request, told)
     new = NewPin(
@@ -148,17 +148,17 @@ async def _binding(request: web.Request, told: dict[str, Any]) -> Binding:
     return await in_thread(request, follower.bound, island_of(told.get("island")), x, y)
 
 
-def _coordinate(told: dict[str, Any]) -> tuple[str, float, float]:
-    """The text, longitude and latitude that were sent. Raises Unfit."""
+def _coordinate(told: dict[str, Any]) -> tuple[str, float, float, float]:
+    """The text, longitude and latitude that were sent, and the deviation (metres) of what its digits leave open. Raises Unfit."""
     written = text_of(told.get("coordinate"), "coordinate", LONGEST_COORDINATE)
     if written:
         try:
             found = read_coordinate(written)
         except UsageError as error:
             raise Unfit(str(error)) from error
-        return written, found.longitude_deg, found.latitude_deg
+        return written, found.longitude_deg, found.latitude_deg, found.least_sigma_m
     longitude = number_of(told.get("longitude"), "longitude", -180, 180)
-    return "", longitude, number_of(told.get("latitude"), "latitude", -90, 90)
+    return "", longitude, number_of(told.get("latitude"), "latitude", -90, 90), 0.0
 
 
 def _island(one: IslandAnchor) -> dict[str, Any]:
