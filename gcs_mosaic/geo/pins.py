@@ -21,7 +21,7 @@ from gcs_mosaic.geo.ellipsoid import FURTHEST_M, Floats, LocalPlane
 
 USUAL_SIGMA_M = 3.0  # of a coordinate that somebody reads from a map or a receiver, in each direction
 LEAST_SIGMA_M = 0.01
-APART_SIGMAS = 10.0  # the pins' least extent: nearer ones turn the map by more than 6 degrees of one standard deviation
+APART_SIGMAS = 10.0  # of two pins: nearer ones turn the map by more than 8 degrees of one standard deviation
 MISFIT_SIGMAS = 3.0  # a pin further from where the map lays it does not fit
 UNUSUAL = 2.75  # standard deviations of a normal distribution: 99.7 % are below
 
@@ -92,10 +92,11 @@ def _refused(pins: Sequence[Pin], places: Complexes, spots: Complexes) -> Refuse
         return Refused(
             "The pins' coordinates are further apart than any flight: look for latitude and longitude exchanged, or a sign."
         )
-    extent, needed = _extent(spots), APART_SIGMAS * max(pin.sigma_m for pin in pins)
-    if extent < needed:
+    sigmas = np.array([max(pin.sigma_m, LEAST_SIGMA_M) for pin in pins])
+    if _turn_sigma(spots, sigmas) > math.sqrt(2) / APART_SIGMAS:
+        needed = APART_SIGMAS * float(sigmas.max())
         return Refused(
-            f"The pins' coordinates lie within {extent:.0f} m, which with their errors tells no direction: "
+            f"The pins' coordinates lie within {_extent(spots):.0f} m, which with their errors tells no direction: "
             f"set them {needed:.0f} m apart or further, or say that they are more exact (sigma)."
         )
     if _extent(places) < 1.0:
@@ -153,6 +154,13 @@ def _plane(pins: Sequence[Pin]) -> LocalPlane:
     first = pins[0].longitude_deg
     east = [(pin.longitude_deg - first + 180) % 360 - 180 for pin in pins]
     return LocalPlane(first + sum(east) / len(east), sum(pin.latitude_deg for pin in pins) / len(pins))
+
+
+def _turn_sigma(spots: Complexes, sigmas: Floats) -> float:
+    """One standard deviation, in radians, of how the pins turn the map: a vague one beside exact ones does no harm."""
+    weights = sigmas**-2
+    spread = float((weights * np.abs(spots - (weights * spots).sum() / weights.sum()) ** 2).sum())
+    return math.inf if spread == 0 else 1 / math.sqrt(spread)
 
 
 def _extent(points: Complexes) -> float:

@@ -139,6 +139,14 @@ def test_what_is_refused_says_why(pins: list[Pin], told: str) -> None:
     assert told in found.reason
 
 
+def test_a_vague_pin_beside_exact_ones_does_not_take_the_map_away() -> None:
+    exact = fitted(pin(0), pin(1), pin(2))
+    with_a_vague_one = fitted(pin(0), pin(1), pin(2), pin(4, off=(30.0, 20.0), sigma_m=50.0))
+    assert with_a_vague_one.anchor.error(0.0, 0.0).major_m <= exact.anchor.error(0.0, 0.0).major_m
+    assert isinstance(anchored_by_pins([pin(0, sigma_m=50.0), pin(1, sigma_m=50.0)]), Refused)
+    assert isinstance(anchored_by_pins([pin(0), pin(1, sigma_m=500.0)]), Refused)
+
+
 def test_pins_on_both_sides_of_the_date_line() -> None:
     plane = LocalPlane(180.0, -17.0)
     pins = [
