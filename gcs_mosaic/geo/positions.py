@@ -93,6 +93,8 @@ def anchored_by_positions(shots: Sequence[ShotPosition], map_error_units: float 
         )
     plane = _plane(shots)
     flown = _flown(plane, shots)
+    if len(flown.times) < LEAST_SHOTS:
+        return Refused(f"The {len(shots)} positions tell {len(flown.times)} different times alone: set pins instead.")
     if not np.isfinite(flown.spots).all() or np.abs(flown.spots).max() > FURTHEST_M / 2:
         return Refused("The positions are further apart than any flight: set pins instead.")
     lag, fit = _with_lag(flown)

@@ -181,3 +181,12 @@ def test_shots_at_one_moment_and_out_of_order() -> None:
 
 def test_joined_is_the_canvas_seen_from_above() -> None:
     assert joined(np.array([2.0, 3.0])) == 2 - 3j
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_a_sender_whose_clock_stands_still_lays_nothing(count: int) -> None:
+    """And takes nothing away from other islands."""
+    shots = [replace(shot, time_s=float(at % count)) for at, shot in enumerate(flight(1, Receiver()).shots)]
+    refused = anchored_by_positions(shots)
+    assert isinstance(refused, Refused)
+    assert f"tell {count} different times" in refused.reason
