@@ -122,7 +122,7 @@ def _anchor(plane: LocalPlane, turn: complex, shift: complex, places: Complexes,
 
 
 def _widened(anchor: Anchor, residuals: Sequence[float], sigmas: Floats) -> Anchor:
-    """With the deviation that the residuals tell; of few of them that is uncertain: the radius is that of Student's distribution."""
+    """With the deviation that the residuals tell; few of them tell it badly: the radius is that of Student's distribution."""
     freedom = 2 * len(residuals) - 4
     measured = math.sqrt(float(((np.array(residuals) / sigmas) ** 2).sum()) / freedom)
     factor = max(measured * math.sqrt(freedom * (0.05 ** (-2 / freedom) - 1)) / WITHIN_95, 1.0)

@@ -41,9 +41,8 @@ class EarthIsland(CanvasIsland):
     @cached_property
     def outline(self) -> Places:
         """(n, 2) degrees, once round its box; longitudes go on beyond 180 degrees where it lies across."""
-        places = self.anchor.places(outline_of(self.box))
-        first = places[0, 0]
-        places[:, 0] = first + (places[:, 0] - first + 180) % 360 - 180
+        places = going_on(self.anchor.places(outline_of(self.box)))
+        places[:, 0] += 360.0 * (places[:, 0].min() < -180)
         return places
 
     @property
@@ -109,6 +108,12 @@ def outline_of(box: Box, per_side: int = PER_SIDE) -> CanvasPlaces:
     along = np.arange(per_side) / per_side
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom], [left, top]], np.float64)
     return np.concatenate([corners[at] + along[:, None] * (corners[at + 1] - corners[at]) for at in range(4)])
+
+
+def going_on(places: Places) -> Places:
+    """With longitudes that go on beyond 180 degrees, and do not begin anew in the west."""
+    first = places[0, 0]
+    return np.stack([first + (places[:, 0] - first + 180) % 360 - 180, places[:, 1]], axis=-1)
 
 
 def bounds_of(points: Places) -> Bounds:

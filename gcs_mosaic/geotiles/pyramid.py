@@ -8,6 +8,7 @@ from typing import Self
 
 import numpy as np
 
+from gcs_mosaic.geo.ellipsoid import wrapped
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE, resolution_m
 from gcs_mosaic.geotiles.canvas_tiles import CanvasTiles, divided
 from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland
@@ -41,6 +42,22 @@ class GeoPyramid:
         """Degrees; all round the earth if an island lies across the 180th meridian. None without an island."""
         found = _around([one.bounds for one in self.islands])
         return found if found is None or found[2] <= 180 else (-180.0, found[1], 180.0, found[3])
+
+    @property
+    def reach(self) -> Bounds | None:
+        """Degrees, as `bounds`; but beyond the 180th meridian longitudes go on, so that west and east are never far apart."""
+        if not self.islands:
+            return None
+        first = self.islands[0].bounds[0]
+        turns = [360.0 * round((first - one.bounds[0]) / 360) for one in self.islands]
+        moved = [(one.bounds[0] + by, one.bounds[2] + by) for one, by in zip(self.islands, turns, strict=True)]
+        souths, norths = [one.bounds[1] for one in self.islands], [one.bounds[3] for one in self.islands]
+        return min(west for west, _ in moved), min(souths), max(east for _, east in moved), max(norths)
+
+    @property
+    def middle(self) -> tuple[float, float] | None:
+        """Longitude and latitude in degrees."""
+        return None if self.reach is None else middle_of(self.reach)
 
     @property
     def mercator_bounds(self) -> Bounds | None:
@@ -82,6 +99,12 @@ class GeoPyramid:
                     picture = np.zeros((grid.height, grid.width, 4), np.uint8) if picture is None else picture
                     _lay_over(picture[block.top : block.bottom, block.left : block.right], part)
         return None if picture is None or not picture.any() else divided(picture)
+
+
+def middle_of(bounds: Bounds) -> tuple[float, float]:
+    """Longitude and latitude in degrees of the middle of bounds that may go on beyond 180 degrees."""
+    west, south, east, north = bounds
+    return float(wrapped((west + east) / 2)), (south + north) / 2
 
 
 def blocks(window: PixelWindow) -> Iterator[PixelWindow]:

@@ -135,6 +135,20 @@ def test_the_180th_meridian_is_no_border() -> None:
     assert sure(shown.mercator_bounds)[2] == HALF_WORLD_M
 
 
+@pytest.mark.parametrize("longitude", [180.0, -179.9999, 179.9999])
+def test_beyond_the_180th_meridian_longitudes_go_on(longitude: float) -> None:
+    """Whichever corner of the island lies on which side."""
+    laid = island(laid=anchor(longitude=longitude, latitude=-17.0, turned_deg=-52.0))
+    beside = island(id=1, laid=anchor(longitude=-179.99, latitude=-17.0))
+    assert 179.9 < laid.bounds[0] < 180 < laid.bounds[2] < 180.1
+    shown = pyramid(laid, beside)
+    west, _, east, _ = sure(shown.reach)
+    assert 179.9 < west < 180 < 180.01 < east < 180.1
+    assert abs(abs(sure(shown.middle)[0]) - 180) < 0.01
+    plain = pyramid(island(), island(id=1, laid=anchor(longitude=-7.0)))
+    assert plain.reach == plain.bounds
+
+
 def test_every_tile_that_shows_something_is_listed() -> None:
     laid = island()
     shown = pyramid(laid)

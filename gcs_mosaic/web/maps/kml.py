@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from aiohttp import web
 
-from gcs_mosaic.geo.mercator import TILE_SIZE
+from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE
 from gcs_mosaic.geotiles.earth_islands import Bounds
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
 from gcs_mosaic.web.maps.addresses import MapAddresses, addresses_for
@@ -23,6 +23,7 @@ MEDIA = "application/vnd.google-earth.kml+xml"
 PICTURE_S = 10  # until it is asked for again
 BEGINS = 3  # levels below the one at which the map is a dot
 SHOWN_FROM_PX, SHOWN_TO_PX = 128, 2048  # on the screen: of a tile of 256 px
+DEGREE_M = HALF_WORLD_M / 180  # along the equator
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
 TAIL = "</Document></kml>\n"
 
@@ -35,10 +36,7 @@ def add_routes(app: web.Application) -> None:
 async def start(request: web.Request) -> web.StreamResponse:
     """GET: what is opened in Google Earth: a link to the coarsest tiles."""
     now = await map_now(request)
-    addresses = addresses_for(request, now.flight)
-    links = "".join(_link(addresses, *tile, 0) for tile in _first_tiles(now))
-    name = f"<name>gcs-mosaic: {escape(now.title)}</name><description>{escape(about(now))}</description>"
-    return document(request, f"{HEAD}{name}{_look_at(now)}{links}{TAIL}", MEDIA, "gcs-mosaic.kml")
+    return document(request, as_start(now, addresses_for(request, now.flight)), MEDIA, "gcs-mosaic.kml")
 
 
 async def part(request: web.Request) -> web.StreamResponse:
@@ -54,14 +52,24 @@ async def part(request: web.Request) -> web.StreamResponse:
     return document(request, f"{HEAD}{_overlay(addresses, level, x, y, finest)}{finer}{TAIL}", MEDIA)
 
 
+def as_start(now: MapNow, addresses: MapAddresses) -> str:
+    """The KML that is opened."""
+    links = "".join(_link(addresses, *tile, 0) for tile in _first_tiles(now))
+    name = f"<name>gcs-mosaic: {escape(now.title)}</name><description>{escape(about(now))}</description>"
+    return f"{HEAD}{name}{_look_at(now)}{links}{TAIL}"
+
+
 def _first_tiles(now: MapNow) -> list[tuple[int, int, int]]:
-    """The tiles that the tree begins with: those about the map of a level at which it is some ten pixels."""
+    """The tiles that the tree begins with: those about each island of a level at which the largest is some ten pixels.
+
+    What lies between islands is left out: a single pin with a wrong sign lays one on the other side of the earth.
+    """
     if now.pyramid.levels is None:
         return []
     level = now.pyramid.levels[0] + BEGINS
-    (left, top), (right, bottom) = now.pyramid.corner_tiles(level)
-    columns, rows = range(left - 1, right + 2), range(max(top - 1, 0), min(bottom + 2, 1 << level))
-    return [(level, x % (1 << level), y) for x in columns for y in rows]
+    count = 1 << level
+    near = {(x + i, y + j) for x, y in now.pyramid.tiles(level) for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    return [(level, x, y) for x, y in sorted({(x % count, y) for x, y in near if 0 <= y < count})]
 
 
 def _link(addresses: MapAddresses, level: int, x: int, y: int, from_px: int) -> str:
@@ -90,13 +98,13 @@ def _lod(least_px: int, most_px: int) -> str:
 
 def _look_at(now: MapNow) -> str:
     """Where the view goes when the file is opened."""
-    bounds, metres = now.pyramid.bounds, now.pyramid.mercator_bounds
-    if bounds is None or metres is None:
+    middle, reach = now.pyramid.middle, now.pyramid.reach
+    if middle is None or reach is None:
         return ""
-    west, south, east, north = bounds
-    away = max(metres[2] - metres[0], metres[3] - metres[1], 100.0)
+    west, south, east, north = reach
+    away = max((east - west) * DEGREE_M, (north - south) * DEGREE_M, 100.0)
     return (
-        f"<LookAt><longitude>{(west + east) / 2!r}</longitude><latitude>{(south + north) / 2!r}</latitude>"
+        f"<LookAt><longitude>{middle[0]!r}</longitude><latitude>{middle[1]!r}</latitude>"
         f"<altitude>0</altitude><heading>0</heading><tilt>0</tilt><range>{away:.0f}</range></LookAt>"
     )
 

@@ -39,12 +39,12 @@ async def tilejson(request: web.Request) -> web.StreamResponse:
         "revision": now.token,
         "vector_layers": [],
     }
-    levels, bounds = now.pyramid.levels, now.pyramid.bounds
-    if levels is not None and bounds is not None:
+    levels, bounds, middle = now.pyramid.levels, now.pyramid.bounds, now.pyramid.middle
+    if levels is not None and bounds is not None and middle is not None:
         west, south, east, north = bounds
         told |= {"minzoom": levels[0], "maxzoom": levels[1], "bounds": [west, south, east, north]}
         told |= {
-            "center": [(west + east) / 2, (south + north) / 2, levels[1] - 2],
+            "center": [*middle, max(levels[1] - 2, levels[0])],
             "maxzoom_served": levels[1] + OVERZOOM,
         }
     return document(request, json.dumps(told), "application/json")

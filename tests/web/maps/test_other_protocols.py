@@ -13,8 +13,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from gcs_mosaic.geotiles.pyramid import GeoPyramid
 from gcs_mosaic.web.maps.addresses import ATAK_IMPORT, MapAddresses
+from gcs_mosaic.web.maps.kml import as_start
+from gcs_mosaic.web.maps.served_map import MapNow
 from gcs_mosaic.web.maps.wmts import OWS
+from tests.geotiles.ground import anchor, island
 from tests.sure import sure
 from tests.web.maps.anchored_flight import FLIGHT, AnchoredFlight, laid_at, picture_of
 from tests.web.test_notes_api import Writer
@@ -201,3 +205,18 @@ def test_names_of_flights_do_no_harm(pinned: Writer, flight: AnchoredFlight, nam
     for what in ("map.kml", "gcs-mosaic.qgs", "wmts", "wms"):
         root = xml_of(pinned, f"{BASE}/{what}?REQUEST=GetCapabilities")
         assert name in "".join(root.itertext())
+
+
+@pytest.mark.parametrize("longitude", [180.0, -7.0, -173.0])
+def test_the_tree_of_google_earth_begins_beside_the_islands_alone(longitude: float) -> None:
+    """Not with all that lies between them: that would be up to a hundred thousand links and more."""
+    far = island(id=1, laid=anchor(longitude=longitude, latitude=-44.5))
+    now = MapNow("small", "small", 1, 1, GeoPyramid((island(), far), lambda *_: None), ())
+    told = ElementTree.fromstring(as_start(now, MapAddresses("http://127.0.0.1/", "small")))
+    boxes = [
+        [float(sure(box.findtext(f"{KML}{side}"))) for side in ("west", "south", "east", "north")]
+        for box in told.iter(f"{KML}LatLonAltBox")
+    ]
+    assert 9 <= len(boxes) <= 40
+    for at, latitude in ((7.0, 44.5), (longitude, -44.5)):
+        assert any(west <= at <= east and south <= latitude <= north for west, south, east, north in boxes)
