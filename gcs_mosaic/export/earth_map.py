@@ -16,7 +16,7 @@ from gcs_mosaic.export.export import chosen_island
 from gcs_mosaic.geo.pins import PinnedMap, Refused
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland, canvas_islands, earth_islands
-from gcs_mosaic.geotiles.pyramid import GeoPyramid
+from gcs_mosaic.geotiles.pyramid import GeoPyramid, middle_of
 from gcs_mosaic.notes.anchoring import IslandAnchor
 from gcs_mosaic.notes.at_rest import anchors_of
 from gcs_mosaic.notes.told import iso, shown
@@ -44,6 +44,18 @@ class EarthMap:
         whole = self.pyramid.bounds
         assert whole is not None, "a map without an island is not exported"
         return whole if self.box is None else _common(whole, self.box)
+
+    @property
+    def reach(self) -> Bounds:
+        """As `bounds`; of a map across the 180th meridian longitudes go on beyond it."""
+        whole = self.pyramid.reach
+        assert whole is not None, "a map without an island is not exported"
+        return whole if self.box is None else self.bounds
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Longitude and latitude in degrees."""
+        return middle_of(self.reach)
 
     def finest_level(self, wanted: int | None) -> int:
         """Of Web Mercator: that of the map's own pixels, or a coarser one that is wanted. Raises UsageError."""

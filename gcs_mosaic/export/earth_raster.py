@@ -116,8 +116,7 @@ def _mercator_grid(found: EarthMap, level: int) -> PictureGrid:
 
 def _utm_grid(found: EarthMap, level: int) -> PictureGrid:
     """Pixels as large as those of the level on the ground; corners at whole pixels."""
-    west, south, east, north = found.bounds
-    longitude, latitude = (west + east) / 2, (south + north) / 2
+    longitude, latitude = found.middle
     if not LATITUDES_DEG[0] <= latitude <= LATITUDES_DEG[1]:
         raise UsageError("UTM has no zones near the poles: leave --crs out.")
     zone = UtmZone(zone_of(longitude, latitude), is_north=latitude >= 0)

@@ -21,10 +21,12 @@ from gcs_mosaic.geo.ellipsoid import metres_per_degree
 from gcs_mosaic.geo.mercator import resolution_m
 from gcs_mosaic.geotiles.earth_islands import Bounds
 from gcs_mosaic.geotiles.picture_grid import PictureGrid
+from gcs_mosaic.geotiles.warp import windows
 from gcs_mosaic.stitch.arrays import ImageBGRA
 
 ONE_PICTURE_PX = 4096  # a side at most: what phones show
 SIDE = 512  # px of a picture of the tree
+DOT_PX = 8
 SHOWN_FROM_PX, SHOWN_TO_PX = 128, 2048  # on the screen: of a picture of the tree
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
 TAIL = "</Document></kml>\n"
@@ -72,7 +74,7 @@ def export_kmz(found: EarthMap, target: Path, level: int | None, progress: Progr
 
 def _size(found: EarthMap, level: int | None) -> tuple[int, int]:
     """Pixels of the whole map."""
-    west, south, east, north = found.bounds
+    west, south, east, north = found.reach
     middle = (south + north) / 2
     along_parallel, along_meridian = metres_per_degree(middle).tolist()
     step = resolution_m(found.finest_level(level)) * math.cos(math.radians(middle))
@@ -80,9 +82,9 @@ def _size(found: EarthMap, level: int | None) -> tuple[int, int]:
 
 
 def _one_picture(found: EarthMap, archive: zipfile.ZipFile, across: int, down: int, progress: Progress) -> int:
-    picture = found.pyramid.picture(PictureGrid("degrees", found.bounds, across, down))
+    picture = found.pyramid.picture(PictureGrid("degrees", found.reach, across, down))
     empty = np.zeros((down, across, 4), np.uint8)
-    overlay = _overlay("map", "map.png", found.bounds, 0)
+    overlay = _overlay("map", "map.png", found.reach, 0)
     archive.writestr("doc.kml", f"{HEAD}{_about(found)}{overlay}{TAIL}", zipfile.ZIP_DEFLATED)
     archive.writestr("map.png", encoded(empty if picture is None else picture, "png"))
     progress(1, 1)
@@ -120,7 +122,7 @@ def _tree(found: EarthMap, archive: zipfile.ZipFile, pixels: int, progress: Prog
 
 def _square(found: EarthMap, depths: int) -> Bounds:
     """Degrees with as many pixels along both sides as the tree has: its pixels are as long as wide on the ground."""
-    west, south, east, north = found.bounds
+    west, south, east, north = found.reach
     along_parallel, along_meridian = metres_per_degree((south + north) / 2).tolist()
     side_m = max((east - west) * along_parallel, (north - south) * along_meridian)
     return west, north - side_m / along_meridian, west + side_m / along_parallel, north
@@ -128,10 +130,21 @@ def _square(found: EarthMap, depths: int) -> Bounds:
 
 def _picture(found: EarthMap, part: _Part) -> ImageBGRA | None:
     west, south, east, north = part.bounds
-    whole = found.bounds
+    whole = found.reach
     if west >= whole[2] or east <= whole[0] or south >= whole[3] or north <= whole[1]:
         return None
-    return found.pyramid.picture(part.grid)
+    picture = found.pyramid.picture(part.grid)
+    return np.zeros((SIDE, SIDE, 4), np.uint8) if picture is None and _holds_a_dot(found, part) else picture
+
+
+def _holds_a_dot(found: EarthMap, part: _Part) -> bool:
+    """Whether an island is so small in a picture that nothing may be seen of it, though finer ones show it."""
+    grid = part.grid
+    return any(
+        min(window.right - window.left, window.bottom - window.top) <= DOT_PX
+        for island in found.pyramid.islands
+        for window in windows(grid, island)
+    )
 
 
 def _document(part: _Part, children: list[_Part]) -> str:
@@ -170,11 +183,11 @@ def _about(found: EarthMap) -> str:
         f'<Data name="{escape(name)}"><value>{escape(str(value))}</value></Data>'
         for name, value in found.about().items()
     )
-    west, south, east, north = found.bounds
-    along_parallel, along_meridian = metres_per_degree((south + north) / 2).tolist()
+    (west, south, east, north), (longitude, latitude) = found.reach, found.middle
+    along_parallel, along_meridian = metres_per_degree(latitude).tolist()
     away = max((east - west) * along_parallel, (north - south) * along_meridian, 100.0)
     look = (
-        f"<LookAt><longitude>{(west + east) / 2!r}</longitude><latitude>{(south + north) / 2!r}</latitude>"
+        f"<LookAt><longitude>{longitude!r}</longitude><latitude>{latitude!r}</latitude>"
         f"<altitude>0</altitude><heading>0</heading><tilt>0</tilt><range>{1.5 * away:.0f}</range></LookAt>"
     )
     return (

@@ -75,7 +75,7 @@ def tilejson(found: EarthMap, plan: TilePlan) -> dict[str, Any]:
         "minzoom": plan.coarsest,
         "maxzoom": plan.finest,
         "bounds": [west, south, east, north],
-        "center": [(west + east) / 2, (south + north) / 2, plan.finest],
+        "center": [*found.middle, plan.finest],
         "gcs_mosaic": found.about(),
     }
 
@@ -91,7 +91,7 @@ def _write_tiles(folder: Path, tiles: Iterable[EncodedEarthTile], plan: TilePlan
 
 
 def _mbtiles_about(found: EarthMap, plan: TilePlan) -> dict[str, str]:
-    west, south, east, north = found.bounds
+    (west, south, east, north), (longitude, latitude) = found.bounds, found.middle
     return {
         "name": _title(found),
         "format": plan.kind,
@@ -99,7 +99,7 @@ def _mbtiles_about(found: EarthMap, plan: TilePlan) -> dict[str, str]:
         "version": "1",
         "description": found.sentence(),
         "bounds": f"{west:.8f},{south:.8f},{east:.8f},{north:.8f}",
-        "center": f"{(west + east) / 2:.8f},{(south + north) / 2:.8f},{plan.finest}",
+        "center": f"{longitude:.8f},{latitude:.8f},{plan.finest}",
         "minzoom": str(plan.coarsest),
         "maxzoom": str(plan.finest),
         "gcs_mosaic": json.dumps(found.about()),
@@ -107,7 +107,7 @@ def _mbtiles_about(found: EarthMap, plan: TilePlan) -> dict[str, str]:
 
 
 def _pmtiles_header(found: EarthMap, plan: TilePlan) -> dict[str, Any]:
-    west, south, east, north = (round(degrees * E7) for degrees in found.bounds)
+    west, south, east, north, longitude, latitude = (round(degrees * E7) for degrees in (*found.bounds, *found.middle))
     return {
         "tile_type": PMTILES_TYPES[plan.kind],
         "tile_compression": Compression.NONE,
@@ -116,8 +116,8 @@ def _pmtiles_header(found: EarthMap, plan: TilePlan) -> dict[str, Any]:
         "max_lon_e7": east,
         "max_lat_e7": north,
         "center_zoom": plan.finest,
-        "center_lon_e7": (west + east) // 2,
-        "center_lat_e7": (south + north) // 2,
+        "center_lon_e7": longitude,
+        "center_lat_e7": latitude,
     }
 
 

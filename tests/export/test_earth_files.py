@@ -6,6 +6,7 @@ import json
 import sqlite3
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +20,8 @@ from pykml.parser import Schema, fromstring
 from rio_cogeo.cogeo import cog_validate
 
 from gcs_mosaic.cli.main import main
+from gcs_mosaic.export.earth_map import earth_map
+from gcs_mosaic.export.kmz import export_kmz
 from gcs_mosaic.geo.mercator import places_of_mercator
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
@@ -304,3 +307,55 @@ def test_without_an_anchor(
     assert said.count("\n") == 1
     assert not (root / "notes.sqlite").exists()
     assert main(["export", str(root), "--format", "png"]) == 0
+
+
+@pytest.fixture(scope="module")
+def across(tmp_path_factory: pytest.TempPathFactory) -> AnchoredFlight:
+    """A flight over the 180th meridian."""
+    root = tmp_path_factory.mktemp("across") / "small"
+    root.mkdir()
+    made = MarkedFlight(root, anchor(gsd_m=0.1, turned_deg=-52.0, longitude=180.0, latitude=-17.0))
+    write_pins(root, [(x, y, *made.truth.places(np.array([x, y])).tolist()) for x, y in PINNED])
+    return made
+
+
+def exported(flight: AnchoredFlight, target: Path, *options: str) -> Path:
+    assert main(["export", str(flight.root), "--to", str(target), *options]) == 0
+    return target
+
+
+def test_over_the_180th_meridian_a_tiff_lies_in_its_own_zone(across: AnchoredFlight, tmp_path: Path) -> None:
+    with opened(str(exported(across, tmp_path / "map.tif", "--format", "geotiff", "--crs", "utm"))) as dataset:
+        assert dataset.crs.to_epsg() in (32701, 32760)
+        assert worst_px(dataset, across) < 1.0
+
+
+def test_over_the_180th_meridian_a_kmz_is_one_picture(across: AnchoredFlight, tmp_path: Path) -> None:
+    with zipfile.ZipFile(exported(across, tmp_path / "map.kmz", "--format", "kmz")) as archive:
+        (overlay,) = ElementTree.fromstring(archive.read("doc.kml")).iter(f"{KML}GroundOverlay")
+        (west, south, east, north), picture = box_of(overlay), picture_of(archive, overlay)
+    assert 179.9 < west < 180 < east < 180.1
+    for longitude, latitude in across.truth.places(MARKS).tolist():
+        column = (longitude % 360 - west) / (east - west) * picture.shape[1]
+        row = (north - latitude) / (north - south) * picture.shape[0]
+        if 20 < column < picture.shape[1] - 20 and 20 < row < picture.shape[0] - 20:
+            assert mark_near(picture, column, row) < 1.0
+
+
+def test_of_islands_far_apart_a_kmz_shows_each(flight: AnchoredFlight, tmp_path: Path) -> None:
+    """One pin with a wrong sign is enough for that."""
+    found = earth_map(flight.root)
+    (near,) = found.pyramid.islands
+    far = replace(near, anchor=anchor(longitude=-7.0, latitude=near.latitude_deg))
+    both = replace(found, pyramid=replace(found.pyramid, islands=(near, far)))
+    export_kmz(both, tmp_path / "map.kmz", None, lambda done, count: None)
+    with zipfile.ZipFile(tmp_path / "map.kmz") as archive:
+        overlays = [
+            box_of(one)
+            for name in archive.namelist()
+            if name.endswith(".kml")
+            for one in ElementTree.fromstring(archive.read(name)).iter(f"{KML}GroundOverlay")
+        ]
+    fine = [(west + east) / 2 for west, _, east, _ in overlays if east - west < 0.01]
+    assert min(fine) == pytest.approx(-7.0, abs=0.01)
+    assert max(fine) == pytest.approx(7.0, abs=0.01)
