@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixel_grid
 from gcs_mosaic.stitch.camera.relief import on_plane
-from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store.disk import DiskFull, write_beside
 from gcs_mosaic.store.documents import Document, write_json
 from gcs_mosaic.store.folder import LEDGER_NAME, find_flight
 from gcs_mosaic.store.ledger import Ledger
@@ -119,5 +120,6 @@ def telling_where(target: Path) -> Iterator[None]:
     """Turn failures to write the target into a UsageError."""
     try:
         yield
-    except OSError as error:
-        raise UsageError(f"{target} cannot be written ({error.strerror}); give another file with --to.") from error
+    except (OSError, sqlite3.Error, DiskFull) as error:
+        why = getattr(error, "strerror", None) or error
+        raise UsageError(f"{target} cannot be written ({why}); give another file with --to.") from error

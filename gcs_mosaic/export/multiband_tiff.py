@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.export.export import MOST_PIXELS, chosen_island, telling_where
+from gcs_mosaic.export.export import MOST_PIXELS, chosen_island
 from gcs_mosaic.export.raster_file import Region, write_raster
 from gcs_mosaic.export.rebuild import RebuildSource, RebuiltTiles, rebuilt, source_of
+from gcs_mosaic.export.whole_file import whole_file
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, level_from_canvas, pixel_size, tile_box, tile_range
 from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.views.tile_reader import level_within
@@ -31,18 +32,13 @@ def export_tiff(
     source = source_of(folder, chosen_island(folder, island)["id"])
     bands, kind = bands_of(source)
     with (
-        telling_where(target),
+        whole_file(target) as beside,
         rebuilt(source, "gained" if gains else "raw", target.resolve().parent) as tiles,
     ):
         extent = tiles.extent
         zoom = level_within(extent.box, MOST_PIXELS, extent.finest) if level is None else level
         region = region_of(extent.box, zoom)
-        beside = target.with_name(f".{target.name}.part")
-        try:
-            write_raster(beside, tiles, region, bands, kind, _about(tiles, region, gains))
-            beside.replace(target)
-        finally:
-            beside.unlink(missing_ok=True)
+        write_raster(beside, tiles, region, bands, kind, _about(tiles, region, gains))
     finer = f"; --zoom {extent.finest} is the finest" if zoom < extent.finest else ""
     return (
         f"island {tiles.island} at level {zoom}, {region.width} x {region.height} pixels, {bands} "

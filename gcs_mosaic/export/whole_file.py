@@ -1,7 +1,8 @@
-"""Files and folders that are whole or not there, whatever ends the program meanwhile."""
+"""Files and folders that are whole or not there, whatever ends the program meanwhile, and whoever else writes the same."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,6 +10,8 @@ from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.export import telling_where
+from gcs_mosaic.store.disk import sync_file
+from gcs_mosaic.store.lock import is_still_there, lock_file
 
 
 @contextmanager
@@ -18,12 +21,16 @@ def whole_file(target: Path) -> Iterator[Path]:
         raise UsageError(f"{target} is a folder; give a file with --to.")
     beside = target.with_name(f".{target.name}.part")
     with telling_where(target):
-        beside.unlink(missing_ok=True)
-        try:
-            yield beside
-            beside.replace(target)
-        finally:
-            beside.unlink(missing_ok=True)
+        beside.touch()
+        with _held(beside, target):
+            try:
+                os.truncate(beside, 0)  # what a program that was killed has left
+                yield beside
+                sync_file(beside)
+                beside.replace(target)
+            except BaseException:
+                beside.unlink(missing_ok=True)
+                raise
 
 
 @contextmanager
@@ -33,11 +40,38 @@ def whole_folder(target: Path) -> Iterator[Path]:
         raise UsageError(f"{target} is there already, and is left as it is; give another folder with --to.")
     beside = target.with_name(f".{target.name}.part")
     with telling_where(target):
-        if beside.exists():
-            shutil.rmtree(beside)
-        beside.mkdir()
+        beside.mkdir(exist_ok=True)
+        with _held(beside, target):
+            try:
+                for left in beside.iterdir():
+                    shutil.rmtree(left) if left.is_dir() else left.unlink()
+                yield beside
+                beside.replace(target)
+            except BaseException:
+                shutil.rmtree(beside, ignore_errors=True)
+                raise
+
+
+@contextmanager
+def _held(beside: Path, target: Path) -> Iterator[None]:
+    """Until what is beside the target has taken its place, or is gone: of two exports at once neither moves what the other has
+    half written. Raises UsageError."""
+    if os.name != "posix":  # an open file cannot be moved there
+        yield
+        return
+    descriptor = os.open(beside, os.O_RDONLY)
+    try:
         try:
-            yield beside
-            beside.replace(target)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+            lock_file(descriptor)
+            is_ours = is_still_there(descriptor, beside)
+        except BlockingIOError:
+            is_ours = False
+        except OSError:  # some network file systems have no locks
+            is_ours = True
+        if not is_ours:
+            raise UsageError(
+                f"{target} is being written by another export: wait for it, or give another file with --to."
+            )
+        yield
+    finally:
+        os.close(descriptor)
