@@ -43,6 +43,10 @@ WANTED = (
 _EPSG = re.compile(r"EPSG:(\d{4,5})", re.ASCII | re.IGNORECASE)
 _UTM_WORDS = re.compile(r"WGS84 UTM (\d{1,2})\s*([NS])", re.ASCII | re.IGNORECASE)
 _PROJ = re.compile(r"\+proj=utm .*?\+zone=(\d{1,2})", re.ASCII)
+_OTHER = re.compile(
+    r"\+(?:datum|ellps)=(?!WGS84\b|GRS80\b)\S+|\+units=(?!m\b)\S+|\+towgs84=(?!0(?:,0)*(?:\s|$))\S+", re.ASCII
+)
+EASTINGS_M, NORTHINGS_M = (0.0, 1e6), (-10e6, 10e6)  # of UTM; some count negative northings south of the equator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +99,10 @@ def _projection(line: str) -> Project | None:
         return _of_epsg(int(found[1]), told)
     if (found := _UTM_WORDS.fullmatch(told)) is not None:
         return _utm_zone(int(found[1]), is_north=found[2].upper() == "N")
+    if told.startswith("+proj=") and (other := _OTHER.search(told)) is not None:
+        raise UsageError(
+            f"{other[0]} is not understood: give coordinates of WGS 84, in degrees or in a UTM zone in metres."
+        )
     if (found := _PROJ.match(told)) is not None:
         return _utm_zone(int(found[1]), is_north="+south" not in told)
     if told.startswith("+proj=longlat"):
@@ -115,7 +123,12 @@ def _of_epsg(code: int, told: str) -> Project:
 def _utm_zone(zone: int, *, is_north: bool) -> Project:
     if not 1 <= zone <= 60:
         raise UsageError(f"UTM has zones 1 to 60, not {zone}.")
-    return lambda east, north: place_of_utm(UtmPlace(zone, is_north, east, north))
+
+    def place(east: float, north: float) -> tuple[float, float]:
+        east, north = number_of(east, "an easting", *EASTINGS_M), number_of(north, "a northing", *NORTHINGS_M)
+        return place_of_utm(UtmPlace(zone, is_north, east, north))
+
+    return place
 
 
 def _degrees(longitude: float, latitude: float) -> tuple[float, float]:
@@ -141,16 +154,19 @@ def _of_gcp_list(path: Path, lines: Sequence[tuple[int, str]], project: Project)
 def _of_table(path: Path, lines: Sequence[tuple[int, str]]) -> list[ControlPoint]:
     heading = lines[0][1]
     separator = max(",;\t", key=heading.count)
-    names = [_column(name) for name in next(csv.reader([heading], delimiter=separator))]
+    try:
+        names = [_column(name) for name in next(csv.reader([heading], delimiter=separator))]
+    except csv.Error as error:
+        raise UsageError(f"{path}, line {lines[0][0]}: {error}; {WANTED}.") from error
     if not ({"coordinate"} <= set(names) or {"latitude", "longitude"} <= set(names)):
         raise UsageError(f'{path}: its heading "{heading.strip()[:80]}" names no coordinates; {WANTED}.')
     points = []
     for number, line in lines[1:]:
-        cells = next(csv.reader(io.StringIO(line), delimiter=separator))
-        row = {name: cell.strip() for name, cell in zip(names, cells, strict=False) if name is not None}
         try:
+            cells = next(csv.reader(io.StringIO(line), delimiter=separator))
+            row = {name: cell.strip() for name, cell in zip(names, cells, strict=False) if name is not None}
             points.append(_point(row, number))
-        except (ValueError, UsageError) as error:
+        except (ValueError, UsageError, csv.Error) as error:
             raise UsageError(f"{path}, line {number}: {error}") from error
     return points
 

@@ -66,6 +66,7 @@ def test_a_coordinate_is_no_more_exact_than_its_digits(tmp_path: Path) -> None:
         ("WGS84 UTM 11N", 32611, 233_500.0, 3_811_500.0),
         ("+proj=utm +zone=11 +ellps=WGS84 +datum=WGS84 +units=m +no_defs", 32611, 233_500.0, 3_811_500.0),
         ("+proj=utm +zone=33 +south +datum=WGS84", 32733, 500_000.0, 6_000_000.0),
+        ("+proj=utm +zone=33 +south +ellps=GRS80 +towgs84=0,0,0,0,0,0,0 +units=m", 32733, 500_000.0, 6_000_000.0),
         ("EPSG:32733", 32733, 510_000.0, 6_000_000.0),
         ("EPSG:4326", 4326, 7.1, 44.5),
     ],
@@ -95,8 +96,16 @@ def test_a_list_of_opendronemap(tmp_path: Path, first: str, code: int, east: flo
         ("EPSG:4326\n7.1 north 0 4 5 a.jpg\n", "line 2: could not convert"),
         ("name,x,y,lat,lon\n" + "a,1,2,44,7\n" * 1001, "1001 points, and 1000 are taken"),
         ("x" * (1 << 20) + "y", "more than 1 MB"),
+        ("name,x,y,lat,lon\n" + "a" * 140_000 + ",1,2,44,7\n", "line 2: field larger than"),
+        ("x" * 140_000 + ",x,y,lat,lon\na,1,2,44,7\n", "line 1: field larger than"),
+        ("EPSG:32632\n5000001234567 4e6 0 4 5 a.jpg\n", "line 2: an easting is to be a number from 0 to"),
+        ("EPSG:32632\n500000 1e8 0 4 5 a.jpg\n", "line 2: a northing is to be a number from"),
+        ("+proj=utm +zone=11 +datum=NAD27\n500000 4e6 0 4 5 a.jpg\n", "datum=NAD27 is not understood"),
+        ("+proj=longlat +ellps=bessel\n7 44 0 4 5 a.jpg\n", "ellps=bessel is not understood"),
+        ("+proj=utm +zone=11 +units=us-ft\n7 44 0 4 5 a.jpg\n", "units=us-ft is not understood"),
+        ("+proj=utm +zone=11 +towgs84=598,73,418\n7 44 0 4 5 a.jpg\n", "towgs84=598,73,418 is not understood"),
     ],
-    ids=range(14),
+    ids=range(22),
 )
 def test_what_is_no_list_of_points_is_told_with_its_line(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(UsageError, match=told):
