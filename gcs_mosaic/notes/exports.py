@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Sequence
 from typing import Any
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape as escaped
+from xml.sax.saxutils import quoteattr
 
 from gcs_mosaic.notes.told import PlacedFind, find_document, iso, shown
 
@@ -17,6 +19,9 @@ COLUMNS = (
     *("id", "kind", "label", "note", "who", "created", "changed", "changed_by", "island", "canvas_x", "canvas_y"),
     *("frame", "pixel_x", "pixel_y", "follows", "longitude", "latitude", "error_m"),
 )
+NO_XML = re.compile(
+    r"[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
+)  # one such letter spoils the whole file
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # a spreadsheet would compute what begins so
 
 
@@ -95,6 +100,11 @@ def _placemark(one: PlacedFind) -> str:
         f"<description>{escape(find.note)}</description>"
         f"<TimeStamp><when>{iso(find.created_utc)}</when></TimeStamp><ExtendedData>{extended}</ExtendedData>{point}</Placemark>"
     )
+
+
+def escape(text: str) -> str:
+    """As XML can hold it."""
+    return escaped(NO_XML.sub("\ufffd", text))
 
 
 def _harmless(text: str) -> str:

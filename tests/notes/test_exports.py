@@ -54,6 +54,14 @@ def test_a_spreadsheet_computes_nothing(one: PlacedFind) -> None:
     assert (row["canvas_x"], row["longitude"]) == ("1.5", "")
 
 
+@pytest.mark.parametrize("letter", ["\uffff", "\ufffe", "\x00", "\x1b", "\ud800"])
+def test_no_letter_of_a_note_spoils_the_file_for_all_others(one: PlacedFind, letter: str) -> None:
+    find = replace(one.find, label=f"a{letter}b \u20ac \U0001f6d1\n\tc", note=letter, kind=letter)
+    root = ElementTree.fromstring(as_kml([replace(one, find=find), one], "f").encode())
+    names = [mark.findtext(f"{KML}name") for mark in root.iter(f"{KML}Placemark")]
+    assert names == ["a\ufffdb \u20ac \U0001f6d1\n\tc", EVIL]
+
+
 def test_kml_is_well_formed_and_says_that_there_is_no_anchor(one: PlacedFind) -> None:
     root = ElementTree.fromstring(as_kml([one], "f<&"))
     mark = next(root.iter(f"{KML}Placemark"))
