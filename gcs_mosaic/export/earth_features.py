@@ -13,7 +13,8 @@ import numpy as np
 from gcs_mosaic.export.earth_map import EarthMap, left_out_words
 from gcs_mosaic.export.whole_file import whole_file
 from gcs_mosaic.geo.anchor import CanvasPlaces
-from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland
+from gcs_mosaic.geo.ellipsoid import Places
+from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland, going_on
 from gcs_mosaic.notes.anchoring import anchor_of
 from gcs_mosaic.notes.binding import GroundFollower
 from gcs_mosaic.notes.export_finds import finds_in
@@ -65,9 +66,10 @@ def _path(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
     """The camera's own places over the ground, in the order in which the frames were taken."""
     frames = sorted((one for one in found.view.table().frames if one.island == island.id), key=lambda one: one.order)
     if len(frames) >= 2:
-        places = island.anchor.places(np.array([[one.pose.x, one.pose.y] for one in frames]))
-        told = {"is": "path", "island": island.id, "frames": [shown(one.name) for one in frames]}
-        yield _feature("LineString", _degrees(places), told)
+        canvas = np.array([[one.pose.x, one.pose.y] for one in frames])
+        told = {"is": "path", "island": island.id, "error_m": max(_error(island, *place) for place in canvas.tolist())}
+        told |= {"frames": [shown(one.name) for one in frames]}
+        yield _feature("LineString", _degrees(island.anchor.places(canvas)), told)
 
 
 def _gaps(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
@@ -98,8 +100,9 @@ def _ring(island: EarthIsland, outline: CanvasPlaces) -> list[list[float]]:
     return ring if signed >= 0 else ring[::-1]
 
 
-def _degrees(places: CanvasPlaces) -> list[list[float]]:
-    return [[round(value, DIGITS) for value in place] for place in places.tolist()]
+def _degrees(places: Places) -> list[list[float]]:
+    """Across the 180th meridian longitudes go on: else a frame would reach once round the earth."""
+    return [[round(value, DIGITS) for value in place] for place in going_on(places).tolist()]
 
 
 def _error(island: EarthIsland, x: float, y: float) -> int:

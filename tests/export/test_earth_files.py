@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sqlite3
 import zipfile
 from collections.abc import Callable
@@ -26,6 +27,11 @@ from gcs_mosaic.geo.mercator import places_of_mercator
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from tests.factories import frame
 from tests.geotiles.ground import anchor
 from tests.notes.written_pins import write_pins
 from tests.sure import sure
@@ -328,6 +334,28 @@ def test_over_the_180th_meridian_a_tiff_lies_in_its_own_zone(across: AnchoredFli
     with opened(str(exported(across, tmp_path / "map.tif", "--format", "geotiff", "--crs", "utm"))) as dataset:
         assert dataset.crs.to_epsg() in (32701, 32760)
         assert worst_px(dataset, across) < 1.0
+
+
+def test_over_the_180th_meridian_a_frame_does_not_reach_round_the_earth(across: AnchoredFlight, tmp_path: Path) -> None:
+    told = json.loads(exported(across, tmp_path / "map.geojson", "--format", "geojson").read_text())
+    (ring,) = next(one for one in told["features"] if one["properties"]["is"] == "footprint")["geometry"]["coordinates"]
+    places = np.array(ring)
+    assert np.ptp(places[:, 0]) < 0.01
+    assert np.allclose(np.abs(across.truth.canvas(places)).max(axis=0), [650, 500], atol=1)
+    assert ((places[:-1, 0] * places[1:, 1]) - (places[1:, 0] * places[:-1, 1])).sum() > 0
+
+
+def test_all_that_is_told_of_a_place_tells_its_error(flight: AnchoredFlight, tmp_path: Path) -> None:
+    root = shutil.copytree(flight.root, tmp_path / "flight")
+    with Ledger(root / LEDGER_NAME) as ledger:
+        ledger.record_frame(frame("b.jpg"))
+        pose, camera = Pose(90.0, 60.0), Camera(1300, 1000)
+        ledger.record_painted(Painted(name="b.jpg", order=1, island=0, pose=pose, camera=camera, level=16))
+    target = tmp_path / "map.geojson"
+    assert main(["export", str(root), "--format", "geojson", "--to", str(target)]) == 0
+    told = [one["properties"] for one in json.loads(target.read_text())["features"]]
+    assert {one["is"] for one in told} >= {"footprint", "path"}
+    assert all(one["error_m"] >= 1 for one in told)
 
 
 def test_over_the_180th_meridian_a_kmz_is_one_picture(across: AnchoredFlight, tmp_path: Path) -> None:
