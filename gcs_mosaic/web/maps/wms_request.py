@@ -15,6 +15,7 @@ from gcs_mosaic.web.maps.pictures import MapLook, Suffix
 Version: TypeAlias = Literal["1.1.1", "1.3.0"]
 MOST_SIDE = 4096  # px
 FURTHEST = 1e9  # of a box, in metres or degrees
+LEAST_STEP = 1e-14  # of a pixel beside the box's own numbers: of less they have no digits left
 FORMATS: dict[str, Suffix] = {"image/png": "png", "image/jpeg": "jpg", "image/jpg": "jpg", "image/webp": "webp"}
 MERCATOR = ("EPSG:3857", "EPSG:900913", "EPSG:102100")  # today's name and two older ones
 DEGREES = ("EPSG:4326", "CRS:84")
@@ -93,7 +94,9 @@ def _grid(asked: Mapping[str, str], version: Version, width: int, height: int) -
         first = second = third = fourth = math.nan
     if version == "1.3.0" and name == "EPSG:4326":  # latitude comes first there, and only there
         first, second, third, fourth = second, first, fourth, third
-    if not (-FURTHEST <= first < third <= FURTHEST and -FURTHEST <= second < fourth <= FURTHEST):
+    is_box = -FURTHEST <= first < third <= FURTHEST and -FURTHEST <= second < fourth <= FURTHEST
+    least = LEAST_STEP * max(1.0, *map(abs, (first, second, third, fourth)))
+    if not is_box or min((third - first) / width, (fourth - second) / height) < least:
         told = "BBOX is to be four numbers, left, bottom, right, top, each side longer than nothing"
         axes = "; of EPSG:4326 latitudes come first in WMS 1.3.0" if version == "1.3.0" else ""
         raise WmsFault(version, None, f"{told}{axes}.")
