@@ -13,6 +13,7 @@ from typing import Any
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.export import chosen_island
+from gcs_mosaic.geo.mercator import MOST_LATITUDE_DEG
 from gcs_mosaic.geo.pins import PinnedMap, Refused
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland, canvas_islands, earth_islands
@@ -137,6 +138,16 @@ def _cut_out(found: EarthMap, box: Bounds) -> EarthMap:
         whole = ",".join(f"{value:.5f}" for value in found.bounds)
         raise UsageError(f"--box lies beside the map, which reaches from west, south to east, north: {whole}.")
     return cut
+
+
+def check_mercator(found: EarthMap) -> None:
+    """Raises UsageError where Web Mercator, and its tiles, do not reach."""
+    _, south, _, north = found.bounds
+    if max(abs(south), abs(north)) > MOST_LATITUDE_DEG:
+        raise UsageError(
+            f"The map reaches beyond {MOST_LATITUDE_DEG:.0f} degrees, where Web Mercator and its tiles end: "
+            "give --format kmz or geojson."
+        )
 
 
 def left_out_words(found: EarthMap) -> str:

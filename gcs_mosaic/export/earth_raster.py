@@ -19,7 +19,7 @@ import tifffile
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.cog_layout import as_cog
-from gcs_mosaic.export.earth_map import EarthMap, left_out_words
+from gcs_mosaic.export.earth_map import EarthMap, check_mercator, left_out_words
 from gcs_mosaic.export.earth_tiles import Progress
 from gcs_mosaic.export.export import MOST_PIXELS
 from gcs_mosaic.export.raster_file import BIG, GDAL_NODATA, UNASSOCIATED_ALPHA
@@ -99,6 +99,7 @@ def grid_of(found: EarthMap, crs: Crs, level: int | None = None) -> PictureGrid:
 
 
 def _mercator_grid(found: EarthMap, level: int) -> PictureGrid:
+    check_mercator(found)
     west, south, east, north = _within(found, found.pyramid.mercator_bounds, mercator)
     if east - west >= HALF_WORLD_M:
         raise UsageError("The map lies across the 180th meridian: export each island by --crs utm.")
@@ -118,7 +119,7 @@ def _utm_grid(found: EarthMap, level: int) -> PictureGrid:
     """Pixels as large as those of the level on the ground; corners at whole pixels."""
     longitude, latitude = found.middle
     if not LATITUDES_DEG[0] <= latitude <= LATITUDES_DEG[1]:
-        raise UsageError("UTM has no zones near the poles: leave --crs out.")
+        raise UsageError("UTM has no zones near the poles: leave --crs out, or give --format kmz.")
     zone = UtmZone(zone_of(longitude, latitude), is_north=latitude >= 0)
     outlines = np.concatenate([zone.points(one.outline) for one in found.pyramid.islands])
     low_x, low_y, high_x, high_y = _within(found, bounds_of(outlines), zone.points)

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import cv2
 import numpy as np
 
-from gcs_mosaic.export.earth_map import EarthMap
+from gcs_mosaic.export.earth_map import EarthMap, check_mercator
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE, mercator, resolution_m
 from gcs_mosaic.store.tiles import encode
 
@@ -44,6 +44,7 @@ class TilePlan:
 
 def planned_tiles(found: EarthMap, kind: TileFormat, finest: int | None = None) -> TilePlan:
     """All tiles from the coarsest level on; `finest`: the finest one, at most that of the map's own pixels. Raises UsageError."""
+    check_mercator(found)
     levels, last = found.pyramid.levels, found.finest_level(finest)
     assert levels is not None, "a map without an island is not exported"
     places = tuple(

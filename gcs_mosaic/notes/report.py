@@ -6,6 +6,7 @@ import base64
 import hashlib
 import html
 import logging
+import math
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
@@ -66,7 +67,9 @@ def _card(one: PlacedFind, crop: bytes | None) -> str:
         picture = f'<img alt="{name}" src="data:image/jpeg;base64,{base64.b64encode(crop).decode("ascii")}">'
     where = f"island {place.island}, canvas {place.x:.1f}, {place.y:.1f}"
     if one.geo is not None:
-        where = f"{one.geo.latitude_deg:.6f}, {one.geo.longitude_deg:.6f} (within {one.geo.error_m:.0f} m); {where}"
+        where = (
+            f"{one.geo.latitude_deg:.6f}, {one.geo.longitude_deg:.6f} (within {math.ceil(one.geo.error_m)} m); {where}"
+        )
     if find.binding.frame is not None and find.binding.pixel is not None:
         where += f"; {shown(find.binding.frame)} at {find.binding.pixel[0]:.0f}, {find.binding.pixel[1]:.0f}"
     when = f"{find.who}, {iso(find.created_utc)}"

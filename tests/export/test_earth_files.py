@@ -387,3 +387,17 @@ def test_of_islands_far_apart_a_kmz_shows_each(flight: AnchoredFlight, tmp_path:
     fine = [(west + east) / 2 for west, _, east, _ in overlays if east - west < 0.01]
     assert min(fine) == pytest.approx(-170.0, abs=0.01)
     assert max(fine) == pytest.approx(7.0, abs=0.01)
+
+
+@pytest.mark.parametrize("latitude", [85.5, -89.0])
+@pytest.mark.parametrize("format_name", ["geotiff", "mbtiles", "pmtiles", "xyz"])
+def test_near_the_poles_what_web_mercator_does_not_reach_is_told(
+    refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, latitude: float, format_name: str
+) -> None:
+    root = tmp_path_factory.mktemp("polar") / "small"
+    root.mkdir()
+    made = AnchoredFlight(root, anchor(latitude=latitude))
+    write_pins(root, [(x, y, *made.truth.places(np.array([x, y])).tolist()) for x, y in PINNED])
+    said = refused("--format", format_name, root=root)
+    assert "reaches beyond 85 degrees" in said
+    assert said.count("\n") == 1

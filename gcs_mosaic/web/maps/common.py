@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 
 from aiohttp import web
@@ -66,7 +67,7 @@ def about(now: MapNow) -> str:
     """What is shown, and how exactly, in a sentence or two."""
     if now.error_m is None:
         return NO_ANCHOR
-    told = f"The map of the flight {now.title}, ± {now.error_m:.0f} m (95 %) at its worst corner."
+    told = f"The map of the flight {now.title}, ± {math.ceil(now.error_m)} m (95 %) at its worst corner."
     if now.unanchored:
         names = ", ".join(map(str, now.unanchored))
         told += f" Not shown, without an anchor: island {names}."

@@ -135,7 +135,7 @@ def test_tilejson_tells_where_to_look(pinned: Writer, flight: AnchoredFlight) ->
     assert told["tiles"] == [f"http://{pinned.netloc}{BASE}/{{z}}/{{x}}/{{y}}.png"]
     assert told["bounds"] == pytest.approx(flight.laid.bounds, abs=1e-6)
     assert (told["minzoom"], told["maxzoom"]) == flight.laid.levels
-    assert "± 0 m (95 %)" in told["description"] or "± 1 m (95 %)" in told["description"]
+    assert "± 1 m (95 %)" in told["description"]
 
 
 def test_islands_are_shown_together_or_alone_and_those_without_an_anchor_are_named(
