@@ -38,6 +38,7 @@ class FrameFacts:
     features: int
     scale: float
     sharpness: float
+    faint: bool  # whether its picture is so faint that a fixed pattern may show more than the ground
 
     @property
     def kind(self) -> tuple[Size, int, str]:
@@ -100,10 +101,16 @@ def features(
         features=len(seen),
         scale=seen.scale,
         sharpness=seen.sharpness,
+        faint=seen.faint is not None,
     )
+    return {"summary": facts, **parts_of(seen), "thumbnail": found.thumbnail}
+
+
+def parts_of(seen: Features) -> dict[str, object]:
+    """Of an artefact: features with and without what is large, and the strongest descriptors."""
     places = replace(seen, kept_descriptors=seen.descriptors[:, :0], kept_faint=None)
-    parts = {"summary": facts, "places": places, "descriptors": seen.descriptors, "faint": seen.faint}
-    return parts | {"strongest": seen.descriptors[:PER_FRAME], "thumbnail": found.thumbnail}
+    parts = {"places": places, "descriptors": seen.descriptors, "faint": seen.faint}
+    return parts | {"strongest": seen.descriptors[:PER_FRAME]}
 
 
 def frame_at(file: SourceFile, digest: str) -> Frame:

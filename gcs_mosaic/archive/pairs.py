@@ -20,7 +20,6 @@ from gcs_mosaic.stitch.registration.registration import (
     Registration,
     RegistrationSettings,
     register,
-    uncontradicted,
 )
 
 FIRSTS = 4  # frames whose pairs make one task: some 64 pairs that share frames
@@ -110,9 +109,16 @@ def pair_group(
     """The registrations of some pairs; what the frames show besides is judged once more when they are placed."""
     found = {}
     for a, b in pairs:
-        one = register(whole_features(artefacts, *a), whole_features(artefacts, *b), uncontradicted(settings))
+        one = _likeliest(register(whole_features(artefacts, *a), whole_features(artefacts, *b), settings))
         found[a[0], b[0]] = one.reason if isinstance(one, NotRegistered) else _stored(one)
     return {"summary": [not isinstance(one, str) for one in found.values()], "found": found}
+
+
+def _likeliest(found: Registration | NotRegistered) -> Registration | NotRegistered:
+    """What the frames themselves bear out (text burnt into both may agree better); else what other frames may bear out yet."""
+    if isinstance(found, NotRegistered) and found.contradicted is not None:
+        return found.contradicted
+    return found
 
 
 def _stored(found: Registration) -> StoredRegistration:

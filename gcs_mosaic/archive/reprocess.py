@@ -15,6 +15,7 @@ from gcs_mosaic.archive.cluster import workers_at
 from gcs_mosaic.archive.engine import AGAIN, Engine
 from gcs_mosaic.archive.features import features_of
 from gcs_mosaic.archive.files import is_bucket
+from gcs_mosaic.archive.fixed_patterns import without_pattern
 from gcs_mosaic.archive.islands import assembled
 from gcs_mosaic.archive.kinds import kinds_of
 from gcs_mosaic.archive.light import lit
@@ -79,6 +80,7 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, request: Reque
     """All stages but packing."""
     arrivals = arrivals_of(engine, sources.files, config.frames.max_pixels)
     seen, aside = features_of(engine, arrivals.frames, config)
+    seen = without_pattern(engine, seen, config.stitch.features)
     kinds = kinds_of(engine, seen, config)
     pairs = pairs_of(engine, seen, kinds)
     known = registered(engine, seen, kinds, pairs, config.stitch.registration)

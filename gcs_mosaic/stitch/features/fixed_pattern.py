@@ -2,7 +2,8 @@
 
 A faint image may show more of it than of the ground, and it matches itself at zero motion. Its mean over many frames is
 subtracted before feature detection, and for nothing else. A frame is averaged only if it differs from the last one averaged:
-over a hovering aircraft the mean would be the ground.
+over a hovering aircraft the mean would be the ground. A flight has a running mean; an archive, of which all frames are known,
+makes its own of the same parts (`archive.fixed_patterns`).
 """
 
 from __future__ import annotations
@@ -57,24 +58,42 @@ class StillPattern(Kept):
         self._learn(kind, faint)
         if self._counts[kind] < LEAST_FRAMES:
             return features  # `moving` separates its matches from the pattern's
-        freed = _freed(faint, self._patterns[kind])
-        found = faint_features(freed, features, settings)
-        if _energy(freed) < (1 - MOST_PATTERN) * _energy(faint):
-            return found  # features of the unfiltered image may belong to the pattern
-        return joined(_ordinary(features), found)
+        return freed(features, self._patterns[kind], settings)
 
     def _learn(self, kind: Kind, faint: FaintImage) -> None:
         blurred = blurred_faint(faint)
         last = self._last.get(kind)
-        if last is not None and _correlation(blurred, last) > SAME_GROUND:
+        if last is not None and same_ground(blurred, last):
             return
-        bound = MOST_OF_A_PIXEL * PER_DEVIATION
-        clipped = np.clip(faint.astype(np.float32), -bound, bound)
+        levels = clipped(faint)
         count = self._counts.get(kind, 0)
-        pattern = self._patterns.get(kind, clipped)
-        self._patterns = self._patterns | {kind: pattern + (clipped - pattern) * np.float32(1 / min(count + 1, MEMORY))}
+        pattern = self._patterns.get(kind, levels)
+        self._patterns = self._patterns | {kind: pattern + (levels - pattern) * np.float32(1 / min(count + 1, MEMORY))}
         self._counts = self._counts | {kind: count + 1}
         self._last = self._last | {kind: blurred}
+
+
+def same_ground(a: FloatImage, b: FloatImage) -> bool:
+    """Whether two blurred faint pictures show the same ground, such as those of a hovering aircraft."""
+    return _correlation(a, b) > SAME_GROUND
+
+
+def clipped(faint: FaintImage) -> FloatImage:
+    """A faint picture as it is averaged; its values are whole numbers."""
+    bound = MOST_OF_A_PIXEL * PER_DEVIATION
+    return np.clip(faint.astype(np.float32), -bound, bound)
+
+
+def freed(features: Features, pattern: FloatImage, settings: FeatureSettings) -> Features:
+    """A frame's features, detected again without this fixed pattern; the same features if its picture is not faint."""
+    faint = features.faint
+    if faint is None:
+        return features
+    levels = _without(faint, pattern)
+    found = faint_features(levels, features, settings)
+    if _energy(levels) < (1 - MOST_PATTERN) * _energy(faint):
+        return found  # features of the unfiltered image may belong to the pattern
+    return joined(_ordinary(features), found)
 
 
 def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
@@ -83,13 +102,13 @@ def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
     faint_a, faint_b = a.faint, b.faint
     if faint_a is None or faint_b is None or faint_a.shape != faint_b.shape:
         return np.ones(len(matches), bool)
-    if _correlation(blurred_faint(faint_a), blurred_faint(faint_b)) > SAME_GROUND:
+    if same_ground(blurred_faint(faint_a), blurred_faint(faint_b)):
         return np.ones(len(matches), bool)
     apart = np.linalg.norm(a.points[matches[:, 0]] / a.scale - b.points[matches[:, 1]] / b.scale, axis=1)
     return np.asarray(apart > STILL_PX)
 
 
-def _freed(faint: FaintImage, pattern: FloatImage) -> FloatImage:
+def _without(faint: FaintImage, pattern: FloatImage) -> FloatImage:
     """A faint picture minus its projection onto the pattern, whose strength automatic gain changes from frame to frame."""
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))

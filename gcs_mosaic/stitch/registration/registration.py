@@ -5,7 +5,6 @@ MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). Evidence: `a_cont
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -80,12 +79,14 @@ class Registration:
 
 @dataclass(frozen=True, slots=True)
 class NotRegistered:
-    """Two frames not shown to overlap, and why; the pixels (m, 2) each that agreed nevertheless."""
+    """Two frames not shown to overlap, and why; the pixels (m, 2) each that agreed nevertheless. `contradicted`: the overlap with
+    most agreement, if nothing but what the frames show besides speaks against it."""
 
     reason: str
     inliers: int
     pixels_a: PointsNx2
     pixels_b: PointsNx2
+    contradicted: Registration | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +137,7 @@ def register(
     pair = _matched(a, b, part_a, part_b, settings.ratio)
     left = np.ones(len(pair.matches), bool)
     first_doubt: NotRegistered | None = None
+    contradicted: Registration | None = None
     for _ in range(HYPOTHESES):
         homography, inlier = robust_homography_among(pair, left, settings.threshold_px)
         if homography is None:
@@ -146,28 +148,25 @@ def register(
         if evidence >= settings.least_evidence:
             diagonal = float(np.linalg.norm(pair.size_b))
             displaced = displaced_by_height(_mapped(homography, pair.a), pair.b, inlier, diagonal)
-        doubt = _doubt(pair, homography, inlier, displaced, evidence, settings)
+        found = _in_full_resolution(pair, homography, inlier, displaced, independent, evidence, a.scale, b.scale)
+        impossible = _impossible(pair, homography, inlier, evidence, settings)
+        doubt = impossible or _contradicted(pair, homography, pair.a[inlier | displaced], settings)
         if not doubt:
-            return _in_full_resolution(pair, homography, inlier, displaced, independent, evidence, a.scale, b.scale)
-        first_doubt = first_doubt or NotRegistered(
-            doubt, independent, pair.a[inlier] * a.scale, pair.b[inlier] * b.scale
-        )
+            return found
+        first_doubt = first_doubt or NotRegistered(doubt, independent, found.pixels_a, found.pixels_b)
+        contradicted = contradicted or (None if impossible else found)
         if evidence < settings.least_evidence:
             break  # the best agreement is chance: the remaining matches will not do better
         left &= ~inlier
-    return first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
-
-
-def uncontradicted(settings: RegistrationSettings) -> RegistrationSettings:
-    """Settings with which two frames are registered whatever else they show: for `borne_out`, once it is known what of them was
-    matched before."""
-    return replace(settings, least_confirmed=0.0, least_odds_again=-math.inf)
+    doubted = first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
+    return replace(doubted, contradicted=contradicted)
 
 
 def borne_out(
     found: Registration, a: Features, b: Features, settings: RegistrationSettings, part_a: MatchPart, part_b: MatchPart
 ) -> Registration | NotRegistered:
-    """A registration made with `uncontradicted` settings, if the overlap bears it out; neither frame's descriptors are needed."""
+    """A registration made before it was known what of the frames was matched before, contradicted or not, if the overlap bears
+    it out; neither frame's descriptors are needed."""
     pair = _pair(a, b, part_a, part_b, NO_MATCHES)
     small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
     doubt = _contradicted(
@@ -231,8 +230,8 @@ def _evidence(
     return log_evidence(matches, independent, chance)
 
 
-def _doubt(
-    pair: _Pair, homography: Matrix3x3, inlier: Mask, displaced: Mask, evidence: float, settings: RegistrationSettings
+def _impossible(
+    pair: _Pair, homography: Matrix3x3, inlier: Mask, evidence: float, settings: RegistrationSettings
 ) -> str:
     """Reason why this homography cannot be two views of the same ground, or ""."""
     if evidence < settings.least_evidence:
@@ -243,7 +242,7 @@ def _doubt(
     zoom = np.sqrt(area)
     if zoom.max() > settings.largest_zoom or zoom.min() < 1 / settings.largest_zoom:
         return f"change of scale {zoom.min():.2f} to {zoom.max():.2f}"
-    return _contradicted(pair, homography, pair.a[inlier | displaced], settings)
+    return ""
 
 
 def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2, settings: RegistrationSettings) -> str:

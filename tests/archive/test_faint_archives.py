@@ -1,0 +1,120 @@
+"""An archive of faint pictures is freed of what stands still in them, as a flight is; any other is left as it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import faint_frames
+import numpy as np
+import pytest
+from faint_frames import motion
+
+from gcs_mosaic.archive import fixed_patterns
+from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.features import parts_of, whole_features
+from gcs_mosaic.archive.files import FolderFiles
+from gcs_mosaic.archive.fixed_patterns import BLOCK, freed_features, pattern_sum
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.features.fixed_pattern import LEAST_FRAMES, MEMORY
+from tests.archive.archives import flight_in, run, tiles_of
+
+SETTINGS = FeatureSettings()
+STEP = 60  # px between two frames
+
+Place = tuple[int, int]
+
+
+@pytest.fixture
+def artefacts(tmp_path: Path) -> Artefacts:
+    return Artefacts(FolderFiles(tmp_path / "artefacts"))
+
+
+def seen_from(places: Iterable[Place], contrast: float = 2.0) -> Iterator[faint_frames.Image]:
+    """What a camera with a strong pattern sees at these places of a faint ground."""
+    scene, pattern = faint_frames.scene(), faint_frames.fixed_pattern(3.0)
+    for number, (x, y) in enumerate(places):
+        yield faint_frames.frame(scene, x, y, number, contrast, pattern=pattern)
+
+
+def put(artefacts: Artefacts, places: Iterable[Place]) -> tuple[str, ...]:
+    """Keys of the features of what is seen from these places."""
+    keys = []
+    for number, image in enumerate(seen_from(places)):
+        keys.append(f"features/{number}")
+        artefacts.put(keys[-1], {"summary": None, **parts_of(extract(image, SETTINGS)), "thumbnail": image[:2, :2]})
+    return tuple(keys)
+
+
+def flown(count: int) -> list[Place]:
+    """Places along a straight line."""
+    return [(10 + STEP * k, 10 + STEP * k // 4) for k in range(count)]
+
+
+def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None:
+    keys = put(artefacts, flown(12))
+    blocks = "sums/0", "sums/1"
+    artefacts.put(blocks[0], pattern_sum(artefacts, keys[:7], None))
+    artefacts.put(blocks[1], pattern_sum(artefacts, keys[7:], keys[6]))
+    assert [artefacts.part(key, "summary") for key in blocks] == [7, 5]
+    for key in keys[5:7]:
+        artefacts.put(f"freed/{key}", freed_features(artefacts, key, blocks, SETTINGS))
+    a, b = (whole_features(artefacts, f"freed/{key}") for key in keys[5:7])
+    assert motion(a, b) == pytest.approx([-STEP, -STEP / 4], abs=1.5)
+    assert a.faint is None
+
+
+def test_a_hovering_aircraft_is_counted_once_in_however_many_blocks(artefacts: Artefacts) -> None:
+    """What it hovers over would be the mean, and nothing be left of it."""
+    keys = put(artefacts, [(300, 300)] * 12)
+    counts = [pattern_sum(artefacts, keys[:6], None)["summary"], pattern_sum(artefacts, keys[6:], keys[5])["summary"]]
+    assert counts == [1, 0]
+
+
+@pytest.mark.parametrize("hovering", [0, 10])
+def test_the_mean_is_of_the_frames_around(hovering: int) -> None:
+    counts = [BLOCK] * 8 + [0] * hovering + [BLOCK] * 8
+    blocks = [f"sums/{number}" for number in range(len(counts))]
+    for number, found in enumerate(fixed_patterns._around(blocks, counts)):
+        numbers = [blocks.index(key) for key in found]
+        assert MEMORY <= sum(counts[at] for at in numbers) < MEMORY + 2 * BLOCK
+        assert min(numbers) <= number <= max(numbers) + hovering
+        assert len(numbers) == sum(counts[at] > 0 for at in range(min(numbers), max(numbers) + 1))
+
+
+def test_of_too_few_frames_there_is_no_pattern() -> None:
+    assert fixed_patterns._around(["sums/0", "sums/1"], [LEAST_FRAMES - 1, 0]) == [(), ()]
+    assert fixed_patterns._around(["sums/0", "sums/1"], [LEAST_FRAMES - 1, 1]) == [("sums/0", "sums/1")] * 2
+
+
+def places_in(out: Path) -> dict[str, tuple[float, float]]:
+    """Where the middle of each placed frame lies."""
+    told = json.loads((out / "placements.json").read_text())
+    return {one["name"]: (one["x"], one["y"]) for one in told["frames"]}
+
+
+@pytest.mark.long
+def test_a_faint_archive_is_placed_as_it_was_flown_by_any_number_of_workers(tmp_path: Path) -> None:
+    places = flown(12) + [(x, y + 140) for x, y in reversed(flown(12))]
+    frames = folder_of(tmp_path / "frames", places)
+    maps = [tmp_path / "one", tmp_path / "two"]
+    heard = [run(frames, out=out, workers=number) for number, out in enumerate(maps, 1)]
+    assert tiles_of(maps[0]) == tiles_of(maps[1]) != {}
+    assert {cost.stage: cost.tasks for cost in heard[0].costs}["faint features"] == len(places)
+    print(json.dumps(json.loads((maps[0] / "placements.json").read_text()))[:3000])
+
+
+@pytest.mark.long
+def test_where_no_picture_is_faint_nothing_is_done(tmp_path: Path, world_cache: Path) -> None:
+    heard = run(flight_in(tmp_path / "frames", world_cache), out=tmp_path / "map")
+    assert not {cost.stage for cost in heard.costs} & {"fixed patterns", "faint features"}
+
+
+def folder_of(folder: Path, places: Sequence[Place]) -> Path:
+    """The pictures of a flight as files."""
+    folder.mkdir()
+    for number, image in enumerate(seen_from(places)):
+        assert cv2.imwrite(str(folder / f"IMG_{number:04}.PNG"), image)
+    return folder
