@@ -1,0 +1,224 @@
+"""An archive that invites false joins: strangers, repeated structures, and second visits a year later, of which the truth is known.
+
+Flights of 12 to 36 small frames over flat lands. By frames, a third each: realistic lands that have nothing in common; lands built
+of one make of halls, blocks, cars, rows or plants in different arrangement; and lands that are visited twice. The second visits
+come last: with the sun elsewhere, other gain, gamma and colour, a part of the ground grown over by another, another height and
+another heading. All of it follows from the number of frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import cycle
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.camera import Camera, Scene
+from sitl.geometry import CameraState, Lens, ground_from_pixels, pixels_from_ground
+from sitl.ground import objects
+from sitl.ground.noise import fractal
+from sitl.path import Plan, fly
+from sitl.world import World, make_world, pyramid
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+LENS = Lens(width=400, height=300)
+WORLD, GSD = 2560, 0.1  # pixels, and metres of one
+HEIGHT = 60.0  # metres; each picture shows 66 x 50 of them
+FLIGHT, REPEATED, REVISITED = 16, 36, 12  # frames of a flight
+APART_SEEDS = 100_000  # between the seed of a land and that of what grows over it
+SUNS = np.array([[0.62, 0.3], [0.1, -0.9], [-0.2, 0.75]])  # metres of shadow per metre of height; sitl's is (-0.62, -0.45)
+
+REALISTIC = ("country", "suburb", "canopy", "country")
+MADE_ALIKE = ("halls", "barracks", "quarter", "cars", "rows", "vines", "berries", "maize", "orchard")
+VISITED_TWICE = ("country", "suburb", "halls", "country", "quarter", "canopy")
+GROWN = (0.0, 0.25, 0.5)  # shares of the ground that another has taken a year later
+HEIGHTS = (1.0, 0.75, 1.4)  # of the second visit, relative to the first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Later:
+    """What is different a year later; `cast`: factors of blue, green and red."""
+
+    grown: float
+    height: float
+    heading: float
+    sun: int
+    gain: float
+    gamma: float
+    cast: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visit:
+    """A flight: `frames` from number `first` on, over the land of this number; `later` for a second visit."""
+
+    land: int
+    ground: str
+    first: int
+    frames: int
+    later: Later | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """Where a frame was taken, on which visit."""
+
+    visit: Visit
+    state: CameraState
+
+    @property
+    def land(self) -> int:
+        return self.visit.land
+
+
+def visits(frames: int) -> list[Visit]:
+    """The flights of an archive of so many frames, or a few more."""
+    flights = list(_flights(frames))
+    again = [one for one in flights if one.frames == REVISITED]
+    start = sum(one.frames for one in flights)
+    return flights + [
+        replace(one, first=start + REVISITED * k, later=_later(k, one.land)) for k, one in enumerate(again)
+    ]
+
+
+def _flights(frames: int) -> Iterator[Visit]:
+    """First visits of all lands: whichever third has the fewest frames so far is next."""
+    thirds = {
+        "apart": (cycle(REALISTIC), cycle([FLIGHT]), 1),
+        "alike": (cycle(MADE_ALIKE), cycle([FLIGHT, REPEATED]), 1),
+        "twice": (cycle(VISITED_TWICE), cycle([REVISITED]), 2),
+    }
+    have, land, first = dict.fromkeys(thirds, 0), 0, 0
+    while sum(have.values()) < frames:
+        third = min(have, key=lambda name: have[name])
+        grounds, counts, times = thirds[third]
+        visit = Visit(land=land, ground=next(grounds), first=first, frames=next(counts))
+        yield visit
+        have[third] += visit.frames * times
+        land, first = land + 1, first + visit.frames
+
+
+def _later(number: int, land: int) -> Later:
+    """What is different on the second visit with this number."""
+    rng = np.random.default_rng([land, 31])
+    return Later(
+        grown=GROWN[number % len(GROWN)],
+        height=HEIGHTS[number // len(GROWN) % len(HEIGHTS)],
+        heading=float(rng.uniform(0.3, 2 * np.pi - 0.3)),
+        sun=int(rng.integers(len(SUNS))),
+        gain=float(rng.uniform(0.75, 1.2)),
+        gamma=float(rng.uniform(0.8, 1.25)),
+        cast=tuple(rng.uniform(0.92, 1.08, 3).tolist()),
+    )
+
+
+def taken(flights: Sequence[Visit]) -> list[Taken]:
+    """All frames by number."""
+    return [Taken(visit, state) for visit in flights for state in states(visit)]
+
+
+def states(visit: Visit) -> list[CameraState]:
+    """How the frames of a visit are taken: a survey of a few lines, turned about the middle of the land on a second visit."""
+    later = visit.later
+    height = HEIGHT * (later.height if later else 1.0)
+    plan = Plan(frames=visit.frames, height=height, forward=0.6, side=0.45, seed=visit.first + 1)
+    flown = fly("survey", LENS, plan)
+    return [_turned(state, later.heading) for state in flown] if later else flown
+
+
+def _turned(state: CameraState, heading: float) -> CameraState:
+    c, s = np.cos(heading), np.sin(heading)
+    return replace(state, x=float(c * state.x - s * state.y), y=float(s * state.x + c * state.y), yaw=state.yaw + heading)
+
+
+def seen_by(b: CameraState, a: CameraState, pixels: Array) -> Array:
+    """Pixels (n, 2) of frame a -> pixels of frame b that show the same spots of one land."""
+    return np.asarray(pixels_from_ground(LENS, b, ground_from_pixels(LENS, a, pixels)), np.float64)
+
+
+def grid() -> Array:
+    """Pixels (n, 2) all over a frame."""
+    x, y = np.meshgrid(np.linspace(0, LENS.width - 1, 17), np.linspace(0, LENS.height - 1, 13))
+    return np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+@lru_cache(maxsize=4)
+def world_of(visit: Visit) -> World:
+    """The land as it is then."""
+    picture = _painted(visit.ground, visit.land + 1, visit.later)
+    later = visit.later
+    if later is not None:
+        other = _painted(visit.ground, visit.land + 1 + APART_SEEDS, later)
+        picture = in_light(grown_over(picture, other, later.grown, visit.land), later)
+    return World(pyramid(picture), np.zeros((1, 1), np.float32), GSD)
+
+
+def _painted(ground: str, seed: int, later: Later | None) -> Image:
+    with sun_at(later.sun if later else None):
+        return np.asarray(make_world.__wrapped__(seed, WORLD, GSD, None, ground).levels[0], np.uint8)
+
+
+@contextmanager
+def sun_at(number: int | None) -> Iterator[None]:
+    """Shadows and lit sides are painted for one of SUNS, not for sitl's own."""
+    before = objects.SUN.copy()
+    objects.SUN[:] = before if number is None else SUNS[number]
+    try:
+        yield
+    finally:
+        objects.SUN[:] = before
+
+
+def grown_over(own: Image, other: Image, share: float, seed: int) -> Image:
+    """A picture of which another has taken this share, in patches of some ten metres."""
+    if not share:
+        return own
+    patches = fractal(np.random.default_rng([seed, 32]), len(own), coarsest=256, finest=32)
+    taken_by_other = np.clip((patches - np.quantile(patches, 1 - share)) * 4 + 0.5, 0, 1)[..., None]
+    return np.asarray(own + taken_by_other * (other.astype(np.float32) - own), np.uint8)
+
+
+def in_light(picture: Image, later: Later) -> Image:
+    """A picture with another gain, gamma and colour."""
+    levels = np.arange(256)[:, None] / 255 * np.array(later.cast)
+    curves = np.clip(255 * later.gain * levels**later.gamma, 0, 255).astype(np.uint8)
+    return np.asarray(cv2.LUT(picture, curves[:, None, :]), np.uint8)
+
+
+def archive_in(folder: Path, flights: Sequence[Visit], processes: int = 2) -> Path:
+    """A folder with all frames, by number; rendered if it is not there yet."""
+    if folder.is_dir():
+        return folder
+    beside = folder.with_name(folder.name + "-unfinished")
+    beside.mkdir(parents=True, exist_ok=True)
+    with get_context("spawn").Pool(processes) as pool:
+        pool.starmap(render, [(visit, beside) for visit in flights], chunksize=1)
+    return beside.rename(folder)
+
+
+def render(visit: Visit, folder: Path) -> None:
+    """The frames of a visit, as JPEG."""
+    cv2.setNumThreads(1)
+    if (folder / name_of(visit.first + visit.frames - 1)).exists():
+        return
+    scene = Scene(world=world_of(visit), camera=Camera(lens=LENS), seed=visit.first + 1)
+    for k, state in enumerate(states(visit)):
+        (folder / name_of(visit.first + k)).write_bytes(scene.encoded(state, k))
+
+
+def name_of(number: int) -> str:
+    return f"frame-{number:06}.jpg"
+
+
+def number_of(name: str) -> int:
+    """The number of the frame with this name."""
+    return int(name[6:12])
