@@ -67,12 +67,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("frames", nargs="+", type=int)
     parser.add_argument("--folder", type=Path, default=Path.home() / ".cache" / "gcs-mosaic-look-alikes")
+    parser.add_argument("--barracks", action="store_true", help="also blocks that are known to be confused")
     parser.add_argument("--live", type=int, default=0, metavar="LANDS")
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
     for count in asked.frames:
-        flights = visits(count)
-        folder = archive_in(asked.folder / str(count), flights, asked.workers)
+        flights = visits(count, barracks=asked.barracks)
+        name = f"{count}-barracks" if asked.barracks else f"{count}"
+        folder = archive_in(asked.folder / name, flights, asked.workers)
         found = reprocessed(folder, taken(flights), asked.workers)
         for line in [*told(found), *told_returns(found.returns), *told_costs(found), *live(found, folder, asked.live)]:
             print(line, flush=True)

@@ -1,9 +1,9 @@
 """An archive that invites false joins: strangers, repeated structures, and second visits a year later, of which the truth is known.
 
-Flights of 12 to 36 small frames over flat lands. By frames, a third each: realistic lands that have nothing in common; lands built
-of one make of halls, blocks, cars, rows or plants in different arrangement; and lands that are visited twice. The second visits
-come last: with the sun elsewhere, other gain, gamma and colour, a part of the ground grown over by another, another height and
-another heading. All of it follows from the number of frames.
+Flights of 12 to 24 small frames over flat lands. Two fifths of the frames see realistic lands that have nothing in common, two
+fifths lands built of one make of halls, blocks, cars, rows or plants in different arrangement, a fifth lands that are visited twice.
+The second visits come last: with the sun elsewhere, other gain, gamma and colour, a part of the ground grown over by another,
+another height and another heading. All of it follows from the number of frames.
 """
 
 from __future__ import annotations
@@ -23,22 +23,26 @@ from numpy.typing import NDArray
 from sitl.camera import Camera, Scene
 from sitl.geometry import CameraState, Lens, ground_from_pixels, pixels_from_ground
 from sitl.ground import objects
+from sitl.ground.land import lay_out
 from sitl.ground.noise import fractal
+from sitl.ground.paint import paint
 from sitl.path import Plan, fly
-from sitl.world import World, make_world, pyramid
+from sitl.world import BARE, COUNTRY, RAISED, World, pyramid
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 LENS = Lens(width=400, height=300)
-WORLD, GSD = 2560, 0.1  # pixels, and metres of one
+GSD = 0.1  # metres per pixel of a land
+ONCE, TWICE = 2048, 2560  # pixels along a land that is visited so often
 HEIGHT = 60.0  # metres; each picture shows 66 x 50 of them
-FLIGHT, REPEATED, REVISITED = 16, 36, 12  # frames of a flight
+FLIGHT, REPEATED, REVISITED = 20, 24, 12  # frames of a flight
 APART_SEEDS = 100_000  # between the seed of a land and that of what grows over it
 SUNS = np.array([[0.62, 0.3], [0.1, -0.9], [-0.2, 0.75]])  # metres of shadow per metre of height; sitl's is (-0.62, -0.45)
 
 REALISTIC = ("country", "suburb", "canopy", "country")
-MADE_ALIKE = ("halls", "barracks", "quarter", "cars", "rows", "vines", "berries", "maize", "orchard")
+MADE_ALIKE = ("halls", "quarter", "cars", "rows", "vines", "berries", "maize", "orchard")
+BARRACKS = "barracks"  # which the program is known to confuse
 VISITED_TWICE = ("country", "suburb", "halls", "country", "quarter", "canopy")
 GROWN = (0.0, 0.25, 0.5)  # shares of the ground that another has taken a year later
 HEIGHTS = (1.0, 0.75, 1.4)  # of the second visit, relative to the first
@@ -54,7 +58,7 @@ class Later:
     sun: int
     gain: float
     gamma: float
-    cast: tuple[float, float, float]
+    cast: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +84,9 @@ class Taken:
         return self.visit.land
 
 
-def visits(frames: int) -> list[Visit]:
+def visits(frames: int, *, barracks: bool = False) -> list[Visit]:
     """The flights of an archive of so many frames, or a few more."""
-    flights = list(_flights(frames))
+    flights = list(_flights(frames, (*MADE_ALIKE, BARRACKS) if barracks else MADE_ALIKE))
     again = [one for one in flights if one.frames == REVISITED]
     start = sum(one.frames for one in flights)
     return flights + [
@@ -90,20 +94,20 @@ def visits(frames: int) -> list[Visit]:
     ]
 
 
-def _flights(frames: int) -> Iterator[Visit]:
-    """First visits of all lands: whichever third has the fewest frames so far is next."""
-    thirds = {
-        "apart": (cycle(REALISTIC), cycle([FLIGHT]), 1),
-        "alike": (cycle(MADE_ALIKE), cycle([FLIGHT, REPEATED]), 1),
-        "twice": (cycle(VISITED_TWICE), cycle([REVISITED]), 2),
+def _flights(frames: int, alike: Sequence[str]) -> Iterator[Visit]:
+    """First visits of all lands; next is always the kind that has the fewest frames of its share so far."""
+    kinds = {
+        "apart": (cycle(REALISTIC), cycle([FLIGHT]), 0.4),
+        "alike": (cycle(alike), cycle([FLIGHT, REPEATED]), 0.4),
+        "twice": (cycle(VISITED_TWICE), cycle([REVISITED]), 0.1),
     }
-    have, land, first = dict.fromkeys(thirds, 0), 0, 0
-    while sum(have.values()) < frames:
-        third = min(have, key=lambda name: have[name])
-        grounds, counts, times = thirds[third]
+    have, land, first = dict.fromkeys(kinds, 0.0), 0, 0
+    while first + have["twice"] * kinds["twice"][2] < frames:
+        kind = min(have, key=lambda name: have[name])
+        grounds, counts, share = kinds[kind]
         visit = Visit(land=land, ground=next(grounds), first=first, frames=next(counts))
         yield visit
-        have[third] += visit.frames * times
+        have[kind] += visit.frames / share
         land, first = land + 1, first + visit.frames
 
 
@@ -154,17 +158,21 @@ def grid() -> Array:
 @lru_cache(maxsize=4)
 def world_of(visit: Visit) -> World:
     """The land as it is then."""
-    picture = _painted(visit.ground, visit.land + 1, visit.later)
+    picture = _painted(visit, visit.land + 1)
     later = visit.later
     if later is not None:
-        other = _painted(visit.ground, visit.land + 1 + APART_SEEDS, later)
-        picture = in_light(grown_over(picture, other, later.grown, visit.land), later)
+        picture = in_light(_grown_over(picture, visit, later), later)
     return World(pyramid(picture), np.zeros((1, 1), np.float32), GSD)
 
 
-def _painted(ground: str, seed: int, later: Later | None) -> Image:
-    with sun_at(later.sun if later else None):
-        return np.asarray(make_world.__wrapped__(seed, WORLD, GSD, None, ground).levels[0], np.uint8)
+def _painted(visit: Visit, seed: int) -> Image:
+    size = TWICE if visit.frames == REVISITED else ONCE
+    with sun_at(visit.later.sun if visit.later else None):
+        if visit.ground in RAISED:
+            return RAISED[visit.ground](seed, size, GSD)[0]
+        if visit.ground == COUNTRY:
+            return paint(lay_out(seed, size * GSD), seed, size, GSD)
+        return BARE[visit.ground](seed, size, GSD)
 
 
 @contextmanager
@@ -178,13 +186,14 @@ def sun_at(number: int | None) -> Iterator[None]:
         objects.SUN[:] = before
 
 
-def grown_over(own: Image, other: Image, share: float, seed: int) -> Image:
-    """A picture of which another has taken this share, in patches of some ten metres."""
-    if not share:
+def _grown_over(own: Image, visit: Visit, later: Later) -> Image:
+    """A picture of which another has taken a share, in patches of some ten metres."""
+    if not later.grown:
         return own
-    patches = fractal(np.random.default_rng([seed, 32]), len(own), coarsest=256, finest=32)
-    taken_by_other = np.clip((patches - np.quantile(patches, 1 - share)) * 4 + 0.5, 0, 1)[..., None]
-    return np.asarray(own + taken_by_other * (other.astype(np.float32) - own), np.uint8)
+    other = _painted(visit, visit.land + APART_SEEDS)
+    patches = fractal(np.random.default_rng([visit.land, 32]), len(own), coarsest=256, finest=32)
+    gone = np.clip((patches - np.quantile(patches, 1 - later.grown)) * 4 + 0.5, 0, 1)[..., None]
+    return np.asarray(own + gone * (other.astype(np.float32) - own), np.uint8)
 
 
 def in_light(picture: Image, later: Later) -> Image:
