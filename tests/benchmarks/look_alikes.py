@@ -89,9 +89,7 @@ def visits(frames: int, *, barracks: bool = False) -> list[Visit]:
     flights = list(_flights(frames, (*MADE_ALIKE, BARRACKS) if barracks else MADE_ALIKE))
     again = [one for one in flights if one.frames == REVISITED]
     start = sum(one.frames for one in flights)
-    return flights + [
-        replace(one, first=start + REVISITED * k, later=_later(k, one.land)) for k, one in enumerate(again)
-    ]
+    return flights + [replace(one, first=start + REVISITED * k, later=_later(one.land)) for k, one in enumerate(again)]
 
 
 def _flights(frames: int, alike: Sequence[str]) -> Iterator[Visit]:
@@ -111,12 +109,12 @@ def _flights(frames: int, alike: Sequence[str]) -> Iterator[Visit]:
         land, first = land + 1, first + visit.frames
 
 
-def _later(number: int, land: int) -> Later:
-    """What is different on the second visit with this number."""
+def _later(land: int) -> Later:
+    """What is different on the second visit to a land."""
     rng = np.random.default_rng([land, 31])
     return Later(
-        grown=GROWN[number % len(GROWN)],
-        height=HEIGHTS[number // len(GROWN) % len(HEIGHTS)],
+        grown=float(rng.choice(GROWN)),
+        height=float(rng.choice(HEIGHTS)),
         heading=float(rng.uniform(0.3, 2 * np.pi - 0.3)),
         sun=int(rng.integers(len(SUNS))),
         gain=float(rng.uniform(0.75, 1.2)),
