@@ -33,6 +33,7 @@ from gcs_mosaic.archive.pairs import KnownPairs, StoredRegistration, registered
 from gcs_mosaic.archive.progress import Lines, StageCost
 from gcs_mosaic.archive.retrieval import pairs_of
 from gcs_mosaic.archive.sources import sources_of
+from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.features.extraction import extract
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -96,7 +97,7 @@ def reprocessed(folder: Path, truth: list[Taken], workers: int) -> Outcome:
         kinds = kinds_of(engine, seen, settings)
         pairs = pairs_of(engine, seen, kinds)
         known = registered(engine, seen, kinds, pairs, settings.stitch.registration)
-        chunks = adjusted_islands(engine, assembled(engine, seen, kinds, known, settings.stitch))
+        chunks = adjusted_islands(engine, assembled(engine, seen, kinds, known, settings.stitch, STRETCH))
         placements = [one for chunk in chunks for one in engine.part(chunk.key, f"placements {chunk.part}")]
         numbers = [number_of(one.frame.name) for one in seen]
         compared = [(numbers[a], numbers[b]) for a, b in pairs]
