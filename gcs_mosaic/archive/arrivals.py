@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
@@ -11,6 +12,7 @@ from gcs_mosaic.archive.grouped import grouped
 from gcs_mosaic.archive.sources import SourceFile
 from gcs_mosaic.archive.tasks import Parts, Passing, StageTask, Unmade, task
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import content_hash
 
 TOGETHER = 32  # files read by one task
@@ -36,19 +38,27 @@ class ArchiveFiles:
     files: tuple[tuple[SourceFile, str, str], ...]
 
 
-def arrivals_of(engine: Engine, files: Sequence[SourceFile], max_pixels: int) -> ArchiveFiles:
+def arrivals_of(engine: Engine, files: Sequence[SourceFile], settings: FolderSettings) -> ArchiveFiles:
     """What came."""
 
     def of(some: tuple[SourceFile, ...]) -> StageTask:
-        return task(arrivals, some, max_pixels)
+        return task(arrivals, some, settings.max_pixels)
 
-    found = grouped(engine, "arrivals", files, of, TOGETHER)
+    fit = [file for file in files if file.size <= settings.max_file_bytes]
+    found = dict(zip(fit, grouped(engine, "arrivals", fit, of, TOGETHER), strict=True))
     frames: dict[str, ArchiveFrame] = {}
-    told = [("", one.reason, (0, 0)) if isinstance(one, Unmade) else one for one in found]
+    told = [_told(found.get(file), file, settings) for file in files]
     for file, (digest, _, size) in zip(files, told, strict=True):
         if digest and digest not in frames:
             frames[digest] = ArchiveFrame(len(frames), file.name, digest, file, size)
     return ArchiveFiles(tuple(frames.values()), tuple((file, *one[:2]) for file, one in zip(files, told, strict=True)))
+
+
+def _told(found: Any, file: SourceFile, settings: FolderSettings) -> tuple[str, str, tuple[int, int]]:
+    if found is None:  # not read at all
+        return "", f"{file.size} bytes, more than the limit of {settings.max_file_bytes}", (0, 0)
+    told: tuple[str, str, tuple[int, int]] = ("", found.reason, (0, 0)) if isinstance(found, Unmade) else found
+    return told
 
 
 def arrivals(artefacts: Artefacts, files: tuple[SourceFile, ...], max_pixels: int) -> Parts:

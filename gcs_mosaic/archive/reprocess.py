@@ -76,7 +76,7 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
 
 def reprocessed(engine: Engine, sources: Sources, config: Config, side: int) -> Reprocessed:
     """All stages but packing."""
-    arrivals = arrivals_of(engine, sources.files, config.frames.max_pixels)
+    arrivals = arrivals_of(engine, sources.files, config.frames)
     seen, aside = features_of(engine, arrivals.frames, config)
     kinds = kinds_of(engine, seen, config)
     pairs = pairs_of(engine, seen, kinds)
