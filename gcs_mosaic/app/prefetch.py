@@ -52,10 +52,11 @@ class DecodedFrame:
 
 @dataclass(frozen=True, slots=True)
 class UndecodableFrame:
-    """A frame whose image cannot be read, and why."""
+    """A frame whose image cannot be read, and why; `passing` as in `Unreadable`."""
 
     frame: Frame
     reason: str
+    passing: bool = False
 
 
 def prepare(
@@ -74,26 +75,32 @@ def prepare(
     the frame's pose is as at full size, however coarsely it is painted.
     """
     try:
-        return _prepared(frame, find, reduction, least_pixels, known, load)
+        return prepare_or_raise(frame, find, reduction, least_pixels, known, load)
     except Exception as error:  # an image that OpenCV or the memory cannot handle must not end a flight
         logger.exception("%s could not be prepared", frame.name)
         return UndecodableFrame(frame, f"could not be decoded ({error!r})")
 
 
-def _prepared(
-    frame: Frame, find: FindFeatures, reduction: int, least_pixels: float, known: Features | None, load: LoadFrame
+def prepare_or_raise(
+    frame: Frame,
+    find: FindFeatures,
+    reduction: int,
+    least_pixels: float,
+    known: Features | None = None,
+    load: LoadFrame = load_frame,
 ) -> DecodedFrame | UndecodableFrame:
+    """As `prepare`, but raises whatever a library raises, MemoryError too."""
     start = time.perf_counter()
     with stage("decode", frame.name):
         image = load(frame, reduction=reduction)
     if isinstance(image, Unreadable):
-        return UndecodableFrame(frame, image.reason)
+        return UndecodableFrame(frame, image.reason, image.passing)
     if known is not None:
         return DecodedFrame(frame, image, known, thumbnail(image), {"decode": time.perf_counter() - start})
     finer = finer_reduction(image.shape[0] * image.shape[1], reduction, least_pixels)
     looked_at = image if finer == reduction else load(frame, reduction=finer)
     if isinstance(looked_at, Unreadable):
-        return UndecodableFrame(frame, looked_at.reason)
+        return UndecodableFrame(frame, looked_at.reason, looked_at.passing)
     decoded = time.perf_counter()
     with stage("features", frame.name):
         features = find(looked_at, reduction=finer)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from gcs_mosaic.store.checkpoint import decoded, encoded
@@ -34,6 +35,16 @@ class Lost(Exception):  # noqa: N818 - names a state
         self.key = key
 
 
+@dataclass(frozen=True, slots=True)
+class ListedFile:
+    """A file as a listing has it; `tag` changes with its content where a store has such."""
+
+    name: str
+    size: int
+    modified_ns: int
+    tag: str = ""
+
+
 class Files(Protocol):
     """Where artefacts lie: bytes by name. Raises CannotWrite if it cannot be reached or written."""
 
@@ -46,7 +57,7 @@ class Files(Protocol):
     def size(self, name: str) -> int | None:
         """Bytes of a file; None if there is none."""
 
-    def names(self, under: str) -> list[str]:
+    def listed(self, under: str) -> Iterator[ListedFile]:
         """All files in a folder and below, with the folder's name, in any order."""
 
     def remove(self, name: str) -> None:

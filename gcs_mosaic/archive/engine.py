@@ -21,7 +21,7 @@ from distributed.scheduler import KilledWorker
 
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.progress import Progress, StageCost
-from gcs_mosaic.archive.tasks import Batch, Made, StageTask, Unmade, artefacts_at, run_batch
+from gcs_mosaic.archive.tasks import Batch, Made, StageTask, Unmade, artefacts_at, listed, run_batch
 from gcs_mosaic.archive.versions import OtherVersions, versions
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.store.disk import CannotWrite
@@ -46,6 +46,7 @@ class Engine:
         self._store = store
         self._progress = progress
         self._makers: dict[str, StageTask] = {}
+        self._lists: dict[str, Sequence[Any]] = {}
         self._losses: dict[str, int] = {}
 
     @property
@@ -125,8 +126,8 @@ class Engine:
                 {self._submitted(Batch(self._store, some, versions(), anew)): some for some in islice(coming, count)}
             )
 
-        submitted(AHEAD * max(1, self._workers()))
         try:
+            submitted(AHEAD * max(1, self._workers()))
             while of:
                 for future in self._done(list(of)):
                     tasks = of.pop(future)
@@ -183,16 +184,25 @@ class Engine:
     def _make_again(self, key: str) -> None:
         """Make an artefact that an earlier stage made, and what that one misses in turn."""
         self._losses[key] = self._losses.get(key, 0) + 1
-        if key not in self._makers or self._losses[key] > MOST_LOSSES:
+        if key not in self._makers.keys() | self._lists.keys() or self._losses[key] > MOST_LOSSES:
             raise FlightFailed(
                 f"the store {self._store} has lost {key}: see that it keeps what it is given, and give the command again"
             )
         logger.warning("the store has lost %s: it is made again", key)
+        if key in self._lists:
+            listed(self.artefacts, self._lists[key])
+            return
         one = self._makers[key]
         for tasks, outcomes in self._each([(one,)], anew=True):
             for _, outcome in self._settled(tasks, outcomes or [Unmade("it has killed its worker")]):
                 if isinstance(outcome, Unmade):
                     raise FlightFailed(f"{key} was lost and cannot be made again: {outcome.reason}")
+
+    def listed(self, values: Sequence[Any]) -> str:
+        """As `tasks.listed`, and put there again if it is lost."""
+        key = listed(self.artefacts, values)
+        self._lists[key] = values
+        return key
 
     def part(self, key: str, name: str) -> Any:
         """A part of an artefact, made again if it is lost. For the client itself."""

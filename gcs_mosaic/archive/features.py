@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from pathlib import Path
 
 import numpy as np
 
-from gcs_mosaic.app.prefetch import UndecodableFrame, prepare
-from gcs_mosaic.archive.arrivals import ArchiveFrame
+from gcs_mosaic.app.prefetch import UndecodableFrame, prepare_or_raise
+from gcs_mosaic.archive.arrivals import ArchiveFrame, bytes_of_file
 from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.decoding import limited
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.sources import SourceFile
-from gcs_mosaic.archive.tasks import Parts, Unmade, task
+from gcs_mosaic.archive.tasks import Parts, Passing, Unmade, task
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, load_frame
-from gcs_mosaic.messages import Frame
+from gcs_mosaic.frames.decoding.limits import DecodeSettings, refusal
+from gcs_mosaic.frames.structure import Whole
+from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.arrays import Bands, Descriptors
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, without_border
@@ -70,11 +74,14 @@ def features_of(
 ) -> tuple[list[SeenFrame], list[SetAside]]:
     """The frames with features, and those that take no part, each in order."""
     settings = config.stitch.features, config.reduction, config.frames.max_pixels
-    tasks = [task(features, frame.content_hash, *settings, hints=(frame.file,)) for frame in frames]
-    seen, aside = list[SeenFrame](), list[SetAside]()
+    aside = _too_large(frames, config.decode)
+    refused = {one.frame.content_hash for one in aside}
+    frames = [frame for frame in frames if frame.content_hash not in refused]
+    tasks = [task(features, frame.content_hash, *settings, hints=(frame.file, config.decode)) for frame in frames]
+    seen = list[SeenFrame]()
     for frame, one, outcome in zip(frames, tasks, engine.run("features", tasks, TOGETHER), strict=True):
         if isinstance(outcome, Unmade):
-            aside.append(SetAside(frame, outcome.reason, damaged=False))
+            aside.append(SetAside(frame, outcome.reason, outcome.damaged))
         elif isinstance(outcome.summary, str):
             aside.append(SetAside(frame, outcome.summary, damaged=True))
         else:
@@ -82,15 +89,34 @@ def features_of(
     return seen, aside
 
 
+def _too_large(frames: Sequence[ArchiveFrame], settings: DecodeSettings) -> list[SetAside]:
+    """Those refused by their headers, as in a flight: several times as large as the largest before."""
+    aside, largest = list[SetAside](), 0
+    for frame in frames:
+        reason = refusal(Whole(*frame.size), largest, None, settings)
+        if reason is not None:
+            aside.append(SetAside(frame, reason, damaged=True))
+        else:
+            largest = max(largest, frame.size[0] * frame.size[1])
+    return aside
+
+
 def features(
-    artefacts: Artefacts, digest: str, settings: FeatureSettings, reduction: int, max_pixels: int, file: SourceFile
+    artefacts: Artefacts,
+    digest: str,
+    settings: FeatureSettings,
+    reduction: int,
+    max_pixels: int,
+    file: SourceFile,
+    limits: DecodeSettings,
 ) -> Parts:
-    """A frame's facts, its features with and without descriptors, the strongest of those, and its thumbnail."""
-    load = partial(load_frame, max_pixels=max_pixels)
-    found = prepare(
-        frame_at(file, digest), partial(extract, settings=settings), reduction, settings.megapixels * 1e6, load=load
-    )
+    """A frame's facts, its features with and without descriptors, the strongest of those, and its thumbnail; or why it cannot be
+    decoded. Raises Passing."""
+    find, load = partial(extract, settings=settings), limited(limits, max_pixels)
+    found = prepare_or_raise(frame_at(file, digest), find, reduction, settings.megapixels * 1e6, load=load)
     if isinstance(found, UndecodableFrame):
+        if found.passing:
+            raise Passing(found.reason, damaged=True)
         return {"summary": found.reason}
     seen, image = found.features, found.image
     facts = FrameFacts(
@@ -114,10 +140,15 @@ def parts_of(seen: Features) -> dict[str, object]:
 
 
 def frame_at(file: SourceFile, digest: str) -> Frame:
-    """The frame that a file held when it was looked at first."""
-    from pathlib import Path
+    """The frame that a file held when it was looked at first, with its bytes. Raises Passing if it is another one by now."""
+    data = bytes_of_file(file)
+    if content_hash(data) != digest:
+        raise Passing(f"{file.name} has changed since it was read first")
+    return frame_of_file(file, digest, data)
 
-    data = file.read() if file.bucket else None
+
+def frame_of_file(file: SourceFile, digest: str, data: bytes | None = None) -> Frame:
+    """The frame of a file whose content is known to be this; `data`: it, if at hand."""
     return Frame(
         name=file.name,
         path=Path(file.path),
@@ -130,9 +161,13 @@ def frame_at(file: SourceFile, digest: str) -> Frame:
 
 
 def image_of(file: SourceFile, digest: str, reduction: int, max_pixels: int) -> Bands | None:
-    """A frame's pixels as painted; None if it cannot be decoded any more."""
+    """A frame's pixels as painted; None if it cannot be decoded. Raises Passing."""
     image = load_frame(frame_at(file, digest), max_pixels, reduction)
-    return None if isinstance(image, Unreadable) else image
+    if not isinstance(image, Unreadable):
+        return image
+    if image.passing:
+        raise Passing(f"{file.name}: {image.reason}")
+    return None
 
 
 @lru_cache(KEPT)

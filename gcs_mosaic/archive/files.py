@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
+from uuid import uuid4
 
-from gcs_mosaic.archive.artefacts import Files
+from gcs_mosaic.archive.artefacts import Files, ListedFile
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
+from gcs_mosaic.store.disk import CannotWrite, make_folder, telling_disk_full
 
 BUCKETS = ("s3", "gs", "gcs", "az", "azure", "abfs", "abfss")
 # How long a bucket is tried, in all and for a connection; obstore's own limit is three minutes.
 PATIENCE = {"max_retries": 3, "retry_timeout": timedelta(seconds=20)}
 CONNECTING = {"connect_timeout": timedelta(seconds=5), "timeout": timedelta(seconds=60)}
+UNFINISHED = "unfinished"  # folder of files that are being written
 BUCKETS_NEED = "buckets need the package obstore: pip install 'gcs-mosaic[cluster]', or name a folder"
 
 
@@ -34,22 +36,27 @@ def files_at(place: str) -> Files:
 
 
 class FolderFiles:
-    """Files below a folder."""
+    """Files below a folder, which is there. Files are begun in `UNFINISHED` of it: what a killed worker leaves can be found."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
 
     def write(self, name: str, data: bytes) -> None:
         path = self._root / name
-        # Two workers may make the same at once: the name tells them apart.
-        beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        begun = self._root / UNFINISHED / uuid4().hex  # two workers, of one machine or two, may make the same at once
         try:
+            make_folder(begun.parent, self._root)
+            make_folder(path.parent, self._root)
             with telling_disk_full(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                beside.write_bytes(data)
-                beside.replace(path)
+                begun.write_bytes(data)
+                begun.replace(path)
         except OSError as error:
+            if not self._root.is_dir():
+                raise CannotWrite(f"{self._root} is not there: all workers need the same folder") from error
             raise CannotWrite(f"{path} cannot be written ({error.strerror}): choose another --out") from error
+        finally:
+            with suppress(OSError):
+                begun.unlink(missing_ok=True)
 
     def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
         try:
@@ -65,9 +72,11 @@ class FolderFiles:
         path = self._root / name
         return path.stat().st_size if path.is_file() else None
 
-    def names(self, under: str) -> list[str]:
-        found = (self._root / under).rglob("*")
-        return [path.relative_to(self._root).as_posix() for path in found if path.is_file() and path.name[0] != "."]
+    def listed(self, under: str) -> Iterator[ListedFile]:
+        for path in (self._root / under).rglob("*"):
+            if path.is_file() and path.parent != self._root / UNFINISHED:
+                found = path.stat()
+                yield ListedFile(path.relative_to(self._root).as_posix(), found.st_size, found.st_mtime_ns)
 
     def remove(self, name: str) -> None:
         (self._root / name).unlink(missing_ok=True)
@@ -107,13 +116,13 @@ class BucketFiles:
         except FileNotFoundError:
             return None
 
-    def names(self, under: str) -> list[str]:
+    def listed(self, under: str) -> Iterator[ListedFile]:
         with self._told():
-            found = self._obstore.list(self._store, prefix=under or None)
-            return [meta["path"] for some in found for meta in some]
+            for some in self._obstore.list(self._store, prefix=under or None):
+                yield from map(_listed, some)
 
     def remove(self, name: str) -> None:
-        with self._told():
+        with suppress(FileNotFoundError), self._told():  # S3 does not tell, Google's and Azure's do
             self._obstore.delete(self._store, name)
 
     @contextmanager
@@ -149,7 +158,7 @@ SIGNS = (
     ),
     (
         ("AccessDenied", "PermissionDenied", "Forbidden", "InvalidAccessKeyId", "SignatureDoesNotMatch", "403"),
-        "these credentials may not write there; ask for the right to, or name another bucket",
+        "these credentials may not read or write there; ask for the right to, or name another bucket",
     ),
 )
 
@@ -158,6 +167,11 @@ def _reason(told: str) -> str:
     """What an error of a bucket means, as the end of a sentence."""
     meant = next((meaning for signs, meaning in SIGNS if any(sign in told for sign in signs)), None)
     return meant or f"it cannot be reached ({' '.join(told.partition('Debug source')[0].split())[:200]})"
+
+
+def _listed(meta: Any) -> ListedFile:
+    modified_ns = int(meta["last_modified"].timestamp()) * 10**9
+    return ListedFile(meta["path"], meta["size"], modified_ns, meta.get("e_tag") or "")
 
 
 def _options() -> dict[str, Any]:

@@ -13,7 +13,7 @@ from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame
 from gcs_mosaic.archive.kinds import FrameKind
-from gcs_mosaic.archive.tasks import Parts, listed, task
+from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
 from gcs_mosaic.render.brightness import size_of
 from gcs_mosaic.render.exposure import ExposureSettings, is_false_colour
@@ -63,11 +63,11 @@ def lit(
         for key, names in chunks
         for place, name in enumerate(names)
     ]
-    book = listed(engine.artefacts, booked)
+    book = engine.listed(booked)
     starts = tuple(int(at) for at in np.cumsum([0, *(len(names) for _, names in chunks)]))
     overlaps = [task(overlaps_of, book, first, stop) for first, stop in pairwise(starts)]
     engine.made("overlaps", overlaps)
-    keys = listed(engine.artefacts, [one.key for one in overlaps])
+    keys = engine.listed([one.key for one in overlaps])
     one = task(looks, keys, settings.exposure, settings.vignetting)
     engine.made("gains", [one])
     return Lit(book, one.key, starts, tuple(booked))

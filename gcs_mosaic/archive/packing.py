@@ -5,25 +5,28 @@ It is made beside and moved into place with mosaic.json last, so nobody takes ha
 
 from __future__ import annotations
 
-import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from gcs_mosaic.archive.arrivals import ArchiveFiles
 from gcs_mosaic.archive.engine import Engine
-from gcs_mosaic.archive.features import SeenFrame, SetAside, frame_at
+from gcs_mosaic.archive.features import SeenFrame, SetAside, frame_at, frame_of_file
 from gcs_mosaic.archive.files import files_at
 from gcs_mosaic.archive.islands import Assembled
 from gcs_mosaic.archive.light import Lit, painted_frame, placements_of
 from gcs_mosaic.archive.painting import ArchiveMap
-from gcs_mosaic.archive.super_tiles import SuperTileLayout
+from gcs_mosaic.archive.sources import SourceFile
+from gcs_mosaic.archive.super_tiles import SuperTile, SuperTileLayout
+from gcs_mosaic.archive.target import PACKING
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.messages import DamagedFile
+from gcs_mosaic.errors import FlightFailed
+from gcs_mosaic.messages import DamagedFile, Frame
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
@@ -35,7 +38,12 @@ from gcs_mosaic.store.originals import OriginalsSettings
 from gcs_mosaic.store.records import FlightRecord, FrameState, IslandRecord
 from gcs_mosaic.store.tiles import mask_path, tile_path
 
-FIRST, LAST = ("mosaic.json", LEDGER_NAME), (LEDGER_NAME, "mosaic.json")  # removed, and put into place
+LAST = (LEDGER_NAME, "mosaic.json")  # put into place
+# What a map made of other frames may leave; the first go first. What people have added stays, and what was heard and logged.
+REPLACED = (
+    *("mosaic.json", LEDGER_NAME, f"{LEDGER_NAME}-wal", f"{LEDGER_NAME}-shm", "placements.json", "placements.jsonl"),
+    *("status.json", "checkpoint", "checkpoint.values", "tiles", "masks", "frames"),
+)
 NO_LIMIT_GB = 1e6
 UPLOADS = 8  # at once
 
@@ -63,7 +71,7 @@ def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder
             if reason:
                 store.accept_damaged(DamagedFile(name=file.name, reason=reason))
             else:
-                store.accept(frame_at(file, digest))
+                store.accept(_frame_of(file, digest))
         _note_outcomes(store, found)
         _note_places(store, engine, found)
         islands = [IslandRecord(id=number, merged_into=into) for number, into in enumerate(found.assembled.islands)]
@@ -72,6 +80,15 @@ def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder
             counts[island] = counts.get(island, 0) + 1
         store.in_a_pause = True
         store.save(_Extents(found.map.layout), islands, counts)
+
+
+def _frame_of(file: SourceFile, digest: str) -> Frame:
+    """As `frame_at`, without reading a file on this disk that is as it was listed. Raises Passing."""
+    with suppress(OSError):
+        now = None if file.bucket else Path(file.path).stat()
+        if now is not None and (now.st_size, now.st_mtime_ns) == (file.size, file.modified_ns):
+            return frame_of_file(file, digest)
+    return frame_at(file, digest)
 
 
 def _note_outcomes(store: FlightStore, found: Reprocessed) -> None:
@@ -116,46 +133,54 @@ class _Extents:
 def _write_tiles(engine: Engine, painted: ArchiveMap, folder: Path) -> None:
     for one, key in painted.keys.items():
         for x, y, colour, mask in engine.part(key, "tiles"):
-            tile = Tile(one.level, x, y)
-            for path, data in (
-                (mask_path(folder, one.island, tile), mask),
-                (tile_path(folder, one.island, tile), colour),
-            ):
+            island, tile = _place_of(one, painted.side, key, x, y)
+            for path, data in ((mask_path(folder, island, tile), mask), (tile_path(folder, island, tile), colour)):
                 if data is not None:
                     path.parent.mkdir(parents=True, exist_ok=True)
                     write_beside(path, data)
 
 
+def _place_of(one: SuperTile, side: int, key: str, x: Any, y: Any) -> tuple[int, Tile]:
+    """Island and tile that an artefact names, which others may have written: they become names of files."""
+    try:
+        island, tile = int(one.island), Tile(int(one.level), int(x), int(y))
+        if tile in set(one.tiles(side)):
+            return island, tile
+    except (TypeError, ValueError):
+        pass
+    raise FlightFailed(f"the artefact {key} names tiles that are not its own: remove it, and give the command again")
+
+
 @contextmanager
 def beside(target: Path) -> Iterator[Path]:
     """An empty folder on the target's disk, gone in the end."""
-    with tempfile.TemporaryDirectory(prefix="packing-", dir=target, ignore_cleanup_errors=True) as folder:
-        yield Path(folder)
+    with tempfile.TemporaryDirectory(prefix=PACKING, dir=target, ignore_cleanup_errors=True) as folder:
+        made = Path(folder) / "made"
+        made.mkdir()
+        yield made
 
 
 def move_into_place(made: Path, target: Path) -> None:
     """Put a whole flight where an older one of the same archive may be. A kill in between leaves none there."""
-    for name in FIRST:
-        (target / name).unlink(missing_ok=True)
+    older = made.parent / "older"
+    older.mkdir()
+    for name in REPLACED:
+        with suppress(FileNotFoundError):
+            (target / name).replace(older / name)
     others = [path for path in made.iterdir() if path.name not in LAST]
     for path in [*others, *(made / name for name in LAST)]:
-        place = target / path.name
-        if place.is_dir():
-            shutil.rmtree(place)
-        path.replace(place)
+        path.replace(target / path.name)
 
 
 def upload(made: Path, target: str) -> None:
     """Put a whole flight into a bucket, mosaic.json last. Raises CannotWrite."""
     files = files_at(target)
-    for name in FIRST:
+    names = {path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file()}
+    older = {one.name for name in REPLACED for one in files.listed(name)}
+    for name in REPLACED:
         files.remove(name)
-    paths = [
-        path
-        for path in made.rglob("*")
-        if path.is_file() and path.parent / path.name not in {made / one for one in LAST}
-    ]
     with ThreadPoolExecutor(UPLOADS) as pool:
-        list(pool.map(lambda path: files.write(path.relative_to(made).as_posix(), path.read_bytes()), paths))
+        list(pool.map(files.remove, older - names))
+        list(pool.map(lambda name: files.write(name, (made / name).read_bytes()), names.difference(LAST)))
     for name in LAST:
         files.write(name, (made / name).read_bytes())

@@ -22,7 +22,7 @@ from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import image_of
 from gcs_mosaic.archive.light import BookedFrame, Lit, book_of, painted_frame
 from gcs_mosaic.archive.super_tiles import Footprint, SuperTile, SuperTileLayout, footprint, layout_of
-from gcs_mosaic.archive.tasks import Parts, task
+from gcs_mosaic.archive.tasks import Parts, Passing, scratch_folder, task
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.looks import Sight
@@ -39,10 +39,11 @@ Places = tuple[str, str, tuple[int, ...]]  # see `Lit`: book, looks, where the p
 
 @dataclass(frozen=True, slots=True)
 class ArchiveMap:
-    """All super-tiles with their artefacts, and the islands' extents."""
+    """All super-tiles with their artefacts, and the islands' extents; `side`: tiles along a super-tile."""
 
     layout: SuperTileLayout
     keys: dict[SuperTile, str]
+    side: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ def painted_map(engine: Engine, found: Lit, config: Config, side: int) -> Archiv
         tasks = [_task(places, one, layout, keys, how) for one in tiles]
         engine.made(f"painting, level {level}", tasks)
         keys |= {one: made.key for one, made in zip(tiles, tasks, strict=True)}
-    return ArchiveMap(layout, keys)
+    return ArchiveMap(layout, keys, side)
 
 
 def _task(
@@ -118,7 +119,7 @@ def super_tile(
 def _own(
     artefacts: Artefacts, places: Places, one: SuperTile, frames: Sequence[int], how: HowPainted
 ) -> dict[Tile, Layer]:
-    """What the frames of this level show on the tiles. Raises FileNotFoundError if an original is gone."""
+    """What the frames of this level show on the tiles. Raises Passing if an original is gone, or another one."""
     book, key, starts = places
     booked = list(book_of(artefacts, book).values())
     by_name: dict[str, BookedFrame] = {}
@@ -129,7 +130,7 @@ def _own(
         by_name[painted[-1].name] = booked[number]
     load = partial(_load, by_name, how)
     with (
-        tempfile.TemporaryDirectory(prefix="gcs-mosaic-painting-", ignore_cleanup_errors=True) as scratch,
+        tempfile.TemporaryDirectory(prefix="painting-", dir=scratch_folder(), ignore_cleanup_errors=True) as scratch,
         Canvas(load, replace(how.canvas, threads=1), scratch=Path(scratch)) as canvas,
     ):
         for frame in painted:
@@ -140,7 +141,7 @@ def _own(
         for _ in canvas.repaint():
             pass
         if canvas.gone:
-            raise FileNotFoundError(2, "its original is gone", sorted(canvas.gone)[0])
+            raise Passing(f"{sorted(canvas.gone)[0]} cannot be decoded any more")
         layers = {tile: canvas.layer(one.island, tile) for tile in one.tiles(how.side)}
     return {tile: layer for tile, layer in layers.items() if layer is not None}
 

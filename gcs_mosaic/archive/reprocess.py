@@ -29,11 +29,10 @@ from gcs_mosaic.archive.sights import looked_at
 from gcs_mosaic.archive.sources import Sources, sources_of
 from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.archive.super_tiles import SIDE
-from gcs_mosaic.archive.target import checked_target
+from gcs_mosaic.archive.target import ARTEFACTS, checked_target
+from gcs_mosaic.archive.tasks import Passing
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, NothingPlaced
-
-ARTEFACTS = "archive"  # folder of the target in which they lie
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +67,8 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
                 _pack(engine, found, target, config)
             except Lost as error:  # what the client itself reads
                 raise FlightFailed(f"the store has lost {error.key}; {AGAIN}") from None
+            except Passing as error:
+                raise FlightFailed(f"{error}; {AGAIN}") from None
     counts = f"{len(found.assembled.placed)} of {len(sources.files)} frames placed"
     if not found.assembled.placed:
         raise NothingPlaced(
@@ -78,7 +79,7 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
 
 def reprocessed(engine: Engine, sources: Sources, config: Config, request: Request) -> Reprocessed:
     """All stages but packing."""
-    arrivals = arrivals_of(engine, sources.files, config.frames.max_pixels)
+    arrivals = arrivals_of(engine, sources.files, config.frames)
     seen, aside = features_of(engine, arrivals.frames, config)
     seen = without_pattern(engine, seen, config.stitch.features)
     kinds = kinds_of(engine, seen, config)

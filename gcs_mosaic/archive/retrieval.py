@@ -17,7 +17,7 @@ from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, strongest_of
 from gcs_mosaic.archive.kinds import FrameKind
-from gcs_mosaic.archive.tasks import Parts, listed, task
+from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, Indices
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.features.retrieval import (
@@ -58,9 +58,9 @@ def _alike(engine: Engine, frames: Sequence[SeenFrame], described: Sequence[Desc
     words = task(vocabulary, tuple(_sample(described)), _words_for(len(frames)))
     engine.made("vocabulary", [words])
     blocks = [tuple(described[at : at + BLOCK]) for at in range(0, len(described), BLOCK)]
-    files = [task(inverted, listed(engine.artefacts, block), words.key) for block in blocks]
+    files = [task(inverted, engine.listed(block), words.key) for block in blocks]
     engine.made("inverted files", files)
-    keys = listed(engine.artefacts, [one.key for one in files])
+    keys = engine.listed([one.key for one in files])
     starts = range(0, len(frames), ASKED_TOGETHER)
     asked = [task(alike, words.key, keys, at, min(at + ASKED_TOGETHER, len(frames))) for at in starts]
     return [found for some in engine.made("retrieval", asked) for found in some]

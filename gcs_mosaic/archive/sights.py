@@ -10,7 +10,7 @@ from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import TOGETHER, SeenFrame, image_of
 from gcs_mosaic.archive.kinds import FrameKind
 from gcs_mosaic.archive.sources import SourceFile
-from gcs_mosaic.archive.tasks import Parts, task
+from gcs_mosaic.archive.tasks import Parts, Passing, task
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.display import Display
@@ -41,9 +41,9 @@ def sight(
     blend: str,
     file: SourceFile,
 ) -> Parts:
-    """What a blend mode wants to know of a frame. Raises FileNotFoundError if its original is gone."""
+    """What a blend mode wants to know of a frame. Raises Passing if its original is gone, or another one."""
     image = image_of(file, digest, reduction, max_pixels)
     if image is None:
-        raise FileNotFoundError(2, "its original is gone", file.name)
+        raise Passing(f"{file.name} cannot be decoded any more")
     border = DeadBorder(*dead)
     return {"summary": None, "sight": seen_by(MODES[blend], display.picture(border.filled(image)), (display, border))}

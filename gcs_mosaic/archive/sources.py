@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 from gcs_mosaic.archive.files import files_at, is_bucket
@@ -14,13 +14,15 @@ from gcs_mosaic.frames.scan import IMAGE_SUFFIXES
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:
-    """A file that may be a frame. `bucket`: where `path` is from; empty for a file of the file system."""
+    """A file that may be a frame. `bucket`: where `path` is from; empty for a file of the file system. `tag`: changes with what
+    an object of a bucket holds."""
 
     name: str
     bucket: str
     path: str
     size: int
     modified_ns: int
+    tag: str = ""
 
     @property
     def folder(self) -> tuple[str, str]:
@@ -64,11 +66,11 @@ def sources_of(given: Sequence[str]) -> Sources:
 
 
 def _in_bucket(place: str) -> list[SourceFile]:
-    store = files_at(place)
-    names = sorted((name for name in store.names("") if Path(name).suffix.lower() in IMAGE_SUFFIXES), key=name_order)
-    if not names:
+    found = [one for one in files_at(place).listed("") if Path(one.name).suffix.lower() in IMAGE_SUFFIXES]
+    if not found:
         raise UsageError(f"{place} holds no images: give a bucket, or a part of one, with JPEG, PNG or TIFF files")
-    return [SourceFile(name, place, name, store.size(name) or 0, 0) for name in names]
+    found.sort(key=lambda one: name_order(one.name))
+    return [SourceFile(one.name, place, one.name, one.size, one.modified_ns, one.tag) for one in found]
 
 
 def _told_apart(files: Sequence[SourceFile]) -> tuple[SourceFile, ...]:
@@ -78,5 +80,5 @@ def _told_apart(files: Sequence[SourceFile]) -> tuple[SourceFile, ...]:
     for file in files:
         count = seen[file.name] = seen.get(file.name, 0) + 1
         name = file.name if count == 1 else f"{file.name}#{count}"
-        found.append(SourceFile(name, file.bucket, file.path, file.size, file.modified_ns))
+        found.append(replace(file, name=name))
     return tuple(found)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from distributed import get_worker
+
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
+from gcs_mosaic.archive.decoding import core_s
 from gcs_mosaic.archive.files import files_at
-from gcs_mosaic.archive.versions import OtherVersions, one_thread, versions
-from gcs_mosaic.store.checkpoint import program_digest
+from gcs_mosaic.archive.versions import OtherVersions, made_with, one_thread, versions
 
 Summary = Any  # numbers and names: all of a result that travels
 Parts = Mapping[str, object]  # of an artefact; "summary" is one of them
@@ -40,10 +41,23 @@ class Made:
 
 @dataclass(frozen=True, slots=True)
 class Unmade:
-    """Why a task brought nothing; `lost`: the artefact that it missed."""
+    """Why a task brought nothing; `lost`: the artefact that it missed; `damaged`: the picture is to blame."""
 
     reason: str
     lost: str | None = None
+    damaged: bool = False
+
+
+class Passing(Exception):  # noqa: N818 - names a state
+    """Why a task brings nothing this time, in words: what lies with the machine or the moment, not with what the artefact is made
+    from, is never stored. `damaged`: a picture that cannot be decoded within its limits."""
+
+    def __init__(self, reason: str, *, damaged: bool = False) -> None:
+        super().__init__(reason, damaged)
+        self.reason, self.damaged = reason, damaged
+
+    def __str__(self) -> str:
+        return self.reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +71,9 @@ class Batch:
 
 
 def task(work: Callable[..., Parts], *arguments: Any, hints: tuple[Any, ...] = ()) -> StageTask:
-    """A task with its key: a hash of the function, the program and the arguments, which are numbers, texts and settings."""
+    """A task with its key: a hash of the function, program and libraries, and the arguments: numbers, texts and settings."""
     name = work.__name__
-    told = repr((work.__module__, name, program_digest(), arguments))
+    told = repr((work.__module__, name, made_with(), arguments))
     return StageTask(work, f"{name}/{hashed(told)}", arguments, hints)
 
 
@@ -71,7 +85,7 @@ def hashed(text: str) -> str:
 
 def listed(artefacts: Artefacts, values: Sequence[Any]) -> str:
     """Put a list into the store that would be too long to travel with each task; returns its key."""
-    key = f"lists/{hashed(repr((program_digest(), tuple(values))))}"
+    key = f"lists/{hashed(repr((made_with(), tuple(values))))}"
     try:
         artefacts.whole(key, "list")
     except Lost:
@@ -94,13 +108,25 @@ def _run(artefacts: Artefacts, one: StageTask, *, anew: bool) -> Made | Unmade:
             return Made(artefacts.whole(one.key, SUMMARY), 0.0)
     except Lost:
         pass
-    start = time.process_time()
+    start = core_s()
     try:
         parts = one.work(artefacts, *one.arguments, *one.hints)
     except Lost as error:
         return Unmade(f"the store has lost {error.key}", error.key)
+    except Passing as error:
+        return Unmade(error.reason, damaged=error.damaged)
+    except MemoryError:
+        return Unmade("the worker has not enough memory for it")
     artefacts.put(one.key, parts)
-    return Made(parts.get(SUMMARY), time.process_time() - start)
+    return Made(parts.get(SUMMARY), core_s() - start)
+
+
+def scratch_folder() -> str | None:
+    """The worker's own folder for what a task needs for a while, removed with the worker; None outside of one."""
+    try:
+        return str(get_worker().local_directory)
+    except ValueError:
+        return None
 
 
 @lru_cache(4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -28,9 +28,10 @@ _JPEG = b"\xff\xd8"
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """Why a file cannot be decoded."""
+    """Why a file cannot be decoded; `passing`: by the machine or the moment, not by its bytes."""
 
     reason: str
+    passing: bool = field(default=False, compare=False)
 
 
 def load_frame(frame: Frame, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
@@ -45,7 +46,7 @@ def bytes_of(frame: Frame) -> bytes | Unreadable:
         return frame.data
     data = _read(frame.path.read_bytes)
     if isinstance(data, bytes) and content_hash(data) != frame.content_hash:
-        return Unreadable("overwritten since it was found")
+        return Unreadable("overwritten since it was found", passing=True)
     return data
 
 
@@ -74,7 +75,7 @@ def decode_whole(data: bytes, whole: Whole, reduction: int = 1) -> Bands | Unrea
         return Unreadable(str(error))
     except cv2.error as error:
         logger.info("a picture cannot be decoded", exc_info=True)
-        return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})")
+        return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})", error.code == cv2.Error.StsNoMem)
     if image is None:
         return Unreadable("cannot be decoded")
     wanted = reduced_shape(whole, at_once)
@@ -114,4 +115,4 @@ def _read(read: Callable[[], bytes]) -> bytes | Unreadable:
     try:
         return read()
     except OSError as error:
-        return Unreadable(f"cannot be read ({error.strerror})")
+        return Unreadable(f"cannot be read ({error.strerror})", passing=True)

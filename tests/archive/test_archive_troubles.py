@@ -81,7 +81,7 @@ def test_a_bucket_keeps_artefacts_as_a_folder_does(monkeypatch: pytest.MonkeyPat
         artefacts.put("a/b", PARTS)
         assert artefacts.part("a/b", "large") == PARTS["large"]
         assert artefacts.whole("a/b", "summary") == PARTS["summary"]
-        assert files.names("a") == ["a/b"]
+        assert [one.name for one in files.listed("a")] == ["a/b"]
         assert (files.read("a/b", 10**6, 5), files.read("a/c"), files.size("a/c")) == (b"", None, None)
         files.write("a/b", (files.read("a/b") or b"")[:200])
         with pytest.raises(Lost):

@@ -174,7 +174,7 @@ def test_four_bands_of_sixteen_bits_in_a_bucket_become_a_map_in_a_bucket(
         for path in sorted(frames.iterdir())[:5]:
             given.write(f"{path.stem}.tif", with_four_bands(path.read_bytes()))
         run("s3://frames", out="s3://maps/one")
-        for name in made.names(""):
+        for name in [one.name for one in made.listed("")]:
             if not name.startswith("archive/"):
                 (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
                 (tmp_path / name).write_bytes(made.read(name) or b"")

@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 PROCESSES = 2  # as many as frames are prepared at one time
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0  # before a process is started again that has ended several times in a row
 STARTING_S = 60.0  # after which a process that cannot be started is given up for a frame
-ENDING = Unreadable("the program is ending")
+ENDING = Unreadable("the program is ending", passing=True)
 
 
 class Decoders:
@@ -69,7 +69,7 @@ class Decoders:
             return decode_whole(data, whole, reduction)
         refused = refusal(whole, self._largest, self._memory_bytes, self._settings)
         if refused is not None:
-            return Unreadable(refused)
+            return Unreadable(refused, passing=True)
         found = self._decoded(
             Job(data, whole, reduction, allowance(whole, len(data), self._settings), self._settings.wall_s)
         )
@@ -105,7 +105,7 @@ class Decoders:
             if self._closing.is_set() and not isinstance(found, np.ndarray):
                 return ENDING
             if isinstance(found, ProcessEnded):
-                return Unreadable(_reason(found, job))
+                return Unreadable(_reason(found, job), passing=found.by_time_limit or found.from_outside)
             return found
 
     @contextmanager

@@ -117,7 +117,7 @@ class DecoderProcess:
     def _taken(self, answer: Message, job: Job) -> Bands | Unreadable:
         if "shape" not in answer:
             logger.info("a picture is refused: %s", answer)
-            return Unreadable(str(answer.get("reason", "cannot be decoded")))
+            return Unreadable(str(answer.get("reason", "cannot be decoded")), passing=bool(answer.get("passing")))
         shape, kind = reduced_shape(job.whole, job.reduction), KINDS.get(answer["kind"])
         if answer["shape"] != list(shape) or kind is None:
             raise OSError(f"a picture of {answer['shape']} {answer['kind']} came instead of {shape}")
