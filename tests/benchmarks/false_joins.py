@@ -1,10 +1,10 @@
 """Whether an archive joins what does not belong together: `python -m tests.benchmarks.false_joins FRAMES...`.
 
 An archive of so many frames (`look_alikes`: strangers, repeated structures, second visits a year later) is reprocessed up to the
-adjustment of its islands, with 500 features a frame, and compared with the truth. Says how many pairs were compared and registered,
-which of them falsely; which islands hold frames of two lands, or frames laid elsewhere than they were taken after one similarity for
-each island; which second visits were joined with the first; and what each stage has cost. Pictures are rendered into a folder of
-`--folder` (the user's cache) once.
+adjustment of its islands, with 500 features a frame, and compared with the truth. Says how many pairs were compared and
+registered, which of them falsely; which islands hold frames of two lands, or frames laid elsewhere than they were taken after one
+similarity for each island; which second visits were joined with the first; and what each stage has cost. Pictures are rendered
+into a folder of `--folder` (the user's cache) once.
 
 `--live LANDS`: so many of the lands that were visited twice are flown for the live program too, ten frames and ten.
 """
@@ -92,7 +92,7 @@ def reprocessed(folder: Path, truth: list[Taken], workers: int) -> Outcome:
     lines, settings = Lines(Console(stderr=True)), config()
     with tempfile.TemporaryDirectory(prefix="gcs-mosaic-benchmark-") as store, workers_at(None, workers) as client:
         engine = Engine(client, store, lines)
-        arrivals = arrivals_of(engine, sources_of([str(folder)]).files, settings.frames.max_pixels)
+        arrivals = arrivals_of(engine, sources_of([str(folder)]).files, settings.frames)
         seen, _ = features_of(engine, arrivals.frames, settings)
         kinds = kinds_of(engine, seen, settings)
         pairs = pairs_of(engine, seen, kinds)
@@ -108,9 +108,7 @@ def _judged(
     engine: Engine, seen: Sequence[SeenFrame], kinds: Sequence[FrameKind], known: KnownPairs, truth: Sequence[Taken]
 ) -> Iterator[tuple[Pair, str]]:
     """What each registration is."""
-    features = [
-        places_of(engine.artefacts, one.key, kind.dead_as_taken) for one, kind in zip(seen, kinds, strict=True)
-    ]
+    features = [places_of(engine.artefacts, one.key, kind.dead_as_taken) for one, kind in zip(seen, kinds, strict=True)]
     groups: dict[str, list[Pair]] = {}
     for pair, (key, is_one) in known.found.items():
         groups.setdefault(key, []).extend([pair] if is_one else [])
@@ -161,7 +159,8 @@ def told_returns(all_of_them: Sequence[Return]) -> Iterator[str]:
             groups.setdefault(told_difference(one.visit, what), []).append(one)
         for difference, some in sorted(groups.items()):
             yield (
-                f"    {difference:18} joined {sum(one.joined > 0 for one in some):4} of {len(some):4}; of {len(some) * 12} frames "
+                f"    {difference:18} joined {sum(one.joined > 0 for one in some):4} of {len(some):4}; "
+                f"of {len(some) * 12} frames "
                 f"{sum(one.placed for one in some)} placed, {sum(one.joined for one in some)} on an island of the first; "
                 f"{sum(one.compared for one in some)} pairs compared, {sum(one.registered for one in some)} rightly registered"
             )
@@ -188,7 +187,8 @@ def live(found: Outcome, folder: Path, lands: int) -> Iterator[str]:
     for one in chosen:
         joined = flown(folder, firsts[one.visit.land], one.visit)
         differences = ", ".join(told_difference(one.visit, what) for what in ("ground", "grown", "height"))
-        yield f"  live, land {one.visit.land} ({differences}): {joined} of {FLOWN} joined; archive {one.joined} of {one.visit.frames}"
+        ours = f"archive {one.joined} of {one.visit.frames}"
+        yield f"  live, land {one.visit.land} ({differences}): {joined} of {FLOWN} joined; {ours}"
 
 
 def flown(folder: Path, *both: Visit) -> int:

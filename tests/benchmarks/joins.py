@@ -118,10 +118,14 @@ def returns(
     for one in placements:
         islands.setdefault(truth[number_of(one.name)].visit, Counter())[one.island] += 1
     across = Counter(truth[b].visit for a, b in compared if _come_back(truth[a], truth[b]))
-    right = Counter(truth[b].visit for (a, b), kind in kinds.items() if kind == RIGHT and _come_back(truth[a], truth[b]))
+    right = Counter(
+        truth[b].visit for (a, b), kind in kinds.items() if kind == RIGHT and _come_back(truth[a], truth[b])
+    )
     firsts = {one.visit.land: one.visit for one in truth if one.visit.later is None}
     return [
-        Return(visit, own.total(), _shared(own, islands.get(firsts[visit.land], Counter())), across[visit], right[visit])
+        Return(
+            visit, own.total(), _shared(own, islands.get(firsts[visit.land], Counter())), across[visit], right[visit]
+        )
         for visit, own in ((visit, islands.get(visit, Counter())) for visit in _second(truth))
     ]
 

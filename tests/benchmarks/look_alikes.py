@@ -1,9 +1,9 @@
-"""An archive that invites false joins: strangers, repeated structures, and second visits a year later, of which the truth is known.
+"""An archive that invites false joins: strangers, repeated structures, and second visits a year later; the truth is known.
 
 Flights of 12 to 24 small frames over flat lands. Two fifths of the frames see realistic lands that have nothing in common, two
-fifths lands built of one make of halls, blocks, cars, rows or plants in different arrangement, a fifth lands that are visited twice.
-The second visits come last: with the sun elsewhere, other gain, gamma and colour, a part of the ground grown over by another,
-another height and another heading. All of it follows from the number of frames.
+fifths lands built of one make of halls, blocks, cars, rows or plants in different arrangement, a fifth lands that are visited
+twice. The second visits come last: with the sun elsewhere, other gain, gamma and colour, a part of the ground grown over by
+another, another height and another heading. All of it follows from the number of frames.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ ONCE, TWICE = 2048, 2560  # pixels along a land that is visited so often
 HEIGHT = 60.0  # metres; each picture shows 66 x 50 of them
 FLIGHT, REPEATED, REVISITED = 20, 24, 12  # frames of a flight
 APART_SEEDS = 100_000  # between the seed of a land and that of what grows over it
-SUNS = np.array([[0.62, 0.3], [0.1, -0.9], [-0.2, 0.75]])  # metres of shadow per metre of height; sitl's is (-0.62, -0.45)
+SUNS = np.array(
+    [[0.62, 0.3], [0.1, -0.9], [-0.2, 0.75]]
+)  # metres of shadow per metre of height; sitl's is (-0.62, -0.45)
 
 REALISTIC = ("country", "suburb", "canopy", "country")
 MADE_ALIKE = ("halls", "quarter", "cars", "rows", "vines", "berries", "maize", "orchard")
@@ -139,7 +141,9 @@ def states(visit: Visit) -> list[CameraState]:
 
 def _turned(state: CameraState, heading: float) -> CameraState:
     c, s = np.cos(heading), np.sin(heading)
-    return replace(state, x=float(c * state.x - s * state.y), y=float(s * state.x + c * state.y), yaw=state.yaw + heading)
+    return replace(
+        state, x=float(c * state.x - s * state.y), y=float(s * state.x + c * state.y), yaw=state.yaw + heading
+    )
 
 
 def seen_by(b: CameraState, a: CameraState, pixels: Array) -> Array:

@@ -10,7 +10,19 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.graph.placement import Placement
 from sitl.geometry import ground_from_pixels
 from tests.benchmarks.joins import APART, LAID_ASTRAY, RIGHT, STRANGERS, found_islands, judged, overlap, returns
-from tests.benchmarks.look_alikes import LENS, Later, Taken, Visit, grid, name_of, number_of, seen_by, states, taken, visits
+from tests.benchmarks.look_alikes import (
+    LENS,
+    Later,
+    Taken,
+    Visit,
+    grid,
+    name_of,
+    number_of,
+    seen_by,
+    states,
+    taken,
+    visits,
+)
 
 CAMERA = Camera(LENS.width, LENS.height, LENS.focal, LENS.k1)
 LATER = Later(grown=0.0, height=1.4, heading=2.0, sun=1, gain=1.0, gamma=1.0, cast=(1.0, 1.0, 1.0))
@@ -24,10 +36,14 @@ def truth() -> list[Taken]:
     return taken([FIRST, ELSEWHERE, SECOND])
 
 
-def placed(number: int, truth: list[Taken], island: int = 0, east: float = 0.0, links: tuple[int, ...] = ()) -> Placement:
+def placed(
+    number: int, truth: list[Taken], island: int = 0, east: float = 0.0, links: tuple[int, ...] = ()
+) -> Placement:
     """A frame where it was taken, or so many metres from there."""
     state = truth[number].state
-    pose = Pose(state.x + east, state.y, np.log(state.height / LENS.focal_px), *angles(state.yaw, state.pitch, state.roll))
+    pose = Pose(
+        state.x + east, state.y, np.log(state.height / LENS.focal_px), *angles(state.yaw, state.pitch, state.roll)
+    )
     names = tuple(map(name_of, links))
     return Placement(name_of(number), island, pose, CAMERA, None, 100, 0.3, names, 1, 1.0)
 
@@ -67,7 +83,7 @@ def test_registrations_are_judged_by_what_their_pixels_show(truth: list[Taken]) 
     a, near, pixels = truth[0], truth[1], grid()
     there = seen_by(near.state, a.state, pixels)
     assert judged(a, near, pixels, there) == RIGHT
-    assert judged(a, near, pixels, there + [7, 0]) == LAID_ASTRAY
+    assert judged(a, near, pixels, there + np.array([7, 0])) == LAID_ASTRAY
     assert judged(a, truth[12], pixels, there) == STRANGERS
     beyond = next(one for one in truth[:12] if not overlap(a, one))
     assert judged(a, beyond, pixels, there) == APART
