@@ -31,7 +31,8 @@ Place = tuple[int, int]
 
 @pytest.fixture
 def artefacts(tmp_path: Path) -> Artefacts:
-    return Artefacts(FolderFiles(tmp_path / "artefacts"))
+    (folder := tmp_path / "artefacts").mkdir()
+    return Artefacts(FolderFiles(folder))
 
 
 def seen_from(places: Iterable[Place]) -> Iterator[Image]:
