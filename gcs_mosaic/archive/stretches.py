@@ -19,7 +19,7 @@ from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import places_of
 from gcs_mosaic.archive.look_up import LookUp, NumberedFrame, PairBook
 from gcs_mosaic.archive.pairs import KnownPairs, Pair
-from gcs_mosaic.archive.tasks import Parts, listed, task
+from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Rejection
 from gcs_mosaic.stitch.graph.union import Renamed
@@ -51,7 +51,7 @@ def placed_stretches(
     """All frames in their order, as at most JOINED parts."""
     of_one, left = _shared_out(sorted(known.found.items()), length)
     parts = [
-        task(stretch, listed(engine.artefacts, frames[at : at + length]), _list(engine, of_one, at // length), settings)
+        task(stretch, engine.listed(frames[at : at + length]), _list(engine, of_one, at // length), settings)
         for at in range(0, len(frames), length)
     ]
     engine.made("stretches", parts)
@@ -61,7 +61,7 @@ def placed_stretches(
         groups = [tuple(one.key for one in parts[at : at + JOINED]) for at in range(0, len(parts), JOINED)]
         parts = [task(joined, group, _list(engine, of_one, at), settings) for at, group in enumerate(groups)]
         engine.made(f"joining, {length} frames", parts)
-    return LeftToJoin(tuple(one.key for one in parts), listed(engine.artefacts, left))
+    return LeftToJoin(tuple(one.key for one in parts), engine.listed(left))
 
 
 def _shared_out(pairs: Sequence[KnownPair], length: int) -> tuple[dict[int, list[KnownPair]], list[KnownPair]]:
@@ -74,7 +74,7 @@ def _shared_out(pairs: Sequence[KnownPair], length: int) -> tuple[dict[int, list
 
 
 def _list(engine: Engine, of_one: dict[int, list[KnownPair]], number: int) -> str:
-    return listed(engine.artefacts, of_one.get(number, []))
+    return engine.listed(of_one.get(number, []))
 
 
 def stretch(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSettings) -> Parts:

@@ -12,6 +12,7 @@ from gcs_mosaic.notes.checked import Unfit
 from gcs_mosaic.notes.finds import PLACE_COLUMNS, NoSuchNote, binding_of, place_row
 
 MOST_PINS = 1000
+MOST_DELETED = 1000  # kept for an undo, the newest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +78,7 @@ class Pins:
 
     def create(self, new: NewPin) -> SetPin:
         """Raises Unfit when there are too many."""
-        if len(self._book.rows("SELECT 1 FROM pins")) >= MOST_PINS:
+        if len(self._book.rows("SELECT 1 FROM pins WHERE deleted = 0")) >= MOST_PINS:
             raise Unfit(f"{MOST_PINS} pins were set already.")
         head = (new.label, new.written, new.longitude_deg, new.latitude_deg, new.sigma_m, new.who, time.time())
         values = (*head, *place_row(new.binding))
@@ -91,6 +92,8 @@ class Pins:
         with self._book.change() as file:
             if not file.changed("UPDATE pins SET deleted = ? WHERE id = ?", int(deleted), number):
                 raise NoSuchNote
+            newest = "SELECT id FROM pins WHERE deleted ORDER BY id DESC LIMIT ?"
+            file.changed(f"DELETE FROM pins WHERE deleted AND id != ? AND id NOT IN ({newest})", number, MOST_DELETED)
         return self.get(number)
 
 

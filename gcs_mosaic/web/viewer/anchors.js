@@ -3,7 +3,7 @@
 
 import { send, trying } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
-import { Laying } from "/viewer/laying.js";
+import { cornerOf, Laying } from "/viewer/laying.js";
 import { openPanel } from "/viewer/panels.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
@@ -12,7 +12,7 @@ const ASK_EVERY_MS = 250; // the coordinate under a moving cursor
 const NOTATIONS = ["decimal", "dms", "utm", "mgrs"];
 
 export class Anchors {
-  constructor(map, pointing) {
+  constructor(map, pointing, placements) {
     this.map = map;
     this.pointing = pointing;
     this.answer = null;
@@ -34,7 +34,7 @@ export class Anchors {
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
     for (const name of NOTATIONS) this.notation.append(new Option(name.toUpperCase(), name));
     map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
-    new Laying(map, () => this.read());
+    new Laying(map, placements, () => this.read());
   }
 
   async read() {
@@ -151,5 +151,6 @@ function sentence(laid) {
 }
 
 function nameOf(pin) {
-  return pin.label || `pin ${pin.id}`;
+  const corner = cornerOf(pin.label);
+  return corner ? t("corner {n}", { n: corner }) : pin.label || `pin ${pin.id}`;
 }

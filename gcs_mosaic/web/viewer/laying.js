@@ -17,10 +17,13 @@ const NEARER = 4; // levels beyond the base map's finest
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const EARTH = L.CRS.EPSG3857;
 
+const LABELS = [1, 2, 3, 4].map((n) => `corner ${n}`); // as they are kept, in whatever language the page is
+
 export class Laying {
-  /** `map`: the MosaicMap; `onTaken`: called when pins were made. */
-  constructor(map, onTaken) {
+  /** `map`: the MosaicMap; `placements`: where frames lie; `onTaken`: called when pins were made. */
+  constructor(map, placements, onTaken) {
     this.mosaic = map;
+    this.placements = placements;
     this.onTaken = onTaken;
     this.dialog = byId("laying");
     this.form = byId("laying-form");
@@ -176,17 +179,20 @@ export class Laying {
     else if (laid) this.dialog.close();
   }
 
-  /** Pins of the corners that are set, instead of those that were made so before; how the island lies by them. */
+  /**
+   * Pins of the corners that are set, instead of those that were made so before; how the island lies by them. Each is set where the
+   * nearest frame shows something, as far off as its corner is: so it goes with that frame, wherever that is moved to.
+   */
   async savePins() {
     const ours = ({ island }) => island === this.island.id;
-    const labels = this.corners.map((_, at) => t("corner {n}", { n: at + 1 }));
-    const before = (await fetchDocument("/api/v1/anchors")).pins.filter((pin) => ours(pin) && labels.includes(pin.label));
+    const before = (await fetchDocument("/api/v1/anchors")).pins.filter((pin) => ours(pin) && cornerOf(pin.label));
     const sigma_m = Number(this.form.elements.sigma.value.replace(",", ".")) || USUAL_SIGMA_M;
     for (const [at, spot] of this.spots.entries()) {
       if (!spot) continue;
-      const [x, y] = this.corners[at];
-      const { lat: latitude, lng: longitude } = latLngOf(spot).wrap();
-      await send("POST", "/pins", { island: this.island.id, x, y, latitude, longitude, sigma_m, label: labels[at] });
+      const place = this.placements.shownNear(this.island.id, this.corners[at]) ?? this.corners[at];
+      const [there, here] = [place, this.corners[at]].map((one) => laidAt(this.laid, one));
+      const { lat: latitude, lng: longitude } = latLngOf([0, 1].map((axis) => spot[axis] + there[axis] - here[axis])).wrap();
+      await send("POST", "/pins", { island: this.island.id, x: place[0], y: place[1], latitude, longitude, sigma_m, label: LABELS[at] });
     }
     for (const { id } of before) await send("DELETE", `/pins/${id}`);
     return (await fetchDocument("/api/v1/anchors")).islands.find(ours) ?? {};
@@ -197,6 +203,11 @@ export class Laying {
     this.map?.remove();
     this.map = null;
   }
+}
+
+/** Which corner (1 to 4) a pin with this label was made of; 0: none. */
+export function cornerOf(label) {
+  return LABELS.indexOf(label) + 1;
 }
 
 /** A map of the team's own tiles, north up. */

@@ -1,9 +1,11 @@
 // @ts-check
 // Where the frames lie: all of them are read once, then what is told anew of some.
 
-import { outlineOf } from "/viewer/outline.js";
+import { middleOf, outlineOf } from "/viewer/outline.js";
 import { fetchDocument, fetchLines } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
+
+const INWARDS = 0.8; // of the way from a frame's middle to its corner
 
 export class Placements {
   constructor() {
@@ -54,6 +56,15 @@ export class Placements {
     const least = (values) => values.reduce((one, other) => Math.min(one, other));
     const most = (values) => values.reduce((one, other) => Math.max(one, other));
     return [least(xs), least(ys), most(xs), most(ys)];
+  }
+
+  /** The place that a frame of an island shows, not at its very edge, nearest to another place; both [x, y], null without frames. */
+  shownNear(island, [x, y]) {
+    const placed = [...this.places.values()].filter((one) => one.island === island && one.canvas_from_frame);
+    const corners = placed.flatMap((frame) => (outlineOf(frame) ?? []).map((corner) => [middleOf(frame), corner]));
+    const places = corners.map(([middle, corner]) => [1, 0].map((axis) => middle[axis] + INWARDS * (corner[axis] - middle[axis])));
+    const away = (place) => Math.hypot(place[0] - x, place[1] - y);
+    return places.reduce((best, place) => (!best || away(place) < away(best) ? place : best), null);
   }
 
   /** How many frames of an aircraft have a place. */

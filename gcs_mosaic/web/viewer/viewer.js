@@ -44,7 +44,7 @@ byId("full").onclick = () => (document.fullscreenElement ? document.exitFullscre
 const pointing = new Pointing(map, (island, x, y) => originals.ask(island, x, y));
 const finds = new Finds(map, pointing, (find) => originals.ask(find.island, find.x, find.y, find.frame?.number));
 const measure = new Measure(map, pointing);
-const anchors = new Anchors(map, pointing);
+const anchors = new Anchors(map, pointing, placements);
 new Reviews(map);
 new Elsewhere();
 const islands = new Islands(map);

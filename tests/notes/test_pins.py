@@ -1,0 +1,33 @@
+"""How many pins are kept."""
+
+from __future__ import annotations
+
+import pytest
+
+from gcs_mosaic.notes import pins as of_pins
+from gcs_mosaic.notes.binding import Binding
+from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.checked import Unfit
+from gcs_mosaic.notes.pins import NewPin, Pins, SetPin
+
+
+def made(pins: Pins) -> SetPin:
+    binding = Binding(island=0, x=0.0, y=0.0)
+    place = {"longitude_deg": 7.5, "latitude_deg": 47.5, "sigma_m": 3.0}
+    return pins.create(NewPin(label="", written="", who="Kim", binding=binding, **place))
+
+
+def test_deleted_pins_take_no_place_of_others(book: NotesBook, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(of_pins, "MOST_PINS", 3)
+    monkeypatch.setattr(of_pins, "MOST_DELETED", 2)
+    pins = Pins(book)
+    kept = [made(pins) for _ in range(2)]
+    for _ in range(5):
+        pins.set_deleted(made(pins).id, deleted=True)
+    assert [pin.id for pin in pins.all()] == [pin.id for pin in kept]
+    assert len(pins.all(deleted=True)) == len(kept) + 2
+    made(pins)
+    with pytest.raises(Unfit, match="3 pins"):
+        made(pins)
+    assert pins.set_deleted(kept[0].id, deleted=True).deleted  # an old one can be brought back as well
+    assert not pins.set_deleted(kept[0].id, deleted=False).deleted
