@@ -18,7 +18,7 @@ from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, strongest_of
 from gcs_mosaic.archive.kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
-from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, Indices
+from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexRows, Indices, Vector32
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.features.retrieval import (
     BACKGROUND_RANK,
@@ -34,12 +34,12 @@ from gcs_mosaic.stitch.features.retrieval import (
 ALIKE = 14  # frames found for each one
 IN_ORDER = 2  # frames before it that it is compared with besides: neighbours in a flight
 BLOCK = 1024  # frames of one inverted file: 27 MB
-ASKED_TOGETHER = 128  # frames of one task
+ASKED_TOGETHER = 512  # frames of one task: what it costs to open a word in each block is shared among them
+MOST_AT_ONCE = 2**22  # similarities: bounds memory
 FEWEST = 64  # frames below which there is but one word, so that all are compared exactly
 FRAMES_PER_WORD, MOST_WORDS = 32, 16384
 
 Described = tuple[str, DeadBorder]  # a frame's features
-Found = tuple[FloatRows, Indices]  # of each descriptor of a query the best similarities (q, r), and the frames (q, r)
 
 
 def pairs_of(engine: Engine, frames: Sequence[SeenFrame], kinds: Sequence[FrameKind]) -> list[tuple[int, int]]:
@@ -95,6 +95,10 @@ class InvertedFile:
     rows: Indices
     ends: Indices  # (words + 1,)
 
+    @property
+    def frames(self) -> int:
+        return len(self.descriptors) // PER_FRAME
+
     def rows_of(self, word: int) -> Indices:
         return self.rows[self.ends[word] : self.ends[word + 1]]
 
@@ -117,13 +121,14 @@ def inverted(artefacts: Artefacts, block: str, words: str) -> Parts:
 def alike(artefacts: Artefacts, words: str, files: str, first: int, stop: int) -> Parts:
     """For each frame of a stretch the ALIKE most similar frames, best first."""
     keys, known = artefacts.part(files, "list"), artefacts.part(words, "words")
-    queries = {number: _descriptors_of(artefacts, keys, number) for number in range(first, stop)}
-    best: dict[int, Found | None] = dict.fromkeys(queries)
-    for block, key in enumerate(keys):
+    query = np.concatenate([_descriptors_of(artefacts, keys, number) for number in range(first, stop)])
+    asked = Asked.of(query, known, first)
+    frames = 0
+    for key in keys:
         file = _file(artefacts, key)
-        for number, query in queries.items():
-            best[number] = merged(best[number], found_in(file, known, query, number - block * BLOCK, block * BLOCK))
-    return {"summary": [ranked(found) for found in best.values()]}
+        asked.look_in(file, frames)
+        frames += file.frames
+    return {"summary": asked.ranked(frames)}
 
 
 def _descriptors_of(artefacts: Artefacts, keys: Sequence[str], number: int) -> FloatRows:
@@ -137,45 +142,88 @@ def _file(artefacts: Artefacts, key: str) -> InvertedFile:
     return found
 
 
-def found_in(file: InvertedFile, words: FloatRows, query: FloatRows, own: int, offset: int) -> Found:
-    """The nearest frames of a block to each descriptor of a query (q, d), as far as the probed words hold any; elsewhere the
-    similarity to the nearest word counts. `own`: the frame itself, left out; frames are counted from `offset`."""
-    frames = len(file.descriptors) // PER_FRAME
-    to_words = query @ words.T
-    nearest = nearest_words(to_words, words, PROBES)
-    nearness = np.repeat(np.take_along_axis(to_words, nearest[:, :1], axis=1), frames, axis=1)
-    for word in np.unique(nearest):
-        rows = file.rows_of(word)
-        if not len(rows):
-            continue
-        asking = np.flatnonzero((nearest == word).any(axis=1))
-        seen, first = np.unique(rows // PER_FRAME, return_index=True)
-        likeness = query[asking] @ file.descriptors[rows].astype(np.float32).T
-        place = np.ix_(asking, seen)
-        nearness[place] = np.maximum(nearness[place], np.maximum.reduceat(likeness, first, axis=1))
-    if 0 <= own < frames:
-        nearness[:, own] = -np.inf
-    best = np.argsort(-nearness, axis=1, kind="stable")[:, :BACKGROUND_RANK]
-    return np.take_along_axis(nearness, best, axis=1), best + offset
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The descriptors (n, d) of some frames, each asked of its PROBES nearest words: (n * PROBES) probes, word by word.
+
+    Of each probe the nearest frames so far and their similarities, (n * PROBES, BACKGROUND_RANK): a table of all frames would
+    make the work grow with the square of their number.
+    """
+
+    descriptors: FloatRows
+    own: Indices  # (n,) the frame that each is of, which is left out
+    least: Vector32  # (n,) similarity to the nearest word, which counts where the probed words hold nothing better
+    probes: Indices  # (n * PROBES,) numbers of probes by word; n times PROBES, and which of them
+    ends: Indices  # (words + 1,)
+    nearness: FloatRows
+    frames: IndexRows
+
+    @classmethod
+    def of(cls, query: FloatRows, words: FloatRows, first: int) -> Asked:
+        """QUERY descriptors of each frame, which are numbered from `first`."""
+        to_words = query @ words.T
+        nearest = nearest_words(to_words, words, PROBES)
+        count = nearest.shape[1]
+        order = np.argsort(nearest, axis=None, kind="stable")
+        return cls(
+            descriptors=query,
+            own=first + np.arange(len(query)) // QUERY,
+            least=np.take_along_axis(to_words, nearest[:, :1], axis=1)[:, 0],
+            probes=order,
+            ends=np.searchsorted(nearest.ravel()[order], np.arange(len(words) + 1)),
+            nearness=np.full((len(query) * count, BACKGROUND_RANK), -np.inf, np.float32),
+            frames=np.full((len(query) * count, BACKGROUND_RANK), -1),
+        )
+
+    def look_in(self, file: InvertedFile, offset: int) -> None:
+        """Ask a block of frames, whose first has the number `offset`."""
+        for word in np.flatnonzero(np.diff(self.ends) * np.diff(file.ends)).tolist():
+            probes, rows = self.probes[self.ends[word] : self.ends[word + 1]], file.rows_of(word)
+            known = file.descriptors[rows].astype(np.float32).T
+            seen, first = np.unique(rows // PER_FRAME, return_index=True)
+            together = max(1, MOST_AT_ONCE // len(rows))
+            for at in range(0, len(probes), together):
+                self._ask(probes[at : at + together], known, first, seen + offset)
+
+    def _ask(self, probes: Indices, known: FloatRows, first: Indices, seen: Indices) -> None:
+        """Compare probes with the descriptors (d, m) that a word knows, those of each frame seen from its `first` on."""
+        asking = probes // (len(self.nearness) // len(self.descriptors))
+        likeness = np.maximum.reduceat(self.descriptors[asking] @ known, first, axis=1)
+        likeness[self.own[asking][:, None] == seen] = -np.inf
+        self.nearness[probes], self.frames[probes] = nearest_of(
+            np.concatenate([self.nearness[probes], likeness], axis=1),
+            np.concatenate([self.frames[probes], np.broadcast_to(seen, likeness.shape)], axis=1),
+        )
+
+    def ranked(self, frames: int) -> list[list[int]]:
+        """Of each frame the others by how much nearer they are than the eighth nearest, over all descriptors; best first."""
+        nearness, numbers = (some.reshape(len(self.descriptors), -1) for some in (self.nearness, self.frames))
+        nearness, numbers = nearest_of(*without_twins(nearness, numbers))
+        nearness = np.maximum(nearness, self.least[:, None])
+        background = nearness.min(axis=1, keepdims=True) if frames > BACKGROUND_RANK else 0.0
+        margin = np.where(numbers < 0, 0.0, nearness - background)
+        return [_best(margin[at : at + QUERY], numbers[at : at + QUERY]) for at in range(0, len(margin), QUERY)]
 
 
-def merged(one: Found | None, other: Found) -> Found:
-    """The best of both."""
-    if one is None:
-        return other
-    nearness, frames = (np.concatenate([a, b], axis=1) for a, b in zip(one, other, strict=True))
-    best = np.argsort(-nearness, axis=1, kind="stable")[:, :BACKGROUND_RANK]
+def nearest_of(nearness: FloatRows, frames: IndexRows) -> tuple[FloatRows, IndexRows]:
+    """The BACKGROUND_RANK nearest in each row (n, m) of similarities and frames, in no order."""
+    best = np.argpartition(-nearness, BACKGROUND_RANK - 1, axis=1)[:, :BACKGROUND_RANK]
     return np.take_along_axis(nearness, best, axis=1), np.take_along_axis(frames, best, axis=1)
 
 
-def ranked(found: Found | None) -> list[int]:
-    """Frames by how much nearer they are than the eighth nearest, over all descriptors; best first."""
-    if found is None:
-        return []
-    nearness, frames = found
-    known = np.isfinite(nearness)
-    full = nearness.shape[1] == BACKGROUND_RANK and known.all()
-    margin = nearness - nearness[:, -1:] if full else np.where(known, nearness, 0.0)
-    score = np.bincount(frames[known], margin[known].astype(np.float64))
-    order = np.argsort(-score, kind="stable")[:ALIKE]
-    return [int(frame) for frame in order if score[frame] > 0]
+def without_twins(nearness: FloatRows, frames: IndexRows) -> tuple[FloatRows, IndexRows]:
+    """The same, with each frame once in each row: where two words know it, by the nearer one."""
+    order = np.lexsort((-nearness, frames), axis=1)
+    nearness, frames = (np.take_along_axis(some, order, axis=1) for some in (nearness, frames))
+    twin = np.zeros(frames.shape, bool)
+    twin[:, 1:] = frames[:, 1:] == frames[:, :-1]
+    return np.where(twin, np.float32(-np.inf), nearness), np.where(twin, -1, frames)
+
+
+def _best(margin: FloatRows, frames: IndexRows) -> list[int]:
+    known = frames >= 0
+    score = dict.fromkeys(frames[known].tolist(), 0.0)
+    for frame, more in zip(frames[known].tolist(), margin[known].tolist(), strict=True):
+        score[frame] += more
+    order = sorted((frame for frame, worth in score.items() if worth > 0), key=lambda frame: (-score[frame], frame))
+    return order[:ALIKE]

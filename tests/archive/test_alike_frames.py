@@ -10,10 +10,10 @@ import pytest
 from gcs_mosaic.archive import retrieval
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.files import FolderFiles
-from gcs_mosaic.archive.retrieval import ALIKE, alike, inverted, vocabulary
+from gcs_mosaic.archive.retrieval import ALIKE, alike, inverted, vocabulary, without_twins
 from gcs_mosaic.archive.tasks import listed
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
-from gcs_mosaic.stitch.features.retrieval import PER_FRAME
+from gcs_mosaic.stitch.features.retrieval import BACKGROUND_RANK, PER_FRAME, QUERY
 
 FRAMES, STEP = 96, 50  # each frame shows a quarter of new ground
 
@@ -62,3 +62,25 @@ def test_a_query_is_compared_with_a_bounded_part_of_the_archive() -> None:
     for frames in (10, 1_000, 10_000, 100_000, 500_000):
         assert frames * PER_FRAME / retrieval._words_for(frames) <= 7000 or frames < retrieval.FEWEST
     assert ALIKE + retrieval.IN_ORDER < 20
+
+
+@pytest.mark.parametrize("block", [retrieval.BLOCK, 16])
+def test_frames_are_ranked_by_how_much_nearer_they_are_than_the_eighth_nearest(
+    artefacts: Artefacts, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    """One word leaves nothing out, so a table of all frames says the same."""
+    monkeypatch.setattr(retrieval, "BLOCK", block)
+    known = np.stack([artefacts.part(f"frames/{number}", "strongest") for number in range(FRAMES)]).astype(np.float32)
+    for number, others in enumerate(found(artefacts, block, 1)):
+        nearness = (known[number, :QUERY] @ known.reshape(-1, 128).T).reshape(QUERY, FRAMES, PER_FRAME).max(axis=2)
+        nearness[:, number] = -np.inf
+        background = np.sort(nearness, axis=1)[:, [-BACKGROUND_RANK]]
+        worth = np.maximum(nearness - background, 0).sum(axis=0)
+        assert others == np.argsort(-worth, kind="stable")[: len(others)].tolist()
+        assert len(others) == min(ALIKE, np.count_nonzero(worth))
+
+
+def test_a_frame_that_two_words_know_counts_once_by_the_nearer_one() -> None:
+    nearness, frames = np.float32([[5, 9, 7, 4]]), np.array([[3, 8, 3, -1]])
+    once, which = without_twins(nearness, frames)
+    assert {(n, f) for n, f in zip(once[0].tolist(), which[0].tolist(), strict=True) if f >= 0} == {(7, 3), (9, 8)}
