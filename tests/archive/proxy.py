@@ -21,9 +21,7 @@ PASSED_ON = ("Content-Type", "ETag", "Last-Modified", "Content-Range", "Accept-R
 
 
 @contextmanager
-def troubled(
-    monkeypatch: pytest.MonkeyPatch, address: str, trouble: Trouble = lambda method, path: None
-) -> Iterator[list[str]]:
+def troubled(address: str, trouble: Trouble = lambda method, path: None) -> Iterator[list[str]]:
     """Buckets are asked through a proxy from now on; yields methods and paths of all requests."""
     asked: list[str] = []
 
@@ -60,10 +58,11 @@ def troubled(
     server = ThreadingHTTPServer(("127.0.0.1", 0), Proxy)
     server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{server.server_port}")
     files_at.cache_clear()
     try:
-        yield asked
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{server.server_port}")
+            yield asked
     finally:
         server.shutdown()
         server.server_close()
