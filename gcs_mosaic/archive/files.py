@@ -160,6 +160,7 @@ SIGNS = (
         ("AccessDenied", "PermissionDenied", "Forbidden", "InvalidAccessKeyId", "SignatureDoesNotMatch", "403"),
         "these credentials may not read or write there; ask for the right to, or name another bucket",
     ),
+    (("SlowDown", "503 Service Unavailable", "429 Too Many"), "it has too much to do; give the command again later"),
 )
 
 

@@ -84,7 +84,7 @@ def test_a_bucket_that_wants_to_be_asked_slower_is_asked_again(server: str) -> N
 def test_a_bucket_that_never_has_time_is_told(server: str) -> None:
     with (
         troubled(server, lambda method, path: SLOW_DOWN) as asked,
-        pytest.raises(CannotWrite, match=r"^s3://there: it cannot be reached \(.*503 Service"),
+        pytest.raises(CannotWrite, match=r"^s3://there: it has too much to do; give the command again later$"),
     ):
         BucketFiles("s3://there").write("slow/b", b"whole")
     assert len(asked) == 4
@@ -154,9 +154,7 @@ def test_removing_what_is_not_there_is_no_trouble_for_google_either(
     google = ThreadingHTTPServer(("127.0.0.1", 0), Google)
     Thread(target=google.serve_forever, daemon=True).start()
     account = {"gcs_base_url": f"http://127.0.0.1:{google.server_port}", "disable_oauth": True}
-    (tmp_path / "account.json").write_text(
-        json.dumps(account | {"client_email": "", "private_key": "", "private_key_id": ""})
-    )
+    (tmp_path / "account.json").write_text(json.dumps(account | {"client_email": "", "private_key": "", "private_key_id": ""}))
     monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT", str(tmp_path / "account.json"))
     try:
         BucketFiles("gs://there").remove("archive/trial")
