@@ -81,6 +81,6 @@ def test_frames_are_ranked_by_how_much_nearer_they_are_than_the_eighth_nearest(
 
 
 def test_a_frame_that_two_words_know_counts_once_by_the_nearer_one() -> None:
-    nearness, frames = np.float32([[5, 9, 7, 4]]), np.array([[3, 8, 3, -1]])
+    nearness, frames = np.array([[5, 9, 7, 4]], np.float32), np.array([[3, 8, 3, -1]])
     once, which = without_twins(nearness, frames)
     assert {(n, f) for n, f in zip(once[0].tolist(), which[0].tolist(), strict=True) if f >= 0} == {(7, 3), (9, 8)}
