@@ -197,8 +197,9 @@ class Asked:
 
     def ranked(self, frames: int) -> list[list[int]]:
         """Of each frame the others by how much nearer they are than the eighth nearest, over all descriptors; best first."""
-        nearness, numbers = (some.reshape(len(self.descriptors), -1) for some in (self.nearness, self.frames))
-        nearness, numbers = nearest_of(*without_twins(nearness, numbers))
+        count = len(self.descriptors)
+        nearness, numbers = without_twins(self.nearness.reshape(count, -1), self.frames.reshape(count, -1))
+        nearness, numbers = nearest_of(nearness, numbers)
         nearness = np.maximum(nearness, self.least[:, None])
         background = nearness.min(axis=1, keepdims=True) if frames > BACKGROUND_RANK else 0.0
         margin = np.where(numbers < 0, 0.0, nearness - background)
@@ -214,7 +215,7 @@ def nearest_of(nearness: FloatRows, frames: IndexRows) -> tuple[FloatRows, Index
 def without_twins(nearness: FloatRows, frames: IndexRows) -> tuple[FloatRows, IndexRows]:
     """The same, with each frame once in each row: where two words know it, by the nearer one."""
     order = np.lexsort((-nearness, frames), axis=1)
-    nearness, frames = (np.take_along_axis(some, order, axis=1) for some in (nearness, frames))
+    nearness, frames = np.take_along_axis(nearness, order, axis=1), np.take_along_axis(frames, order, axis=1)
     twin = np.zeros(frames.shape, bool)
     twin[:, 1:] = frames[:, 1:] == frames[:, :-1]
     return np.where(twin, np.float32(-np.inf), nearness), np.where(twin, -1, frames)
