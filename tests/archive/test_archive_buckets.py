@@ -154,7 +154,9 @@ def test_removing_what_is_not_there_is_no_trouble_for_google_either(
     google = ThreadingHTTPServer(("127.0.0.1", 0), Google)
     Thread(target=google.serve_forever, daemon=True).start()
     account = {"gcs_base_url": f"http://127.0.0.1:{google.server_port}", "disable_oauth": True}
-    (tmp_path / "account.json").write_text(json.dumps(account | {"client_email": "", "private_key": "", "private_key_id": ""}))
+    (tmp_path / "account.json").write_text(
+        json.dumps(account | {"client_email": "", "private_key": "", "private_key_id": ""})
+    )
     monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT", str(tmp_path / "account.json"))
     try:
         BucketFiles("gs://there").remove("archive/trial")
