@@ -15,12 +15,15 @@ from distributed.security import Security
 
 from gcs_mosaic.archive import worker_setup
 from gcs_mosaic.archive.versions import versions
-from gcs_mosaic.errors import UsageError
+from gcs_mosaic.errors import FlightFailed, UsageError
+
+logger = logging.getLogger(__name__)
 
 CONNECT_S = 10.0  # to a scheduler
 WAIT_S = 60.0  # for the first worker of a cluster
 # Settings of a local cluster. A task that has killed so many workers and one more is not given to another (Dask's default is 3).
 # A worker that has died is started again by its nanny; the cluster would give that one up if it happens twice within 15 s.
+KEYS = "distributed.comm.tls, such as DASK_DISTRIBUTED__COMM__TLS__CA_FILE"
 PRELOAD = "distributed.worker.preload"
 LOCAL = {"distributed.scheduler.allowed-failures": 1, "distributed.deploy.lost-worker-timeout": "365 days"}
 
@@ -41,11 +44,20 @@ def workers_at(address: str | None, count: int | None = None, *, dashboard: bool
 def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
     if dashboard and find_spec("bokeh") is None:
         raise UsageError("--dashboard needs the package bokeh: pip install bokeh")
-    # With keys of its own, because whoever reaches a scheduler can have it run code: others who use this machine, too.
     with (
         dask.config.set(LOCAL | {PRELOAD: [*dask.config.get(PRELOAD, []), worker_setup.__name__]}),
         tempfile.TemporaryDirectory(prefix="gcs-mosaic-workers-", ignore_cleanup_errors=True) as scratch,
-        LocalCluster(
+        _started(count, scratch, dashboard=dashboard) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _started(count: int, scratch: str, *, dashboard: bool) -> LocalCluster:
+    """Raises FlightFailed."""
+    # With keys of its own, because whoever reaches a scheduler can have it run code: others who use this machine, too.
+    try:
+        return LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
@@ -56,10 +68,19 @@ def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
             scheduler_kwargs={"dashboard": dashboard},
             silence_logs=logging.CRITICAL,
             local_directory=scratch,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+        )
+    except (RuntimeError, OSError) as error:
+        logger.warning("the workers cannot be started", exc_info=True)
+        raise FlightFailed(
+            f"{count} workers cannot be started here ({_cause(error)}): try fewer by --workers, and see that there is memory"
+        ) from None
+
+
+def _cause(error: BaseException) -> str:
+    """What Dask wraps, in a line."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return f"{type(error).__name__}: {error}".partition("\n")[0]
 
 
 def _connected(address: str) -> Client:
@@ -70,7 +91,11 @@ def _connected(address: str) -> Client:
         raise UsageError(
             f"--cluster {address}: no scheduler answers there; start one (dask scheduler), or leave --cluster out"
         ) from None
-    except ValueError as error:
+    except TypeError:  # an address of tls:// without keys
+        raise UsageError(
+            f"--cluster {address}: its keys are missing; name them in Dask's own settings, {KEYS}"
+        ) from None
+    except (ValueError, OverflowError) as error:
         raise UsageError(f"--cluster {address}: {error}; give an address such as tcp://HOST:8786") from None
 
 
@@ -88,6 +113,10 @@ def check_versions(client: Client, address: str) -> None:
         raise UsageError(f"--cluster {address}: its workers do not answer ({error!r})") from None
     ours = versions()
     for worker, theirs in sorted(found.items()):
+        if isinstance(theirs, OSError):  # it has gone, or cannot be reached
+            raise UsageError(
+                f"--cluster {address}: the worker {worker} does not answer ({theirs!r}); end it, or start it anew"
+            )
         if not isinstance(theirs, dict):
             raise UsageError(
                 f"--cluster {address}: the worker {worker} lacks this program ({theirs!r}); install gcs-mosaic[cluster] there"

@@ -12,6 +12,7 @@ import dask
 import psutil
 import pytest
 from distributed import Client
+from distributed.security import Security
 
 from gcs_mosaic.archive.adjustment import on_workers
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
@@ -134,8 +135,10 @@ def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alo
     with workers_at(None, 1) as client:
         address = client.scheduler.address
         assert address.startswith("tls://127.0.0.1:")
-        with pytest.raises(OSError), Client(address.replace("tls", "tcp"), timeout=1):  # noqa: PT011
-            pass
+        strangers = [(address.replace("tls", "tcp"), None), (address, None), (address, Security.temporary())]
+        for place, security in strangers:
+            with pytest.raises((OSError, TypeError)), Client(place, timeout=1, security=security):
+                pass
         processes = [psutil.Process(), *psutil.Process().children(recursive=True)]
         listening = {one.laddr.ip for of in processes for one in of.net_connections() if one.status == "LISTEN"}
         assert listening == {"127.0.0.1"}
