@@ -134,7 +134,7 @@ def told(found: Outcome) -> Iterator[str]:
     yield f"    {sum(len(one.far) for one in islands)} frames laid far off on {sum(bool(one.far) for one in islands)} islands"
     yield f"    by {linked} false registrations that became links"
     for one in islands:
-        if one.is_false or one.false_links:
+        if one.is_false:
             yield f"    {told_island(one, found)}"
 
 
@@ -146,8 +146,8 @@ def told_island(one: FoundIsland, found: Outcome) -> str:
     """An island that is not right."""
     first = {truth.land: truth.visit for truth in reversed(found.truth)}
     lands = ", ".join(f"{count} of {first[land].ground} {land}" for land, count in one.lands.most_common())
-    links = ", ".join(f"{a}-{b} {found.kinds[a, b]}" for a, b in one.false_links)
-    return f"{lands}; far off: {list(one.far)}; false links: {links}"
+    links = Counter(found.kinds[pair] for pair in one.false_links)
+    return f"{lands}; {len(one.far)} far off; false links: {_listed(links)}"
 
 
 def told_returns(all_of_them: Sequence[Return]) -> Iterator[str]:
