@@ -51,7 +51,7 @@ def fly(tmp_path: Path, *options: str) -> Flown:
 
 def off_and_stated_m(out: Path, truth: Truth) -> tuple[float, float]:
     """How far off the map's coordinates of the ground in the frames' middles are, and what is stated at most."""
-    laid = anchors_of(FlightView(out))[0]
+    (laid,) = anchors_of(FlightView(out)).values()
     assert laid.by == "positions"
     assert laid.anchor is not None
     placed = {

@@ -24,6 +24,22 @@ PASSED_ON = ("Content-Type", "ETag", "Last-Modified", "Content-Range", "Accept-R
 def troubled(address: str, trouble: Trouble = lambda method, path: None) -> Iterator[list[str]]:
     """Buckets are asked through a proxy from now on; yields methods and paths of all requests."""
     asked: list[str] = []
+    server = ThreadingHTTPServer(("127.0.0.1", 0), proxy(address, trouble, asked))
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    files_at.cache_clear()
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{server.server_port}")
+            yield asked
+    finally:
+        server.shutdown()
+        server.server_close()
+        files_at.cache_clear()
+
+
+def proxy(address: str, trouble: Trouble, asked: list[str]) -> type[BaseHTTPRequestHandler]:
+    """What answers, and notes what was asked."""
 
     class Proxy(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -55,15 +71,4 @@ def troubled(address: str, trouble: Trouble = lambda method, path: None) -> Iter
 
         def log_message(self, format: str, *words: object) -> None: ...
 
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Proxy)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    files_at.cache_clear()
-    try:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{server.server_port}")
-            yield asked
-    finally:
-        server.shutdown()
-        server.server_close()
-        files_at.cache_clear()
+    return Proxy
