@@ -21,7 +21,7 @@ from gcs_mosaic.archive.files import BucketFiles, FolderFiles
 from gcs_mosaic.archive.sources import sources_of
 from gcs_mosaic.archive.target import checked_target
 from gcs_mosaic.cli import main as cli
-from gcs_mosaic.errors import UsageError
+from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.records import FrameState
 from tests.archive.archives import bucket_server
@@ -115,6 +115,30 @@ def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
     with pytest.raises(UsageError, match=r"--cluster tcp://127.0.0.1:\d+: no scheduler answers there"):
         workers_at(f"tcp://127.0.0.1:{free_port()}").__enter__()
+
+
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("tls://127.0.0.1:1", r"its keys are missing; name them in Dask's own settings"),
+        ("tcp://127.0.0.1:99999", "no scheduler answers there"),
+        ("tcp://127.0.0.1:word", "give an address such as tcp://HOST:8786"),
+        ("nonsense://here:1", "give an address such as tcp://HOST:8786"),
+        ("tcp://no.such.host.invalid:8786", "no scheduler answers there"),
+    ],
+)
+def test_an_address_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, address: str, said: str) -> None:
+    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+    with pytest.raises(UsageError, match=f"^--cluster {re.escape(address)}: .*{said}"):
+        workers_at(address).__enter__()
+
+
+def test_workers_that_cannot_be_started_are_told_in_one_sentence() -> None:
+    with (
+        dask.config.set({"distributed.worker.preload": ["no_such_module"]}),
+        pytest.raises(FlightFailed, match=r"^1 workers cannot be started here \(.*\): try fewer by --workers"),
+    ):
+        workers_at(None, 1).__enter__()
 
 
 @pytest.mark.parametrize(

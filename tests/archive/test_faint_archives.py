@@ -93,6 +93,7 @@ def test_of_too_few_frames_there_is_no_pattern() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.thorough
 def test_a_faint_archive_is_placed_as_it_was_flown_by_any_number_of_workers(tmp_path: Path) -> None:
     places = flown(12) + [(x, y + 140) for x, y in reversed(flown(12))]
     frames = folder_of(tmp_path / "frames", places)
@@ -116,6 +117,7 @@ def astray(out: Path, places: Sequence[Place]) -> Array:
 
 
 @pytest.mark.long
+@pytest.mark.thorough
 def test_where_no_picture_is_faint_nothing_is_done(tmp_path: Path, world_cache: Path) -> None:
     heard = run(flight_in(tmp_path / "frames", world_cache), out=tmp_path / "map")
     assert not {cost.stage for cost in heard.costs} & {"fixed patterns", "faint features"}
