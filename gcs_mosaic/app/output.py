@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 
 from gcs_mosaic.app.pipeline import Pipeline
@@ -15,6 +16,9 @@ from gcs_mosaic.store.guard import FolderGuard, Retaken
 
 logger = logging.getLogger(__name__)
 
+SETTLES_S = (
+    2.0  # after which is looked whether the folder still lost files while it was taken again (`rm -r` takes its time)
+)
 SLOW_S = 3.0  # a sync that takes longer is told: the map is as far behind
 
 
@@ -37,6 +41,7 @@ class OutputFolder:
         self._guard = FolderGuard(folder.path, folder.lock, pipeline.store.ledger)
         self._durability = Durability(pipeline.store.ledger.make_durable)
         self._taken: Retaken | None = None  # but not everything is written again
+        self._look_again: float | None = None  # monotonic time
         self._is_slow = False
         self.is_ours = self._guard.is_ours
         pipeline.store.may_write = self.is_ours
@@ -48,6 +53,7 @@ class OutputFolder:
         """
         self._taken = self._guard.ensure() or self._taken
         if self._taken is None:
+            self._complete()
             return False
         gone = self._write_again() if self._taken.everything else 0
         lost = f"; {gone} originals are gone, and sought in {self._config.watch}" if gone else ""
@@ -76,8 +82,20 @@ class OutputFolder:
         """Bring the ledger to the disk a last time."""
         self._durability.close()
 
+    def _complete(self) -> None:
+        """Some time after the folder was taken again: write anew what was deleted after we had written it."""
+        if self._look_again is None or time.monotonic() < self._look_again:
+            return
+        self._reopen()
+        if self._pipeline.store.lacks_files():
+            logger.warning("%s: files were deleted after they had been written anew", self._out)
+            self._write_again()
+        else:
+            self._look_again = None
+
     def _write_again(self) -> int:
         """Returns the number of originals that are gone."""
+        self._look_again = time.monotonic() + SETTLES_S
         self._reopen()
         self._pipeline.checkpoint_into(checkpoints_of(self._out, self._config))
         return self._pipeline.store.write_again()

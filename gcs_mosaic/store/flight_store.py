@@ -38,7 +38,7 @@ from gcs_mosaic.store.records import (
 )
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
-from gcs_mosaic.store.tiles import TileSettings, TileWriter, remove_strays
+from gcs_mosaic.store.tiles import TileSettings, TileWriter, remove_strays, tile_path
 
 logger = logging.getLogger(__name__)
 
@@ -232,6 +232,12 @@ class FlightStore(Kept):
         self._manifest.begin_anew()
         self._told = None
         return len(gone)
+
+    def lacks_files(self) -> bool:
+        """Whether a file that was written is gone: an original or a tile."""
+        kept = (self.out / str(frame.original) for frame in self.ledger.frames() if frame.original is not None)
+        tiles = (tile_path(self.out, island, tile) for island, tile in self._tiles.there)
+        return not all(path.exists() for path in (*kept, *tiles))
 
     def keep_lost(self, now: float) -> list[Notice]:
         """Keep one original that is not kept, if it is due and found. For pauses."""

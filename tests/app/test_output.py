@@ -23,7 +23,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.checkpoint import Unusable
-from gcs_mosaic.store.folder import open_flight_folder
+from gcs_mosaic.store.folder import LEDGER_NAME, open_flight_folder
 from gcs_mosaic.store.log import LogFile, LogSettings
 from gcs_mosaic.store.originals import is_intact
 from tests.documents import placements
@@ -80,6 +80,35 @@ def test_everything_is_written_again_after_the_folder_was_deleted(coming: list[D
     checkpoints = sure(checkpoints_of(folder.path, CONFIG))
     assert not isinstance(saved_flight(checkpoints, CONFIG), Unusable)
     checkpoints.close()
+
+
+def test_what_is_deleted_after_it_was_written_anew_is_written_once_more(
+    coming: list[DecodedFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`rm -r` takes the ledger first, and may take what we write into the folder meanwhile."""
+    monkeypatch.setattr("gcs_mosaic.app.output.SETTLES_S", 0.0)
+    log = LogFile(tmp_path / "out/flight.log", LogSettings(), lambda why: None)
+    with closing(open_flight_folder(tmp_path / "out")) as folder, closing(log):
+        pipeline = Pipeline(folder.path, CONFIG, lambda notice: None)
+        with (
+            closing(pipeline),
+            closing(OutputFolder(folder, CONFIG, pipeline, log.reopen, lambda notice: None)) as output,
+        ):
+            log.emit(logging.makeLogRecord({"msg": "before"}))
+            fly(pipeline, coming[:2])
+            tiles = tiles_of(folder.path)
+            (folder.path / LEDGER_NAME).unlink()
+            assert output.ensure()
+            pipeline.save()
+            (folder.path / "flight.log").unlink()
+            shutil.rmtree(folder.path / "tiles")
+            assert not output.ensure()
+            pipeline.save()
+            assert tiles_of(folder.path) == tiles
+            assert not output.ensure()
+            log.emit(logging.makeLogRecord({"msg": "after"}))
+    lines = (tmp_path / "out/flight.log").read_text().splitlines()
+    assert [line.split(": ")[-1] for line in lines] == ["before", "after"]
 
 
 def tiles_of(out: Path) -> dict[Path, bytes]:
