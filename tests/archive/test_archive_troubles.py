@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 from functools import partial
@@ -109,6 +110,26 @@ def test_a_bucket_out_of_reach_is_told_in_one_line(monkeypatch: pytest.MonkeyPat
     with pytest.raises(CannotWrite, match="s3://there: it cannot be reached") as error:
         BucketFiles("s3://there").write("a", b"")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (
+            "az://there",
+            r"credentials are missing; .*, such as AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
+        ),
+        ("az://", r"this names no bucket; give it as s3://BUCKET/PREFIX or az://CONTAINER/PREFIX"),
+        ("az://a@b/c", r"this names no bucket; give it as s3://BUCKET/PREFIX or az://CONTAINER/PREFIX"),
+    ],
+)
+def test_a_bucket_of_azure_that_cannot_be_opened_is_told(
+    monkeypatch: pytest.MonkeyPatch, place: str, said: str
+) -> None:
+    for name in [name for name in os.environ if name.startswith("AZURE_")]:
+        monkeypatch.delenv(name)
+    with pytest.raises(CannotWrite, match=f"^{place}: {said}$"):
+        BucketFiles(place)
 
 
 def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
