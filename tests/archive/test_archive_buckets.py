@@ -158,6 +158,7 @@ def test_removing_what_is_not_there_is_no_trouble_for_google_either(
         json.dumps(account | {"client_email": "", "private_key": "", "private_key_id": ""})
     )
     monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT", str(tmp_path / "account.json"))
+    monkeypatch.setenv("GOOGLE_ALLOW_HTTP", "true")
     try:
         BucketFiles("gs://there").remove("archive/trial")
     finally:

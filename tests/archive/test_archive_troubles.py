@@ -132,8 +132,8 @@ def test_a_bucket_of_azure_that_cannot_be_opened_is_told(
         BucketFiles(place)
 
 
-def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+@pytest.mark.usefixtures("soon_given_up")
+def test_an_address_without_a_scheduler_is_told() -> None:
     with pytest.raises(UsageError, match=r"--cluster tcp://127.0.0.1:\d+: no scheduler answers there"):
         workers_at(f"tcp://127.0.0.1:{free_port()}").__enter__()
 
@@ -148,8 +148,8 @@ def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch)
         ("tcp://no.such.host.invalid:8786", "no scheduler answers there"),
     ],
 )
-def test_an_address_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, address: str, said: str) -> None:
-    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+@pytest.mark.usefixtures("soon_given_up")
+def test_an_address_that_is_none_is_told(address: str, said: str) -> None:
     with pytest.raises(UsageError, match=f"^--cluster {re.escape(address)}: .*{said}"):
         workers_at(address).__enter__()
 
@@ -176,6 +176,7 @@ def test_a_worker_that_is_not_as_the_client_is_told(monkeypatch: pytest.MonkeyPa
         check_versions(client, "tcp://c")
 
 
+@pytest.mark.usefixtures("soon_given_up")
 def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alone() -> None:
     with workers_at(None, 1) as client:
         address = client.scheduler.address
