@@ -26,6 +26,7 @@ from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.records import FrameState
 from tests.archive.archives import bucket_server
+from tests.frames.image_files import encoded
 from tests.ports import free_port
 from tests.running import frames_of
 
@@ -220,6 +221,16 @@ def test_without_the_extra_the_command_says_what_it_needs(
         r"gcs-mosaic: reprocess needs the packages? no_such_package: pip install 'gcs-mosaic\[cluster\]'\n", said
     )
     assert not (tmp_path / "map").exists()
+
+
+def test_without_bokeh_the_dashboard_says_what_it_needs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("gcs_mosaic.archive.cluster.find_spec", lambda name: None)
+    (tmp_path / "a.jpg").write_bytes(encoded(".jpg"))
+    assert cli.main(["reprocess", str(tmp_path / "a.jpg"), "--out", str(tmp_path / "map"), "--dashboard"]) == 2
+    assert capsys.readouterr().err == "gcs-mosaic: --dashboard needs the package bokeh: pip install bokeh\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.jpg"]
 
 
 def test_an_archive_without_a_whole_picture_ends_with_that_and_each_stage_is_a_line_of_json(
