@@ -101,8 +101,11 @@ class BucketFiles:
             self._store: Any = obstore.store.from_url(place, client_options=options, retry_config=PATIENCE)
 
     def write(self, name: str, data: bytes) -> None:
-        with self._told():
-            self._obstore.put(self._store, name, data)
+        try:
+            with self._told():
+                self._obstore.put(self._store, name, data)
+        except FileNotFoundError:  # whatever else the server says of it
+            raise CannotWrite(f"{self._place}: {NO_BUCKET}") from None
 
     def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
         part = {"offset": start} if length is None else (start, start + length)
@@ -138,7 +141,7 @@ class BucketFiles:
             yield
         except FileNotFoundError as error:
             if "NoSuchBucket" in str(error) or "container does not exist" in str(error):
-                raise CannotWrite(f"{self._place}: there is no such bucket; make it, or name another one") from None
+                raise CannotWrite(f"{self._place}: {NO_BUCKET}") from None
             raise
         except (self._obstore.exceptions.BaseError, OSError, ValueError) as error:
             if any(sign in str(error) for sign in BEYOND):
@@ -152,11 +155,12 @@ class _BeyondError(Exception):
 
 BEYOND = ("416 Range Not Satisfiable", "InvalidRange", "Requested range was invalid")
 
+NO_BUCKET = "there is no such bucket; make it, or name another one"
 # What errors of buckets say, and what to do.
 SIGNS = (
     (
         ("NoSuchBucket", "bucket does not exist", "BucketNotFound", "ContainerNotFound"),
-        "there is no such bucket; make it, or name another one",
+        NO_BUCKET,
     ),
     (
         (
