@@ -20,12 +20,11 @@ from rich.table import Table
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
-from gcs_mosaic.app.turns import AHEAD
+from gcs_mosaic.app.prefetch import Preparation, one_after_another
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.frames.files import Given, frames_in
-from gcs_mosaic.messages import DamagedFile, Frame, Notice
+from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.display import display_of
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.held_out import held_out_lines, largest
@@ -105,7 +104,8 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
     preparation, driver = prefetching(pipeline, config), Driver(pipeline)
     with closing(preparation), progress_on(console) as progress:
         task, done = progress.add_task("stitching", total=given.count), list[Done]()
-        while (decoded := _next(driver, preparation, given.frames)) is not None:
+        accepted = filter(None, map(driver.accept, given.frames))
+        for decoded in one_after_another(preparation, accepted):
             done.append(driver.process(decoded))
             taken = pipeline.store.taken_in - len(preparation)
             progress.update(task, completed=taken, description=f"stitching {done[-1].name}")
@@ -118,16 +118,6 @@ def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Cons
 def prefetching(pipeline: Pipeline, config: Config) -> Preparation:
     """Sequential look-ahead decoding for a pipeline."""
     return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels)
-
-
-def _next(
-    driver: Driver, preparation: Preparation, found: Iterator[Frame | DamagedFile]
-) -> DecodedFrame | UndecodableFrame | None:
-    """The next frame, while enough of the following ones are being prepared."""
-    while len(preparation) <= AHEAD and (item := next(found, None)) is not None:
-        if (frame := driver.accept(item)) is not None:
-            preparation.append(frame)
-    return preparation.next()
 
 
 def progress_on(console: Console) -> Progress:

@@ -19,9 +19,8 @@ from gcs_mosaic.app.batch import prefetching, progress_on, say, summarise
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
+from gcs_mosaic.app.prefetch import one_after_another
 from gcs_mosaic.app.resuming import checkpoints_of, saved_flight, shelf_of
-from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.messages import DamagedFile, Frame, Notice
@@ -211,7 +210,7 @@ def _work_off(pipeline: Pipeline, again: Sequence[Frame], config: Config, consol
     driver, done = Driver(pipeline), list[Done]()
     with closing(prefetching(pipeline, config)) as preparation, progress_on(console) as progress:
         task = progress.add_task("stitching", total=len(again))
-        for decoded in _prepared(preparation, iter(again)):
+        for decoded in one_after_another(preparation, iter(again)):
             done.append(driver.process(decoded))
             progress.update(task, completed=len(done), description=f"stitching {done[-1].name}")
         final = progress.add_task("joining and painting", total=None)
@@ -230,14 +229,3 @@ def _finish(pipeline: Pipeline) -> Iterator[None]:
         pipeline.save()
         yield
     pipeline.save()
-
-
-def _prepared(preparation: Preparation, frames: Iterator[Frame]) -> Iterator[DecodedFrame | UndecodableFrame]:
-    """One after another, while some of the next are being prepared."""
-    while True:
-        while len(preparation) <= AHEAD and (frame := next(frames, None)) is not None:
-            preparation.append(frame)
-        prepared = preparation.next()
-        if prepared is None:
-            return
-        yield prepared

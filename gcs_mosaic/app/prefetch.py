@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from itertools import count
@@ -253,3 +253,14 @@ class Preparation:
         given = self._waiting[number], self._find, self._reduction, self._least_pixels, self._features.get(number)
         self._ahead[number] = self._pool.submit(prepare, *given, load=self._decoders.load_frame)
         self._ahead[number].add_done_callback(lambda _: self._woken())
+
+
+def one_after_another(preparation: Preparation, frames: Iterator[Frame]) -> Iterator[DecodedFrame | UndecodableFrame]:
+    """The frames in their order, while some of the next are being prepared."""
+    while True:
+        while len(preparation) <= AHEAD and (frame := next(frames, None)) is not None:
+            preparation.append(frame)
+        prepared = preparation.next()
+        if prepared is None:
+            return
+        yield prepared

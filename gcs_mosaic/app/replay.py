@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -21,12 +21,14 @@ from gcs_mosaic.app.batch import prefetching, progress_on, say, summarise, tell
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.frame_sources import frame_sources
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.replay_timing import Arrivals, arrivals
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.aircraft_source import marked
 from gcs_mosaic.frames.files import looks_in, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
@@ -38,46 +40,70 @@ from gcs_mosaic.triggers.shots import CameraMessage, Shots
 
 _FOUND_AFTER = 1.5  # looks: a file is accepted at the second look that finds it unchanged
 
-Happening: TypeAlias = tuple[float, CameraMessage | Notice | tuple[Look, bool]]
-"""Time in seconds of the recording, and a message, a notice, or a file and whether it arrived in the flight."""
+
+@dataclass(frozen=True, slots=True)
+class ComingFile:
+    """A file, and whether it arrived in the flight. `vehicle`: whose it is, None in a folder for all."""
+
+    look: Look
+    fresh: bool
+    vehicle: int | None
 
 
-def replay(recording: Path, frames: Path, out: Path, config: Config, console: Console, speed: float = 0.0) -> Path:
-    """Fly `recording` again with the images in `frames`; returns the flight's folder.
+Happening: TypeAlias = tuple[float, CameraMessage | Notice | ComingFile]
+"""Time in seconds of the recording, and what comes then."""
+
+
+@dataclass(frozen=True, slots=True)
+class FramesFolder:
+    """The images of one aircraft, or of all."""
+
+    vehicle: int | None
+    looks: Sequence[Look]
+    passed_over: Sequence[str]
+
+
+def replay(
+    recording: Path, frames: Path | None, out: Path, config: Config, console: Console, speed: float = 0.0
+) -> Path:
+    """Fly `recording` again with the images in `frames`; returns the flight's folder. `frames` is None where each aircraft has
+    a folder of its own, as told by `config.sources`.
 
     `speed` is relative to real time; 0 means as fast as possible. Raises UsageError before anything is written.
     """
     if not 0 <= speed < math.inf:
         raise UsageError(f"--speed {speed:g} is not understood: give 1 for as it was flown, 2 for twice as fast, or 0.")
-    looks, passed_over = looks_in(frames)
+    folders = _folders(frames, config)
     with progress_on(console) as progress:
         link = _read(recording, config, progress)
         heard = _merged(link, config)
-        came = arrivals(
-            looks,
-            link,
-            [what for _, what in heard if isinstance(what, CameraMessage)],
-            _FOUND_AFTER * config.frames.poll_s,
-        )
+        came = [_came(one, link, heard, config) for one in folders]
         folder = open_flight_folder(out)
         with closing(folder), flight_log(folder, config):
-            for text in (folder.said, _described(link, looks, came)):
+            for text in (folder.said, _described(link, folders, came)):
                 say(console, Notice(source="replay", level="info", text=text))
-            for text in passed_over:
+            for text in (text for one in folders for text in one.passed_over):
                 say(console, Notice(source="frames", level="warning", text=text))
             with closing(_Replay(folder.path, config, console, link)) as flight:
                 if config.anchor == "positions":
                     say(console, let_positions_lay(folder.path))
                 start = time.monotonic()
-                done = flight.fly(_happenings(heard, looks, came), speed, progress)
+                done = flight.fly(_happenings(heard, folders, came), speed, progress)
                 flight.summarise(done, time.monotonic() - start)
     return folder.path
+
+
+def _folders(frames: Path | None, config: Config) -> list[FramesFolder]:
+    """Raises UsageError for a folder without images, and for one that two aircraft share."""
+    if frames is not None:
+        return [FramesFolder(None, *looks_in(frames))]
+    return [FramesFolder(one.vehicle, *looks_in(Path(one.config.watch))) for one in frame_sources(config)]
 
 
 def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
     size = recording.stat().st_size if recording.is_file() else None
     task = progress.add_task(f"reading {recording.name}", total=size)
-    link = read_recording(recording, config.link, lambda read: progress.update(task, completed=read))
+    link = read_recording(recording, config.link, lambda read: progress.update(task, completed=read), config.aircraft)
     progress.remove_task(task)
     return link
 
@@ -88,17 +114,37 @@ def _merged(link: RecordedLink, config: Config) -> list[tuple[float, CameraMessa
     return [(at, shots.hear(what) if isinstance(what, TriggerEvent) else what) for at, what in link.heard]
 
 
+def _came(
+    folder: FramesFolder, link: RecordedLink, heard: Sequence[tuple[float, CameraMessage | Notice]], config: Config
+) -> Arrivals:
+    """When the files of a folder came, by what was heard of its own aircraft alone."""
+    messages = [what for _, what in heard if isinstance(what, CameraMessage)]
+    if folder.vehicle is not None:
+        messages = [message for message in messages if message.event.vehicle == folder.vehicle]
+        link = replace(link, heard=[(message.event.received, message.event) for message in messages])
+    return arrivals(folder.looks, link, messages, _FOUND_AFTER * config.frames.poll_s)
+
+
 def _happenings(
-    heard: Sequence[tuple[float, CameraMessage | Notice]], looks: Sequence[Look], came: Arrivals
+    heard: Sequence[tuple[float, CameraMessage | Notice]], folders: Sequence[FramesFolder], came: Sequence[Arrivals]
 ) -> list[Happening]:
     """All happenings in order; a message precedes a file of the same time."""
-    files = [(seconds, (look, fresh)) for seconds, look, fresh in zip(came.seconds, looks, came.fresh, strict=True)]
+    files = [
+        (seconds, ComingFile(look, fresh, folder.vehicle))
+        for folder, told in zip(folders, came, strict=True)
+        for seconds, look, fresh in zip(told.seconds, folder.looks, told.fresh, strict=True)
+    ]
     return sorted([*heard, *files], key=lambda happening: happening[0])  # stable, so ties keep this order
 
 
-def _described(link: RecordedLink, looks: Sequence[Look], came: Arrivals) -> str:
+def _described(link: RecordedLink, folders: Sequence[FramesFolder], came: Sequence[Arrivals]) -> str:
     what = f"{link.packets} packets of {link.seconds:.0f} s with {len(link.events)} camera messages"
-    return f"{what}; {len(looks)} files, which came as told by {came.told_by}"
+    files = [
+        f"{len(folder.looks)} files{'' if folder.vehicle is None else f' of aircraft {folder.vehicle}'}, "
+        f"which came as told by {told.told_by}"
+        for folder, told in zip(folders, came, strict=True)
+    ]
+    return "; ".join([what, *files])
 
 
 class _Replay:
@@ -109,14 +155,14 @@ class _Replay:
         began_utc = link.began_utc or 0.0
         self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
         self._driver = Driver(self._pipeline)
-        self._event_log = EventLog(self._pipeline.store.ledger, config.pairing)
+        self._event_log = EventLog(self._pipeline.store.ledger, config.pairing, apart=bool(config.sources))
         self._done: list[Done] = []
 
     def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
         """Process all happenings, then paint a last time; returns the frames' outcomes."""
-        looks = [what[0] for _, what in happenings if isinstance(what, tuple)]
-        task, start = progress.add_task("flying", total=len(looks)), time.monotonic()
-        with closing(_ReadAhead(looks, self._config, prefetching(self._pipeline, self._config))) as files:
+        coming = [what for _, what in happenings if isinstance(what, ComingFile)]
+        task, start = progress.add_task("flying", total=len(coming)), time.monotonic()
+        with closing(_ReadAhead(coming, self._config, prefetching(self._pipeline, self._config))) as files:
             for seconds, what in happenings:
                 if speed:
                     time.sleep(max(0.0, start + seconds / speed - time.monotonic()))
@@ -133,7 +179,7 @@ class _Replay:
     def close(self) -> None:
         self._pipeline.close()
 
-    def _take(self, now: float, what: CameraMessage | Notice | tuple[Look, bool], files: _ReadAhead) -> None:
+    def _take(self, now: float, what: CameraMessage | Notice | ComingFile, files: _ReadAhead) -> None:
         self._now = now
         self._event_log.tick(now)
         match what:
@@ -141,8 +187,8 @@ class _Replay:
                 self._event_log.message(what, now)
             case Notice():
                 self._say(what)
-            case (_, fresh):
-                self._take_file(files.next(), now, fresh)
+            case ComingFile():
+                self._take_file(files.next(), now, what.fresh)
         self._event_log.save()
 
     def _take_file(self, file: DecodedFrame | UndecodableFrame | DamagedFile, now: float, fresh: bool) -> None:
@@ -170,9 +216,9 @@ class _Replay:
 class _ReadAhead:
     """Files in order of arrival, read and prepared ahead."""
 
-    def __init__(self, looks: Sequence[Look], config: Config, preparation: Preparation) -> None:
+    def __init__(self, coming: Sequence[ComingFile], config: Config, preparation: Preparation) -> None:
         self.taken = 0
-        self._looks, self._settings = iter(looks), config.frames
+        self._coming, self._settings = iter(coming), config.frames
         self._read: deque[Frame | DamagedFile] = deque()
         self._preparation = preparation
 
@@ -191,8 +237,10 @@ class _ReadAhead:
         self._preparation.close()
 
     def _read_on(self) -> None:
-        while len(self._read) <= AHEAD and (look := next(self._looks, None)) is not None:
-            found = read_frame(look, look.name, self._settings)
+        while len(self._read) <= AHEAD and (file := next(self._coming, None)) is not None:
+            found = read_frame(file.look, file.look.name, self._settings)
+            if file.vehicle is not None:
+                found = marked(found, file.vehicle)
             self._read.append(found)
             if isinstance(found, Frame):
                 self._preparation.append(found)

@@ -16,7 +16,11 @@ from gcs_mosaic.archive.artefacts import Files, ListedFile
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import CannotWrite, make_folder, telling_disk_full
 
-BUCKETS = ("s3", "gs", "gcs", "az", "azure", "abfs", "abfss")
+# What of the environment is a bucket's: how the names begin, and those of the credentials that are usual.
+AMAZON = "AWS", "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
+GOOGLE = "GOOGLE", "GOOGLE_SERVICE_ACCOUNT"
+AZURE = "AZURE", "AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY"
+BUCKETS = {"s3": AMAZON, "gs": GOOGLE, "gcs": GOOGLE, **dict.fromkeys(("az", "azure", "abfs", "abfss"), AZURE)}
 # How long a bucket is tried, in all and for a connection; obstore's own limit is three minutes.
 PATIENCE = {"max_retries": 3, "retry_timeout": timedelta(seconds=20)}
 CONNECTING = {"connect_timeout": timedelta(seconds=5), "timeout": timedelta(seconds=60)}
@@ -91,12 +95,17 @@ class BucketFiles:
         except ImportError:
             raise UsageError(f"{place}: {BUCKETS_NEED}") from None
         self._place, self._obstore = place, obstore
+        beginning, self._credentials = BUCKETS[urlsplit(place).scheme]
+        options = _options(beginning)
         with self._told():
-            self._store: Any = obstore.store.from_url(place, client_options=_options(), retry_config=PATIENCE)
+            self._store: Any = obstore.store.from_url(place, client_options=options, retry_config=PATIENCE)
 
     def write(self, name: str, data: bytes) -> None:
-        with self._told():
-            self._obstore.put(self._store, name, data)
+        try:
+            with self._told():
+                self._obstore.put(self._store, name, data)
+        except FileNotFoundError:  # whatever else the server says of it
+            raise CannotWrite(f"{self._place}: {NO_BUCKET}") from None
 
     def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
         part = {"offset": start} if length is None else (start, start + length)
@@ -132,12 +141,12 @@ class BucketFiles:
             yield
         except FileNotFoundError as error:
             if "NoSuchBucket" in str(error) or "container does not exist" in str(error):
-                raise CannotWrite(f"{self._place}: there is no such bucket; make it, or name another one") from None
+                raise CannotWrite(f"{self._place}: {NO_BUCKET}") from None
             raise
         except (self._obstore.exceptions.BaseError, OSError, ValueError) as error:
             if any(sign in str(error) for sign in BEYOND):
                 raise _BeyondError from None
-            raise CannotWrite(f"{self._place}: {_reason(str(error))}") from error
+            raise CannotWrite(f"{self._place}: {_reason(str(error), self._credentials)}") from error
 
 
 class _BeyondError(Exception):
@@ -146,28 +155,48 @@ class _BeyondError(Exception):
 
 BEYOND = ("416 Range Not Satisfiable", "InvalidRange", "Requested range was invalid")
 
+NO_BUCKET = "there is no such bucket; make it, or name another one"
 # What errors of buckets say, and what to do.
 SIGNS = (
     (
         ("NoSuchBucket", "bucket does not exist", "BucketNotFound", "ContainerNotFound"),
-        "there is no such bucket; make it, or name another one",
+        NO_BUCKET,
     ),
     (
-        ("169.254.169.254", "CredentialProvider", "Unauthenticated", "Missing AccessKeyId", "No credentials"),
-        "credentials are missing; set those of the bucket's own tools, such as AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+        (
+            *("169.254.169.254", "CredentialProvider", "Unauthenticated", "Missing AccessKeyId", "No credentials"),
+            "Account must be specified",
+        ),
+        "credentials are missing; set those of the bucket's own tools, such as {credentials}",
     ),
     (
-        ("AccessDenied", "PermissionDenied", "Forbidden", "InvalidAccessKeyId", "SignatureDoesNotMatch", "403"),
+        (
+            *(
+                "AccessDenied",
+                "PermissionDenied",
+                "Forbidden",
+                "InvalidAccessKeyId",
+                "SignatureDoesNotMatch",
+                "code: 403",
+            ),
+            "Invalid Access Key",
+        ),
         "these credentials may not read or write there; ask for the right to, or name another bucket",
+    ),
+    (
+        ("recognise URL", "known pattern"),
+        "this names no bucket; give it as s3://BUCKET/PREFIX or az://CONTAINER/PREFIX",
     ),
     (("SlowDown", "503 Service Unavailable", "429 Too Many"), "it has too much to do; give the command again later"),
 )
 
 
-def _reason(told: str) -> str:
+def _reason(told: str, credentials: str) -> str:
     """What an error of a bucket means, as the end of a sentence."""
     meant = next((meaning for signs, meaning in SIGNS if any(sign in told for sign in signs)), None)
-    return meant or f"it cannot be reached ({' '.join(told.partition('Debug source')[0].split())[:200]})"
+    if meant is not None:
+        return meant.format(credentials=credentials)
+    return f"it cannot be reached ({' '.join(told.partition('Debug source')[0].split())[:200]})"
 
 
 def _listed(meta: Any) -> ListedFile:
@@ -175,6 +204,6 @@ def _listed(meta: Any) -> ListedFile:
     return ListedFile(meta["path"], meta["size"], modified_ns, meta.get("e_tag") or "")
 
 
-def _options() -> dict[str, Any]:
-    insecure = os.environ.get("AWS_ALLOW_HTTP", "").lower() in ("1", "true")
+def _options(beginning: str) -> dict[str, Any]:
+    insecure = os.environ.get(f"{beginning}_ALLOW_HTTP", "").lower() in ("1", "true")
     return CONNECTING | ({"allow_http": True} if insecure else {})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -15,13 +15,13 @@ from gcs_mosaic.archive.features import SeenFrame
 from gcs_mosaic.archive.kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
-from gcs_mosaic.render.brightness import size_of
+from gcs_mosaic.render.brightness import Aircraft, Camera, size_of
 from gcs_mosaic.render.exposure import ExposureSettings, is_false_colour
 from gcs_mosaic.render.levels import FINER
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.render.tile_grid import level_among
-from gcs_mosaic.render.vignetting import VignettingEstimate, VignettingSettings
+from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.render.warp_grid import resolved
 from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.geometry import reduced_view
@@ -116,6 +116,7 @@ def overlaps_of(artefacts: Artefacts, book: str, first: int, stop: int) -> Parts
     return {
         "summary": len(found),
         "frames": frames,
+        "aircraft": [placements_of(artefacts, one.placements)[one.place].aircraft for one in some],
         "distances": [resolved(one.pose, one.camera) for one in frames],
         "overlaps": found,
     }
@@ -149,14 +150,10 @@ def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vigne
     frames = [one for chunk in chunks for one in chunk]
     found: list[Overlap] = [one for key in keys for one in artefacts.part(key, "overlaps")]
     distances: list[float | None] = [one for key in keys for one in artefacts.part(key, "distances")]
-    estimates: dict[object, VignettingEstimate] = {}
-    by_name = {one.name: one for one in frames}
-    for name, _, means in found:
-        camera = _camera(by_name[name])
-        estimates[camera] = estimates.get(camera, VignettingEstimate(vignetting)).after(means.radial)
-    curves = {one.name: estimates.get(_camera(one), VignettingEstimate(vignetting)).curves for one in frames}
+    aircraft = [one for key in keys for one in artefacts.part(key, "aircraft")]
+    curves = curves_of(dict(zip((one.name for one in frames), aircraft, strict=True)), frames, found, vignetting)
     gains = agreed_gains(frames, found, curves, exposure)
-    levels = dict(zip(by_name, levels_of(frames, distances), strict=True))
+    levels = dict(zip(curves, levels_of(frames, distances), strict=True))
     parts = {
         f"looks {number}": [(gains[one.name], curves[one.name], levels[one.name]) for one in chunk]
         for number, chunk in enumerate(chunks)
@@ -164,8 +161,22 @@ def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vigne
     return {"summary": len(frames), **parts}
 
 
-def _camera(painted: Painted) -> object:
-    return size_of(painted), len(painted.display.black)
+def curves_of(
+    aircraft: Mapping[str, Aircraft],
+    frames: Sequence[Painted],
+    overlaps: Sequence[Overlap],
+    settings: VignettingSettings,
+) -> dict[str, Vignetting]:
+    """The vignetting of each frame; of another aircraft, which took the frames of another folder, it is another one."""
+    cameras: dict[str, Camera] = {
+        one.name: (aircraft[one.name], size_of(one), len(one.display.black)) for one in frames
+    }
+    estimates = {camera: VignettingEstimate(settings) for camera in cameras.values()}
+    for name, other, means in overlaps:
+        if aircraft[name] == aircraft[other]:
+            estimates[cameras[name]] = estimates[cameras[name]].after(means.radial)
+    curves = {camera: estimate.curves for camera, estimate in estimates.items()}
+    return {name: curves[camera] for name, camera in cameras.items()}
 
 
 def levels_of(frames: Iterable[Painted], distances: Sequence[float | None]) -> Iterator[int]:

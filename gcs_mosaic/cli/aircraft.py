@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import AircraftSource
@@ -20,6 +22,12 @@ def add_sources(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rtsp", action="append", metavar="[ID=]URL|auto", help=told)
 
 
+def add_recorded_frames(parser: argparse.ArgumentParser) -> None:
+    """Add where the frames of a recorded flight are."""
+    told = "folder of the flight's pictures; of several aircraft, each its own: --frames 1=DIR --frames 2=DIR"
+    parser.add_argument("--frames", action="append", required=True, metavar="[ID=]DIR", help=told)
+
+
 def add_vehicles(parser: argparse.ArgumentParser) -> None:
     """Add whose triggers count."""
     told = "MAVLink system id of the aircraft; may be repeated, then the triggers of all of them count"
@@ -29,10 +37,24 @@ def add_vehicles(parser: argparse.ArgumentParser) -> None:
 
 
 def of_each_aircraft(given: argparse.Namespace) -> argparse.Namespace:
-    """The arguments with `--vehicle`, `--vehicles`, `--watch` and `--rtsp` as the settings have them. Raises UsageError."""
+    """The arguments with `--vehicle`, `--vehicles` and where frames come from as the settings have them. Raises UsageError."""
     words = vars(given)
-    if "vehicles" not in words:  # not a live flight
+    if given.command not in (None, "replay"):
         return given
+    sources = _recorded(words["frames"]) if given.command == "replay" else _live(words)
+    return argparse.Namespace(**words | _several(words["vehicle"] or [], words["vehicles"]) | sources)
+
+
+def _recorded(frames: Sequence[str]) -> dict[str, object]:
+    """`frames` is None where each aircraft has its own."""
+    whole, folders = _apart("--frames", frames)
+    if folders and whole is not None:
+        raise _unnamed(f"--frames {whole}", "--frames")
+    sources = [_source(one, "frames", watch=folder) for one, folder in folders]
+    return {"frames": None if whole is None else Path(whole), "sources": sources or None}
+
+
+def _live(words: Mapping[str, Any]) -> dict[str, object]:
     watch, folders = _apart("--watch", words["watch"] or ())
     rtsp, streams = _apart("--rtsp", words["rtsp"] or ())
     if watch is not None and rtsp is not None:
@@ -40,12 +62,14 @@ def of_each_aircraft(given: argparse.Namespace) -> argparse.Namespace:
             "argument --rtsp: not allowed with argument --watch, unless each names its aircraft: --watch 1=DIR"
         )
     if (folders or streams) and (watch is not None or rtsp is not None):
-        one = f"--watch {watch}" if watch is not None else "--rtsp"
-        raise UsageError(f"{one} names no aircraft, others do: name that of each, as in --watch 1=DIR --watch 2=DIR")
-    sources = [_source(one, watch=folder) for one, folder in folders] + [_source(one, rtsp=url) for one, url in streams]
-    several = _several(words["vehicle"] or [], words["vehicles"])
-    changes = {"watch": watch, "rtsp": rtsp, "sources": sources or None}
-    return argparse.Namespace(**words | several | changes)
+        raise _unnamed(f"--watch {watch}" if watch is not None else "--rtsp", "--watch")
+    sources = [_source(one, "watch", watch=folder) for one, folder in folders]
+    sources += [_source(one, "rtsp", rtsp=url) for one, url in streams]
+    return {"watch": watch, "rtsp": rtsp, "sources": sources or None}
+
+
+def _unnamed(what: str, option: str) -> UsageError:
+    return UsageError(f"{what} names no aircraft, others do: name that of each, as in {option} 1=DIR {option} 2=DIR")
 
 
 def _several(named: Sequence[int], every: str | None) -> dict[str, object]:
@@ -68,8 +92,8 @@ def _apart(option: str, values: Sequence[str]) -> tuple[str | None, list[tuple[i
     return next(iter(whole), None), [(int(match[1]), match[2]) for match in found if match is not None]
 
 
-def _source(vehicle: int, *, watch: str | None = None, rtsp: str | None = None) -> AircraftSource:
+def _source(vehicle: int, option: str, *, watch: str | None = None, rtsp: str | None = None) -> AircraftSource:
     try:
         return AircraftSource(vehicle=vehicle, watch=watch, rtsp=rtsp)
     except ValueError as error:
-        raise UsageError(f"--{'watch' if rtsp is None else 'rtsp'}: {error}") from None
+        raise UsageError(f"--{option}: {error}") from None

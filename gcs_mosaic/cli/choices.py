@@ -35,6 +35,12 @@ def flight_config(given: argparse.Namespace, listening: Listening) -> Config:
     return replace(config, http=None) if given.no_http else config
 
 
+def replay_config(given: argparse.Namespace) -> Config:
+    """As above for a recorded flight: a folder for all is for all, whatever the file says of each."""
+    config = config_of(given)
+    return config if given.frames is None else replace(config, sources=())
+
+
 def _understood(given: argparse.Namespace) -> argparse.Namespace:
     """The arguments with text converted to values."""
     words = vars(given)

@@ -109,9 +109,9 @@ def reprocess(given: argparse.Namespace) -> None:
 def replay(given: argparse.Namespace) -> None:
     """Replay a recorded flight."""
     from gcs_mosaic.app import replay
-    from gcs_mosaic.cli.choices import config_of
+    from gcs_mosaic.cli.choices import replay_config
 
-    config = config_of(given)
+    config = replay_config(given)
     restrict(config.permissions)
     replay.replay(given.recording, given.frames, Path(config.out), config, Console(), given.speed)
 

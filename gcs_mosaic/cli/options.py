@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args
 
-from gcs_mosaic.cli.aircraft import add_sources, add_vehicles, of_each_aircraft
+from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicles, of_each_aircraft
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
@@ -242,12 +242,12 @@ def _positive(text: str) -> int:
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
-    parser.add_argument("--frames", type=Path, required=True, metavar="DIR", help="folder of the flight's pictures")
+    add_recorded_frames(parser)
     parser.add_argument(
         "--speed", type=float, default=0.0, metavar="N", help="times as fast as it was flown; 0 as fast as it goes (0)"
     )
     _add_scale(parser)
-    _add_vehicle(parser)
+    add_vehicles(parser)
     _add_method(parser)
     _add_anchor_by(parser)
     _add_output(parser)
@@ -345,10 +345,6 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
 
 def _add_flight(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
-
-
-def _add_vehicle(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--vehicle", type=int, metavar="ID", help="MAVLink system id of the aircraft")
 
 
 def _add_anchor_by(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Source
 HIGHEST_SYSTEM = 255  # of MAVLink system ids
 
 T = TypeVar("T")
+File = TypeVar("File", bound=Frame | DamagedFile)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,14 +40,18 @@ def of_aircraft(
     for item in items:
         match item:
             case Frame() | DamagedFile():
-                yield replace(item, name=name_with(vehicle, item.name), vehicle=vehicle)
+                yield marked(item, vehicle)
             case DroppedFrame():
-                frame = replace(item.frame, name=name_with(vehicle, item.frame.name), vehicle=vehicle)
-                yield replace(item, frame=frame)
+                yield replace(item, frame=marked(item.frame, vehicle))
             case Notice() | SourceReport():
                 yield replace(item, vehicle=vehicle)
             case _:
                 yield item
+
+
+def marked(file: File, vehicle: int) -> File:
+    """The same file as that aircraft's."""
+    return replace(file, name=name_with(vehicle, file.name), vehicle=vehicle)
 
 
 def name_with(vehicle: int, name: str) -> str:

@@ -11,7 +11,7 @@ from gcs_mosaic.mavlink.address import LinkAddress
 from gcs_mosaic.mavlink.clock import plausible_utc
 from gcs_mosaic.mavlink.monitor import Listener
 from gcs_mosaic.mavlink.received import Arrival
-from gcs_mosaic.mavlink.settings import LinkSettings
+from gcs_mosaic.mavlink.settings import AircraftIds, LinkSettings
 from gcs_mosaic.mavlink.tlog import on_one_clock, read_tlog
 from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import Notice, TriggerEvent
@@ -33,14 +33,17 @@ class RecordedLink:
         return [item for _, item in self.heard if isinstance(item, TriggerEvent)]
 
 
-def read_recording(path: Path, settings: LinkSettings, read: Callable[[int], None] = lambda size: None) -> RecordedLink:
-    """Read the whole recording at `path`; `read` is called with the number of bytes read so far.
+def read_recording(
+    path: Path, settings: LinkSettings, read: Callable[[int], None] = lambda size: None, aircraft: AircraftIds = ()
+) -> RecordedLink:
+    """Read the whole recording at `path`; `read` is called with the number of bytes read so far. The triggers of all `aircraft`
+    count, or, if there are none, those of the one that `settings` choose.
 
     Raises UsageError if the file is missing or contains no MAVLink.
     """
     try:
         with path.open("rb") as file:
-            recorded = _Recorded(path, settings)
+            recorded = _Recorded(path, settings, aircraft or settings.aircraft)
             for arrival in on_one_clock(recorded.noting_utc(read_tlog(file)), start=0.0):
                 recorded.hear(arrival)
                 read(file.tell())
@@ -57,9 +60,10 @@ def read_recording(path: Path, settings: LinkSettings, read: Callable[[int], Non
 
 
 class _Recorded:
-    def __init__(self, path: Path, settings: LinkSettings) -> None:
-        address = LinkAddress(kind="file", path=path)
-        self._listener = Listener(address, settings, VehicleChoice(settings), 0.0, 0.0)
+    def __init__(self, path: Path, settings: LinkSettings, aircraft: AircraftIds) -> None:
+        address, choice = LinkAddress(kind="file", path=path), VehicleChoice(settings)
+        choice.count(aircraft)
+        self._listener = Listener(address, settings, choice, 0.0, 0.0)
         self._heard: list[tuple[float, TriggerEvent | Notice]] = []
         self._first_utc = self._last_utc = self._seconds = 0.0
         self.packets = 0

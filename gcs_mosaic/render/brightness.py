@@ -14,7 +14,8 @@ from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept
 
 Size = tuple[int, int]  # width, height of frames as painted
-Camera = tuple[Size, int]  # with the number of bands
+Aircraft = int | None  # None: the only one
+Camera = tuple[Aircraft, Size, int]  # with the number of bands
 
 
 class Brightness(Kept):
@@ -35,10 +36,12 @@ class Brightness(Kept):
         self._false_colour: set[str] = set()  # a palette that follows each frame's own range carries no exposure
         self._overlaps: list[Overlap] = []
         self._estimates: dict[Camera, VignettingEstimate] = {}
+        self._carriers: dict[str, Aircraft] = {}  # of each frame's camera
 
-    def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted]) -> Painted:
-        """A frame with gain and vignetting that match painted frames beside it; used as a reference from now on."""
-        self._thumbnails[new.name] = thumbnail
+    def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted], aircraft: Aircraft = None) -> Painted:
+        """A frame with gain and vignetting that match painted frames beside it; used as a reference from now on. Another
+        `aircraft` has another lens."""
+        self._thumbnails[new.name], self._carriers[new.name] = thumbnail, aircraft
         if is_false_colour(thumbnail):
             self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
@@ -66,10 +69,11 @@ class Brightness(Kept):
 
     def curves_of(self, painted: Painted) -> Vignetting:
         """The estimated vignetting of a frame's camera."""
-        return self._estimates.get(_camera_of(painted), self._no_estimate).curves
+        return self._estimates.get(self._camera_of(painted), self._no_estimate).curves
 
     def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
-        """Overlaps of a new frame with others of the same kind; kept for the end, and used for vignetting."""
+        """Overlaps of a new frame with others of the same kind; kept for the end, and used for vignetting if one aircraft took
+        both."""
         found: list[tuple[OverlapMeans, Painted]] = []
         for painted in beside:
             if painted.island == new.island and painted.display == new.display:
@@ -77,8 +81,9 @@ class Brightness(Kept):
                 if means is not None:
                     self._overlaps.append((new.name, painted.name, means.without_sums()))
                     found.append((means, painted))
-                    camera = _camera_of(painted)
-                    self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)
+                    if self._carriers[painted.name] == self._carriers[new.name]:
+                        camera = self._camera_of(painted)
+                        self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)
         return found
 
     def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
@@ -88,10 +93,9 @@ class Brightness(Kept):
         i, j = (replace(painted, dead=self._dead_of(size_of(painted))) for painted in (one, other))
         return overlap_of(i, self._thumbnails[i.name], j, self._thumbnails[j.name])
 
+    def _camera_of(self, painted: Painted) -> Camera:
+        return self._carriers[painted.name], size_of(painted), len(painted.display.black)
+
 
 def size_of(painted: Painted) -> Size:
     return painted.camera.width, painted.camera.height
-
-
-def _camera_of(painted: Painted) -> Camera:
-    return size_of(painted), len(painted.display.black)

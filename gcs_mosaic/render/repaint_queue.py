@@ -153,7 +153,8 @@ class Painter(Kept):
             level=0,  # until its level is chosen
         )
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
-        painted = self._levels.settled(self._brightness.settled(new, display.levels(thumbnail), beside))
+        bright = self._brightness.settled(new, display.levels(thumbnail), beside, placement.aircraft)
+        painted = self._levels.settled(bright)
         self._note(painted)
         if self._live:
             return self.canvas.paint(image, painted, hastily=True)

@@ -10,6 +10,7 @@ import pytest
 
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.frame_sources import elsewhere, frame_sources, taken_of
+from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import AircraftSource
@@ -146,8 +147,9 @@ def bring(flight: Running, folder: str, name: str, data: bytes) -> None:
 
 
 def test_two_aircraft_whose_cameras_write_the_same_names(tmp_path: Path, pictures: list[bytes]) -> None:
-    """Killed in the middle and started again, one map has the frames of both, and each has its own account."""
-    with flying(tmp_path, *FOLDERS) as flight, closing(second(flight)) as other:
+    """Killed in the middle and started again, one map has the frames of both, and each has its own account; the recording
+    of it, flown again, pairs the same."""
+    with flying(tmp_path, *FOLDERS, "--record") as flight, closing(second(flight)) as other:
         for k in range(2):
             announce(flight.vehicle, k)
             bring(flight, "north", f"DCIM/IMG_{k}.JPG", pictures[2 * k])
@@ -156,7 +158,7 @@ def test_two_aircraft_whose_cameras_write_the_same_names(tmp_path: Path, picture
         flight.wait_for_frames(placed=4)
         flight.wait_for(lambda status: status["events"]["matched"] == 4, "all are matched")
         flight.end(signal.SIGKILL)
-    with flying(tmp_path, *FOLDERS) as flight, closing(second(flight)) as other:
+    with flying(tmp_path, *FOLDERS, "--record") as flight, closing(second(flight)) as other:
         announce(other, 2)
         bring(flight, "south", "DCIM/IMG_2.JPG", pictures[4])
         flight.wait_for_frames(placed=5)
@@ -178,6 +180,15 @@ def test_two_aircraft_whose_cameras_write_the_same_names(tmp_path: Path, picture
     assert {entry["island"] for entry in placed["frames"]} == {placed["frames"][0]["island"]}
     assert len(placed["cameras"]) == 2  # a lens of each
     assert_explained(flight.out, tmp_path / "again", fewest=5)
+    frames = [f"--frames={number}={flight.home / name}" for number, name in enumerate(("north", "south"), 1)]
+    assert main(["replay", str(flight.out / "flight.tlog"), *frames, "--out", str(tmp_path / "replayed")]) == 0
+    assert matches(tmp_path / "replayed") == matches(flight.out)
+
+
+def matches(out: Path) -> set[tuple[int, str | None]]:
+    """The aircraft of each event, and its frame."""
+    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+        return {(record.event.vehicle, record.frame) for record in ledger.events()}
 
 
 def second(flight: Running) -> Vehicle:

@@ -140,7 +140,7 @@ def test_a_run_that_has_made_nothing_leaves_nothing_in_a_bucket(server: str) -> 
     assert names("some") == {MARKER, "archive/features/a", "mosaic.json"}
 
 
-def test_removing_what_is_not_there_is_no_trouble_for_google_either(
+def test_what_is_not_there_is_no_trouble_to_remove_for_google_either_but_to_write_into(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     class Google(BaseHTTPRequestHandler):
@@ -148,6 +148,8 @@ def test_removing_what_is_not_there_is_no_trouble_for_google_either(
             self.send_response(404)
             self.send_header("Content-Length", "0")
             self.end_headers()
+
+        do_PUT = do_DELETE  # noqa: N815 - names of the library
 
         def log_message(self, format: str, *words: object) -> None: ...
 
@@ -158,8 +160,11 @@ def test_removing_what_is_not_there_is_no_trouble_for_google_either(
         json.dumps(account | {"client_email": "", "private_key": "", "private_key_id": ""})
     )
     monkeypatch.setenv("GOOGLE_SERVICE_ACCOUNT", str(tmp_path / "account.json"))
+    monkeypatch.setenv("GOOGLE_ALLOW_HTTP", "true")
     try:
         BucketFiles("gs://there").remove("archive/trial")
+        with pytest.raises(CannotWrite, match=r"^gs://there: there is no such bucket; make it, or name another one$"):
+            BucketFiles("gs://there").write("archive/trial", b"")
     finally:
         google.shutdown()
         google.server_close()

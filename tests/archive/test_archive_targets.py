@@ -36,8 +36,8 @@ def put(folder: Path, *names: str) -> Path:
     return folder
 
 
-def test_where_no_scheduler_answers_nothing_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+@pytest.mark.usefixtures("soon_given_up")
+def test_where_no_scheduler_answers_nothing_is_left_behind(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(encoded(".jpg"))
     request = Request((str(tmp_path / "a.jpg"),), str(tmp_path / "of/maps/one"), f"tcp://127.0.0.1:{free_port()}")
     with pytest.raises(UsageError, match="no scheduler answers there"):

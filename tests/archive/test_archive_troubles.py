@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 from functools import partial
@@ -25,6 +26,7 @@ from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.records import FrameState
 from tests.archive.archives import bucket_server
+from tests.frames.image_files import encoded
 from tests.ports import free_port
 from tests.running import frames_of
 
@@ -111,8 +113,28 @@ def test_a_bucket_out_of_reach_is_told_in_one_line(monkeypatch: pytest.MonkeyPat
     assert "\n" not in str(error.value)
 
 
-def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (
+            "az://there",
+            r"credentials are missing; .*, such as AZURE_STORAGE_ACCOUNT_NAME and AZURE_STORAGE_ACCOUNT_KEY",
+        ),
+        ("az://", r"this names no bucket; give it as s3://BUCKET/PREFIX or az://CONTAINER/PREFIX"),
+        ("az://a@b/c", r"this names no bucket; give it as s3://BUCKET/PREFIX or az://CONTAINER/PREFIX"),
+    ],
+)
+def test_a_bucket_of_azure_that_cannot_be_opened_is_told(
+    monkeypatch: pytest.MonkeyPatch, place: str, said: str
+) -> None:
+    for name in [name for name in os.environ if name.startswith("AZURE_")]:
+        monkeypatch.delenv(name)
+    with pytest.raises(CannotWrite, match=f"^{place}: {said}$"):
+        BucketFiles(place)
+
+
+@pytest.mark.usefixtures("soon_given_up")
+def test_an_address_without_a_scheduler_is_told() -> None:
     with pytest.raises(UsageError, match=r"--cluster tcp://127.0.0.1:\d+: no scheduler answers there"):
         workers_at(f"tcp://127.0.0.1:{free_port()}").__enter__()
 
@@ -127,8 +149,8 @@ def test_an_address_without_a_scheduler_is_told(monkeypatch: pytest.MonkeyPatch)
         ("tcp://no.such.host.invalid:8786", "no scheduler answers there"),
     ],
 )
-def test_an_address_that_is_none_is_told(monkeypatch: pytest.MonkeyPatch, address: str, said: str) -> None:
-    monkeypatch.setattr("gcs_mosaic.archive.cluster.CONNECT_S", 1.0)
+@pytest.mark.usefixtures("soon_given_up")
+def test_an_address_that_is_none_is_told(address: str, said: str) -> None:
     with pytest.raises(UsageError, match=f"^--cluster {re.escape(address)}: .*{said}"):
         workers_at(address).__enter__()
 
@@ -155,6 +177,7 @@ def test_a_worker_that_is_not_as_the_client_is_told(monkeypatch: pytest.MonkeyPa
         check_versions(client, "tcp://c")
 
 
+@pytest.mark.usefixtures("soon_given_up")
 def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alone() -> None:
     with workers_at(None, 1) as client:
         address = client.scheduler.address
@@ -198,6 +221,16 @@ def test_without_the_extra_the_command_says_what_it_needs(
         r"gcs-mosaic: reprocess needs the packages? no_such_package: pip install 'gcs-mosaic\[cluster\]'\n", said
     )
     assert not (tmp_path / "map").exists()
+
+
+def test_without_bokeh_the_dashboard_says_what_it_needs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("gcs_mosaic.archive.cluster.find_spec", lambda name: None)
+    (tmp_path / "a.jpg").write_bytes(encoded(".jpg"))
+    assert cli.main(["reprocess", str(tmp_path / "a.jpg"), "--out", str(tmp_path / "map"), "--dashboard"]) == 2
+    assert capsys.readouterr().err == "gcs-mosaic: --dashboard needs the package bokeh: pip install bokeh\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.jpg"]
 
 
 def test_an_archive_without_a_whole_picture_ends_with_that_and_each_stage_is_a_line_of_json(

@@ -33,6 +33,7 @@ class Placement:
     corner_deviation_px: float
     # For a frame placed by a free homography (`--method paper`); `pose` is then only the nearest level pose.
     homography: Homography | None = None
+    aircraft: int | None = None  # that carried the camera, where several are told apart
 
     @property
     def canvas_from_frame(self) -> Matrix3x3:
@@ -88,4 +89,5 @@ def placement_of(graph: ViewGraph, frame: int) -> Placement:
         neighbours=tuple(graph.frames[other].name for other in sorted(state.inliers)),
         hops=state.hops,
         corner_deviation_px=state.corner_deviation_px,
+        aircraft=graph.aircraft_of[state.camera],
     )
