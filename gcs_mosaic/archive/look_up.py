@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
+from gcs_mosaic.archive.features import whole_features
 from gcs_mosaic.archive.pairs import KnownPairs, Pair, StoredRegistration
 from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
@@ -24,6 +26,8 @@ from gcs_mosaic.stitch.registration.registration import (
     RegistrationSettings,
     borne_out,
 )
+
+T = TypeVar("T")
 
 GROUPS_KEPT = 512  # of pairs, 250 kB each
 NEVER = NotRegistered("never compared", 0, np.empty((0, 2)), np.empty((0, 2)))
@@ -50,11 +54,16 @@ class PairBook:
         self._keys = {pair: key for pair, (key, _) in known.found.items()}
         self._group = lru_cache(GROUPS_KEPT)(lambda key: artefacts.part(key, "found"))
         self._others = known.others()
+        self._artefacts = artefacts
         self._lost: Lost | None = None
 
     def knows(self, one: str, other: str) -> bool:
         """Whether two frames were compared."""
         return self._pair(one, other) in self._keys
+
+    def registered(self, one: str, other: str) -> bool:
+        """Whether two frames were compared, and registered."""
+        return self._others.get(self._numbers[one], {}).get(self._numbers[other], False)
 
     def others(self, name: str) -> dict[int, bool]:
         """The frames of the archive that one was compared with, and whether they were registered."""
@@ -78,9 +87,17 @@ class PairBook:
             return stored.whole(of_a, of_b)
         return stored.whole(of_b, of_a).turned()
 
+    def features(self, name: str) -> Features:
+        """All features of a frame, with descriptors."""
+        frame = self._frames[self._numbers[name]]
+        return self._sought(lambda: whole_features(self._artefacts, frame.key, frame.dead))
+
     def _read(self, key: str) -> dict[tuple[str, ...], StoredRegistration | str]:
+        return self._sought(lambda: self._group(key))
+
+    def _sought(self, read: Callable[[], T]) -> T:
         try:
-            return self._group(key)  # type: ignore[no-any-return]
+            return read()
         except Lost as error:
             self._lost = error
             raise
@@ -108,6 +125,7 @@ class LookUp(Search):
     ) -> None:
         super().__init__(graph, settings, registration, observer)
         self._known = known
+        self._thorough = Comparing(known, graph, settings, registration, observer)
 
     def likeliest(self, frame: int, among: ArrayLike, count: int | None = None) -> list[int]:
         known, own = self._known.others(self._name(frame)), self._known.number(self._name(frame))
@@ -129,6 +147,10 @@ class LookUp(Search):
             part = MatchPart(again=self._graph.matched_before(other))
             found = borne_out(found, features, placed.features, self._registration, MatchPart(), part)
         return self._told_of(name, other, found)
+
+    @property
+    def thorough(self) -> Search:
+        return self._thorough
 
     def _overlapping(self, frame: int, *view: object) -> list[int]:
         """Only frames that were compared: nothing can be said of the others."""
@@ -153,3 +175,21 @@ class LookUp(Search):
 
     def _name(self, frame: int) -> str:
         return self._graph.frames[frame].name
+
+
+class Comparing(Search):
+    """A search around a place that compares what was never compared, or not registered without knowing the place."""
+
+    def __init__(
+        self,
+        known: PairBook,
+        graph: ViewGraph,
+        settings: SearchSettings,
+        registration: RegistrationSettings,
+        observer: Observer | None = None,
+    ) -> None:
+        super().__init__(graph, settings, registration, observer)
+        self._known = known
+
+    def _features_of(self, frame: int) -> Features:
+        return self._known.features(self._graph.frames[frame].name)

@@ -22,10 +22,13 @@ from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, similarity_bet
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Outcome, Placement
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from tests.benchmarks.flight_of_points import LENS, features_of_flight
+from sitl.path import Plan, fly
+from tests.benchmarks.flight_of_points import LENS, features_of_flight, features_of_states
 
 SETTINGS = StitchSettings()
 FRAMES = 16
+# Cells of two grounds, north-west and south-east.
+CORNERS = {*((x, y) for x in (-3, -2, -1) for y in (1, 2)), *((x, y) for x in (0, 1, 2) for y in (-3, -2))}
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +37,22 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("artefacts")
     found = Artefacts(files_at(str(folder)))
     for number, features in zip(range(FRAMES), features_of_flight(FRAMES), strict=False):
-        places = replace(features, kept_descriptors=features.descriptors[:, :0])
-        found.put(f"frame/{number}", {"places": places, "descriptors": features.descriptors, "faint": None})
-    for number in range(FRAMES):
-        pairs = tuple(((f"frame/{other}", NO_BORDER), (f"frame/{number}", NO_BORDER)) for other in range(number))
-        found.put(f"pairs/{number}", pair_group(found, pairs, SETTINGS.registration))
+        kept(found, number, features)
+    compared(found, FRAMES)
     return folder
+
+
+def kept(artefacts: Artefacts, number: int, features: Features) -> None:
+    places = replace(features, kept_descriptors=features.descriptors[:, :0])
+    artefacts.put(f"frame/{number}", {"places": places, "descriptors": features.descriptors, "faint": None})
+
+
+def compared(artefacts: Artefacts, frames: int, near: int = FRAMES) -> None:
+    """Register frames with those of at most so many frames before."""
+    for number in range(frames):
+        others = range(max(0, number - near), number)
+        pairs = tuple(((f"frame/{other}", NO_BORDER), (f"frame/{number}", NO_BORDER)) for other in others)
+        artefacts.put(f"pairs/{number}", pair_group(artefacts, pairs, SETTINGS.registration))
 
 
 @pytest.fixture
@@ -60,7 +73,7 @@ def pairs_of(artefacts: Artefacts, firsts: range, seconds: range) -> str:
     found = list[KnownPair]()
     for one in firsts:
         of_one = artefacts.part(f"pairs/{one}", "found")
-        for other in (number for number in seconds if number < one):
+        for other in (number for number in seconds if (f"frame/{number}", f"frame/{one}") in of_one):
             is_one = not isinstance(of_one[f"frame/{other}", f"frame/{one}"], str)
             found.append(((other, one), (f"pairs/{one}", is_one)))
     return listed(artefacts, found)
@@ -149,3 +162,23 @@ def test_what_is_lost_is_asked_for_whatever_became_of_it(artefacts: Artefacts) -
     artefacts.files.remove("pairs/7")
     with pytest.raises(Lost, match="pairs/7"):
         stretch(artefacts, frames, pairs, SETTINGS)
+
+
+def test_a_join_is_refuted_by_frames_that_were_never_compared(tmp_path: Path) -> None:
+    """Two grounds that are alike in opposite corners: the two pairs of frames that show these agree, and only those are known."""
+    found, each = Artefacts(files_at(str(tmp_path))), 18
+    states = fly("survey", LENS, Plan(frames=each, height=50.0, forward=0.4, side=0.3))
+    for ground in (0, 1):
+        for number, features in enumerate(features_of_states(states, 1 + ground, seen=600, shared=CORNERS)):
+            kept(found, number + ground * each, features)
+    compared(found, 2 * each, near=10)
+    parts = placed(found, 0, each), placed(found, each, 2 * each)
+    corners = [(0, each), (each - 1, 2 * each - 1)]
+    keys = tuple(((f"frame/{one}", NO_BORDER), (f"frame/{other}", NO_BORDER)) for one, other in corners)
+    found.put("corners", pair_group(found, keys, SETTINGS.registration))
+    assert found.part("corners", "summary") == [True, True]
+    known = listed(found, [(pair, ("corners", True)) for pair in corners])
+    found.put("islands", islands(found, parts, known, SETTINGS))
+    merged, _, places, _, _ = found.part("islands", "summary")
+    assert len(places) == 2 * each
+    assert merged == (None, None)
