@@ -15,6 +15,7 @@ from gcs_mosaic.archive.features import whole_features
 from gcs_mosaic.archive.pairs import KnownPairs, Pair, StoredRegistration
 from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings, View
 from gcs_mosaic.stitch.graph.observer import Observer
@@ -29,6 +30,7 @@ from gcs_mosaic.stitch.registration.registration import (
 
 T = TypeVar("T")
 
+WITNESSES = 6  # frames around a place that one pair of frames tells
 GROUPS_KEPT = 512  # of pairs, 250 kB each
 NEVER = NotRegistered("never compared", 0, np.empty((0, 2)), np.empty((0, 2)))
 
@@ -113,7 +115,7 @@ class PairBook:
 
 
 class LookUp(Search):
-    """A search that compares nothing: what is alike and how frames lie to each other is looked up."""
+    """A search that looks up what is alike and how frames lie to each other, and compares only what could refute that."""
 
     def __init__(
         self,
@@ -151,6 +153,15 @@ class LookUp(Search):
     @property
     def thorough(self) -> Search:
         return self._thorough
+
+    def neighbour_links(
+        self, frame: int, pose: Pose, island: int, most: int | None = None
+    ) -> dict[int, Registration | None]:
+        """Those that were looked up; where they bear the pose out by none, some are compared, which may refute it."""
+        known = super().neighbour_links(frame, pose, island, most)
+        if any(known.values()):
+            return known
+        return known | self._thorough.neighbour_links(frame, pose, island, WITNESSES)
 
     def _overlapping(self, frame: int, *view: object) -> list[int]:
         """Only frames that were compared: nothing can be said of the others."""

@@ -182,3 +182,25 @@ def test_a_join_is_refuted_by_frames_that_were_never_compared(tmp_path: Path) ->
     merged, _, places, _, _ = found.part("islands", "summary")
     assert len(places) == 2 * each
     assert merged == (None, None)
+
+
+def test_a_frame_that_one_pair_places_is_refuted_by_frames_that_it_was_never_compared_with(tmp_path: Path) -> None:
+    """A frame of another ground, alike in the north: it is known with the northernmost frame only."""
+    found, flown = Artefacts(files_at(str(tmp_path))), 6
+    flight = fly("survey", LENS, Plan(frames=flown, height=50.0, forward=0.4, side=0.3))
+    states = [replace(state, y=state.y + 52.0) for state in flight]
+    north = {(x, y) for x in range(-4, 4) for y in (2, 3)}
+    for number, features in enumerate(features_of_states(states, 1, seen=600, shared=north)):
+        kept(found, number, features)
+    stranger = replace(states[0], y=states[0].y - 19.0)
+    kept(found, flown, next(features_of_states([stranger], 2, seen=600, shared=north)))
+    compared(found, flown + 1)
+    known = found.part(pairs_of(found, range(flown), range(flown)), "list")
+    ((pair, key_and_verdict),) = found.part(pairs_of(found, range(flown, flown + 1), range(1)), "list")
+    assert key_and_verdict[1], "the two frames do not register, so nothing is to be refuted"
+    known.append((pair, key_and_verdict))
+    found.put("placed", stretch(found, frames_from(found, 0, flown + 1), listed(found, known), SETTINGS))
+    found.put("islands", islands(found, ("placed",), none_of(found), SETTINGS))
+    _, _, places, _, rejected = found.part("islands", "summary")
+    assert set(places) == {str(number) for number in range(flown)}
+    assert [one.name for one in rejected] == [str(flown)]
