@@ -5,6 +5,7 @@ Serial as the last of the joining; the islands' joint adjustments are left to th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,8 @@ from gcs_mosaic.archive.stretches import placed_stretches, together
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.graph.placement import Covered, Placement, Rejection
 from gcs_mosaic.stitch.mosaic import StitchSettings
+
+OF_A_FLIGHT = 1000  # frames, for which the settings are
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +45,21 @@ def assembled(
     stretch: int,
 ) -> Assembled:
     """All frames, placed. `stretch`: how many are placed by one task."""
+    settings = stricter(settings, len(frames))
     numbered = numbered_frames(frames, kinds)
     left = placed_stretches(engine, numbered, known, settings, stretch)
     one = task(islands, left.parts, left.pairs, settings)
     merged, tasks, placed, covered, rejected = engine.made("islands", [one])[0]
     return Assembled(one.key, merged, tasks, placed, covered, rejected)
+
+
+def stricter(settings: StitchSettings, frames: int) -> StitchSettings:
+    """The evidence that joins two islands, for so many frames: look-alikes are as many times more frequent than in a flight as
+    there are more frames, and in the whole no more wrong joins are allowed. In steps, so that stretches are kept where a few
+    frames are added."""
+    more = max(0.0, round(math.log10(max(frames, 1) / OF_A_FLIGHT), 1))
+    strict = replace(settings.islands, least_evidence=settings.islands.least_evidence + more)
+    return replace(settings, islands=strict)
 
 
 def numbered_frames(frames: Sequence[SeenFrame], kinds: Sequence[FrameKind]) -> list[NumberedFrame]:

@@ -12,7 +12,7 @@ import pytest
 from gcs_mosaic.archive.adjustment import adjustment
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.files import files_at
-from gcs_mosaic.archive.islands import islands
+from gcs_mosaic.archive.islands import islands, stricter
 from gcs_mosaic.archive.look_up import NumberedFrame
 from gcs_mosaic.archive.pairs import pair_group
 from gcs_mosaic.archive.stretches import KnownPair, joined, stretch
@@ -204,3 +204,9 @@ def test_a_frame_that_one_pair_places_is_refuted_by_frames_that_it_was_never_com
     _, _, places, _, rejected = found.part("islands", "summary")
     assert set(places) == {str(number) for number in range(flown)}
     assert [one.name for one in rejected] == [str(flown)]
+
+
+def test_the_more_frames_the_more_evidence_joins_two_islands() -> None:
+    asked = [stricter(SETTINGS, frames).islands.least_evidence for frames in (1, 1_000, 10_000, 10_001, 100_000)]
+    flight = SETTINGS.islands.least_evidence
+    assert asked == pytest.approx([flight, flight, flight + 1, flight + 1, flight + 2])

@@ -80,10 +80,11 @@ class Bridges:
             return []  # its own matches fit no similarity: the frames' poses are inconsistent
         known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
         looked_for, odds = self._look_into_overlap(stays, goes, known)
-        agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
         self._graph.bridges.append(newest)
-        proven = odds >= 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
-        return agreeing if proven else []
+        # What was looked for where the known bridges lead agrees with them, right or wrong: it only counts for the odds.
+        if odds < 0 or self._evidence(known) + odds < self._settings.least_evidence:
+            return []
+        return [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
         """Move the smaller island onto the larger one by these bridges. Returns (remaining island, merged island)."""
