@@ -34,16 +34,10 @@ class Assembled:
 
 
 def assembled(
-    engine: Engine,
-    frames: Sequence[SeenFrame],
-    kinds: Sequence[FrameKind],
-    known: KnownPairs,
-    settings: StitchSettings,
-    stretch: int,
+    engine: Engine, frames: Sequence[NumberedFrame], known: KnownPairs, settings: StitchSettings, stretch: int
 ) -> Assembled:
     """All frames, placed. `stretch`: how many are placed by one task."""
-    numbered = numbered_frames(frames, kinds)
-    left = placed_stretches(engine, numbered, known, settings, stretch)
+    left = placed_stretches(engine, frames, known, settings, stretch)
     one = task(islands, left.parts, left.pairs, settings)
     merged, tasks, placed, covered, rejected = engine.made("islands", [one])[0]
     return Assembled(one.key, merged, tasks, placed, covered, rejected)
