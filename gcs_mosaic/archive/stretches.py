@@ -118,6 +118,7 @@ def together(artefacts: Artefacts, parts: Sequence[str], pairs: str, settings: S
         one.load(artefacts.part(key, "mosaic"))
         mosaic.take_over(one, AS_THEY_ARE)
         found.rejected += artefacts.part(key, "rejected")
+    mosaic.unfold(book.points)
     registered = [(book.name(a), book.name(b)) for (a, b), (_, is_one) in artefacts.part(pairs, "list") if is_one]
     for _ in range(ROUNDS):
         _tried(partial(mosaic.connect, registered))
@@ -149,6 +150,7 @@ class PlacedTogether:
     def parts(self) -> Parts:
         """What is kept of it. Raises Lost if anything was that it needed."""
         self.book.check()
+        self.mosaic.fold()
         return {"summary": None, "mosaic": self.mosaic.saved(), "rejected": self.rejected, "lists": self.lists}
 
 

@@ -5,7 +5,7 @@
 No pictures and no matching: `archive_of_points` puts into a store what features and pairs would have brought. Each task then runs
 as in an archive, but in a process of its own, `--workers` at a time. By stage: tasks, seconds of a core in all and of the longest
 task, the most memory of any task's process (MB; an empty one takes the first figure told), and what its artefacts take on the
-disk. The client is this process: what it held at most since the store was filled. Error: RMS distance of the frames' inner corners
+disk. The client is this process: what it held at most since the store was filled. Error: RMS distance of inner corners of frames
 from the truth, after one similarity.
 
 `--given`: frames are placed in parts of so many at once, near their true poses and linked, instead of one after another; for
@@ -41,6 +41,7 @@ from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.view_graph import Lens
 from gcs_mosaic.stitch.mosaic import StitchSettings
+from gcs_mosaic.stitch.registration.registration import Registration
 from tests.benchmarks.archive_of_points import ArchiveOfPoints, archive_of_points
 from tests.benchmarks.survey_of_matches import CAMERA, rms_error_px
 
@@ -57,7 +58,9 @@ def main() -> None:
     parser.add_argument("frames", nargs="*", type=int, default=COUNTS)
     parser.add_argument("--given", type=int, help="frames of a part that is given")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--kept", type=Path, help="a folder for what frames and pairs have brought: it is not made again")
+    parser.add_argument(
+        "--kept", type=Path, help="a folder for what frames and pairs have brought: it is not made again"
+    )
     asked = parser.parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     for count in asked.frames:
@@ -109,7 +112,7 @@ def given(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetting
     """In place of a stretch: its frames near their true places on a canvas of their own, and all links among them."""
     found = _begun(artefacts, Lists((frames,), (pairs,)), settings)
     mosaic, numbered = found.mosaic, artefacts.part(frames, "list")
-    graph, search = mosaic._graph, mosaic._search
+    graph = mosaic._graph
     truth = artefacts.part(ARCHIVE, "poses")[[number_of(one) for one in numbered]]
     rng = np.random.default_rng(number_of(numbered[0]))
     own = float(rng.normal(0, 0.1)), float(rng.uniform(-3, 3)), rng.normal(0, 1e3, 2)
@@ -120,10 +123,11 @@ def given(artefacts: Artefacts, frames: str, pairs: str, settings: StitchSetting
     moved = [moved_by_similarity(pose, np.exp(own[0]), *own[1:]) for pose in poses]
     lens = Lens(CAMERA, np.eye(5) * LENS_INFORMATION)
     graph.put_all(range(len(moved)), moved, graph.found_island(), {0: lens})
-    for (a, b), (_, is_one) in artefacts.part(pairs, "list"):
-        registration = search.register(*(graph.numbers[found.book.name(frame)] for frame in (a, b))) if is_one else None
-        if registration is not None:
-            graph.link(*(graph.numbers[found.book.name(frame)] for frame in (a, b)), registration)
+    for (a, b), _ in artefacts.part(pairs, "list"):
+        one, other = (graph.frames[graph.numbers[found.book.name(frame)]] for frame in (a, b))
+        registration = found.book.found(one.name, other.name, one.features, other.features)
+        if isinstance(registration, Registration):
+            graph.link(graph.numbers[one.name], graph.numbers[other.name], registration)
     return found.parts()
 
 

@@ -1,14 +1,18 @@
 """An archive without pictures: what its frames and pairs would have brought is put into a store as its tasks find it there.
 
 A flat ground full of marks; each frame sees half of those in its view, with noise, the strongest 2,000. Two frames have matched
-what both have seen, and some of what they have not. That is about what caliterra's frames bring (2,000 features, 10 pairs a frame,
+what both have seen, and some of what they have not. About what caliterra's frames bring (2,000 features, 10 pairs a frame,
 450 inliers a pair). No descriptors: nothing after the registrations reads them.
+
+The ground is the same again in every BLOCK frames, and so is the flight: what a block's frames and pairs have brought serves all.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import cv2
 import numpy as np
@@ -23,14 +27,16 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration.registration import independent_count
 from sitl.geometry import CameraState, ground_from_pixels, pixels_from_ground
 from sitl.path import fly
-from tests.benchmarks.flight_of_points import LENS, NOISE_PX, plan
+from tests.benchmarks.flight_of_points import HEIGHT, LENS, NOISE_PX, plan
 from tests.benchmarks.survey_of_matches import canvas_pose, linked
 
 SEEN = 2000  # features of a frame at most
 REPEATED = 0.55  # share of the marks in view that a frame sees
+BLOCK = 3000  # frames
 PAIRED = 20  # frames that one is compared with, at most: 10 pairs a frame
 WRONG = 0.08  # matches that are none, for each one that is
 FEWEST = 20  # common marks from which a pair is registered
+LINE = 20.0  # metres at least from the last line of a block to the first of the next
 CELL = 25.0  # metres: marks are numbered by cells of this side
 TOGETHER = 4  # frames whose pairs lie in one artefact, as in an archive
 EVIDENCE = 100.0
@@ -49,22 +55,35 @@ class ArchiveOfPoints:
 
 def archive_of_points(artefacts: Artefacts, frames: int, seed: int = 1) -> ArchiveOfPoints:
     """A survey at one height, put into the store."""
-    states = list(fly("survey", LENS, replace(plan(frames), climbs=0)))[:frames]
+    block = min(frames, BLOCK)
+    states = list(fly("survey", LENS, replace(plan(block), climbs=0)))[:block]
     poses = np.array([canvas_pose(state) for state in states])
-    pairs: dict[int, list[Pair]] = {}
-    for a, b in linked(poses, PAIRED).tolist():
-        pairs.setdefault(a, []).append((a, b))
-    last = {a: max(b for _, b in some) for a, some in pairs.items()}
-    seen, found = _Window(_features(artefacts, states, seed)), dict[Pair, tuple[str, bool]]()
-    for first in range(0, frames, TOGETHER):
-        firsts = [a for a in range(first, min(first + TOGETHER, frames)) if a in pairs]
-        seen.hold(first, max((last[a] for a in firsts), default=first))
-        of_group = {pair: _registration(*seen.of(pair), pair, seed) for a in firsts for pair in pairs[a]}
-        if of_group:
-            artefacts.put(key := f"pairs/{first:06}", {"found": {tuple(map(_key, p)): r for p, r in of_group.items()}})
-            found |= {pair: (key, not isinstance(one, str)) for pair, one in of_group.items()}
-    numbered = [NumberedFrame(number, name(number), _key(number), NO_BORDER) for number in range(frames)]
-    return ArchiveOfPoints(numbered, KnownPairs(found), poses)
+    cells = math.ceil((np.ptp([state.x for state in states]) + LINE) / CELL)
+    shift = np.array([cells * CELL * LENS.focal_px / HEIGHT, 0.0, 0.0, 0.0, 0.0, 0.0])
+    seen = list(_features(artefacts, states, _Marks(seed, cells), seed))
+    pairs = linked(np.concatenate([poses, poses + shift]), PAIRED)  # of one block and the next
+    pairs = pairs[pairs[:, 0] < block]
+    keys = dict(_registrations(artefacts, pairs.tolist(), seen, seed))
+    found = {
+        (a + at, b + at): known for (a, b), known in keys.items() for at in range(0, frames, block) if b + at < frames
+    }
+    numbered = [NumberedFrame(number, name(number), _key(number % block), NO_BORDER) for number in range(frames)]
+    whole = np.concatenate([poses + at * shift for at in range(-(-frames // block))])[:frames]
+    return ArchiveOfPoints(numbered, KnownPairs(dict(sorted(found.items()))), whole)
+
+
+def _registrations(
+    artefacts: Artefacts, pairs: Sequence[Pair], seen: Sequence[tuple[Features, Ids]], seed: int
+) -> Iterator[tuple[Pair, tuple[str, bool]]]:
+    """By pair of a block's frames, or one of the next, the artefact that holds its registration, and whether it is one."""
+    for first, group in groupby(pairs, lambda pair: pair[0] // TOGETHER):
+        some = [(a, b) for a, b in group]
+        found = {(a, b): _registration(seen[a], seen[b % len(seen)], (a, b), seed) for a, b in some}
+        artefacts.put(
+            key := f"pairs/{first:06}",
+            {"found": {tuple(_key(number % len(seen)) for number in pair): one for pair, one in found.items()}},
+        )
+        yield from ((pair, (key, not isinstance(one, str))) for pair, one in found.items())
 
 
 def name(number: int) -> str:
@@ -76,27 +95,11 @@ def _key(number: int) -> str:
     return f"points/{number:06}"
 
 
-class _Window:
-    """Of frames that come one after another, those that pairs need now."""
-
-    def __init__(self, coming: Iterator[tuple[Features, Ids]]) -> None:
-        self._coming = coming
-        self._held: dict[int, tuple[Features, Ids]] = {}
-        self._next = 0
-
-    def hold(self, first: int, last: int) -> None:
-        while self._next <= last:
-            self._held[self._next] = next(self._coming)
-            self._next += 1
-        self._held = {number: one for number, one in self._held.items() if number >= first}
-
-    def of(self, pair: Pair) -> list[tuple[Features, Ids]]:
-        return [self._held[number] for number in pair]
-
-
-def _features(artefacts: Artefacts, states: Sequence[CameraState], seed: int) -> Iterator[tuple[Features, Ids]]:
+def _features(
+    artefacts: Artefacts, states: Sequence[CameraState], ground: _Marks, seed: int
+) -> Iterator[tuple[Features, Ids]]:
     """Features of each frame, put into the store, and the marks that they are of."""
-    ground, rng = _Marks(seed), np.random.default_rng([seed, 3])
+    rng = np.random.default_rng([seed, 3])
     for number, state in enumerate(states):
         places, ids = ground.around(state)
         pixels = pixels_from_ground(LENS, state, places) + rng.normal(0, NOISE_PX, places.shape)
@@ -110,10 +113,11 @@ def _features(artefacts: Artefacts, states: Sequence[CameraState], seed: int) ->
 
 
 class _Marks:
-    """Marks on the plane, made cell by cell as they are seen."""
+    """Marks on the plane, made cell by cell as they are seen; after so many cells to the east it is the same again."""
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, cells: int) -> None:
         self._seed = seed
+        self._until_again = cells
         self._cells: dict[tuple[int, int], NDArray[np.float64]] = {}
 
     def around(self, state: CameraState) -> tuple[NDArray[np.float64], Ids]:
@@ -123,17 +127,18 @@ class _Marks:
         low, high = np.floor(outline.min(axis=0) / CELL).astype(int), np.floor(outline.max(axis=0) / CELL).astype(int)
         cells = [(x, y) for x in range(low[0], high[0] + 1) for y in range(low[1], high[1] + 1)]
         found = [self._cell(*cell, state.height) for cell in cells]
-        firsts = [((x + 2**15) << 40) | ((y + 2**15) << 20) for x, y in cells]
+        firsts = [(x % self._until_again << 40) | (y + 2**15 << 20) for x, y in cells]
         ids = [first + np.arange(len(some)) for first, some in zip(firsts, found, strict=True)]
         return np.concatenate(found), np.concatenate(ids)
 
     def _cell(self, x: int, y: int, height: float) -> NDArray[np.float64]:
-        if (x, y) not in self._cells:
-            rng = np.random.default_rng([self._seed, x + 2**15, y + 2**15])
+        own = x % self._until_again, y
+        if own not in self._cells:
+            rng = np.random.default_rng([self._seed, own[0], y + 2**15])
             across, along = LENS.footprint(height)
             count = rng.poisson(SEEN / REPEATED * CELL**2 / (across * along))
-            self._cells[x, y] = (rng.random((count, 2)) + np.array([x, y])) * CELL
-        return self._cells[x, y]
+            self._cells[own] = rng.random((count, 2)) * CELL
+        return self._cells[own] + np.array([x, y]) * CELL
 
 
 def _registration(
