@@ -110,7 +110,7 @@ class PairBook:
 
     def _read(self, key: str) -> dict[tuple[str, ...], StoredRegistration | str]:
         with self._noting_what_is_lost():
-            return self._group(key)
+            return self._group(key)  # type: ignore[no-any-return]
 
     def _points_of(self, number: int) -> Points32Nx2:
         with self._noting_what_is_lost():

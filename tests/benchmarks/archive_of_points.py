@@ -159,7 +159,7 @@ def _registration(
         tentative=np.concatenate([matches, wrong]).astype(np.uint16),
         displaced_a=np.empty((0, 2), np.float32),
         displaced_b=np.empty((0, 2), np.float32),
-        b_from_a=cv2.findHomography(pixels_a, pixels_b, 0)[0],
+        b_from_a=np.asarray(cv2.findHomography(pixels_a, pixels_b, 0)[0], np.float64),
         independent_inliers=independent_count(pixels_a, pixels_b, 16.0),
         evidence=EVIDENCE,
     )

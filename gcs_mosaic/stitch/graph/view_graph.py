@@ -73,8 +73,8 @@ class Link:
     `registration.held_out`. A link that is `folded` has none of the three.
     """
 
-    pixels_a: PointsNx2
-    pixels_b: PointsNx2
+    pixels_a: PointsNx2 | Points32Nx2
+    pixels_b: PointsNx2 | Points32Nx2
     features: FeaturePairsNx2
     held_out: FeaturePairsNx2
     doubtful: FeaturePairsNx2
