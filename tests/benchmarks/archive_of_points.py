@@ -2,7 +2,7 @@
 
 A flat ground full of marks; each frame sees half of those in its view, with noise, the strongest 2,000. Two frames have matched
 what both have seen, and some of what they have not. About what caliterra's frames bring (2,000 features, 10 pairs a frame,
-450 inliers a pair). No descriptors: nothing after the registrations reads them.
+390 inliers a pair; caliterra 450). No descriptors: nothing after the registrations reads them.
 
 The ground is the same again in every BLOCK frames, and so is the flight: what a block's frames and pairs have brought serves all.
 """
