@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import TypeVar
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
-from gcs_mosaic.archive.features import whole_features
+from gcs_mosaic.archive.features import places_of, whole_features
 from gcs_mosaic.archive.pairs import KnownPairs, Pair, StoredRegistration
-from gcs_mosaic.stitch.arrays import Mask
+from gcs_mosaic.stitch.arrays import Mask, Points32Nx2
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features
@@ -28,10 +28,9 @@ from gcs_mosaic.stitch.registration.registration import (
     borne_out,
 )
 
-T = TypeVar("T")
-
 WITNESSES = 6  # frames around a place that one pair of frames tells
 GROUPS_KEPT = 512  # of pairs, 250 kB each
+POINTS_KEPT = 1024  # frames, 16 kB each
 NEVER = NotRegistered("never compared", 0, np.empty((0, 2)), np.empty((0, 2)))
 
 
@@ -47,14 +46,30 @@ class NumberedFrame:
     folder: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class StoredPoints:
+    """The places (n, 2) of a frame's features, which are read when they are asked for."""
+
+    shape: tuple[int, int]
+    number: int
+    read: Callable[[int], Points32Nx2]
+
+    def array(self) -> Points32Nx2:
+        return self.read(self.number)
+
+    def exact(self) -> Points32Nx2:
+        return self.read(self.number)
+
+
 class PairBook:
-    """Registrations by the frames' numbers in the archive, read when they are asked for."""
+    """Registrations and places of features by the frames' numbers in the archive, read when they are asked for."""
 
     def __init__(self, artefacts: Artefacts, frames: Iterable[NumberedFrame], known: KnownPairs) -> None:
         self._frames = {one.number: one for one in frames}
         self._numbers = {one.name: one.number for one in self._frames.values()}
         self._keys = {pair: key for pair, (key, _) in known.found.items()}
         self._group = lru_cache(GROUPS_KEPT)(lambda key: artefacts.part(key, "found"))
+        self._points = lru_cache(POINTS_KEPT)(partial(_points_of, artefacts, self._frames))
         self._others = known.others()
         self._artefacts = artefacts
         self._lost: Lost | None = None
@@ -91,15 +106,33 @@ class PairBook:
 
     def features(self, name: str) -> Features:
         """All features of a frame, with descriptors."""
-        frame = self._frames[self._numbers[name]]
-        return self._sought(lambda: whole_features(self._artefacts, frame.key, frame.dead))
+        frame = self.frame(name)
+        with self._noting_what_is_lost():
+            return whole_features(self._artefacts, frame.key, frame.dead)
+
+    def points(self, name: str, count: int) -> StoredPoints:
+        """The places of so many features of a frame."""
+        return StoredPoints((count, 2), self._numbers[name], self._points_of)
+
+    def frame(self, name: str) -> NumberedFrame:
+        return self._frames[self._numbers[name]]
+
+    def key(self, one: str, other: str) -> tuple[Pair, str]:
+        """Two frames that were compared, and the artefact that holds their registration."""
+        return (pair := self._pair(one, other)), self._keys[pair]
 
     def _read(self, key: str) -> dict[tuple[str, ...], StoredRegistration | str]:
-        return self._sought(lambda: self._group(key))
+        with self._noting_what_is_lost():
+            return self._group(key)  # type: ignore[no-any-return]
 
-    def _sought(self, read: Callable[[], T]) -> T:
+    def _points_of(self, number: int) -> Points32Nx2:
+        with self._noting_what_is_lost():
+            return self._points(number)
+
+    @contextmanager
+    def _noting_what_is_lost(self) -> Iterator[None]:
         try:
-            return read()
+            yield
         except Lost as error:
             self._lost = error
             raise
@@ -112,6 +145,11 @@ class PairBook:
     def _pair(self, one: str, other: str) -> Pair:
         numbers = self._numbers[one], self._numbers[other]
         return min(numbers), max(numbers)
+
+
+def _points_of(artefacts: Artefacts, frames: Mapping[int, NumberedFrame], number: int) -> Points32Nx2:
+    one = frames[number]
+    return places_of(artefacts, one.key, one.dead).points
 
 
 class LookUp(Search):

@@ -15,17 +15,24 @@ from gcs_mosaic.archive.files import files_at
 from gcs_mosaic.archive.islands import islands, stricter
 from gcs_mosaic.archive.look_up import NumberedFrame
 from gcs_mosaic.archive.pairs import pair_group
-from gcs_mosaic.archive.stretches import KnownPair, joined, stretch
+from gcs_mosaic.archive.relief import relief
+from gcs_mosaic.archive.stretches import KnownPair, joined, stretch, together
 from gcs_mosaic.archive.tasks import listed
+from gcs_mosaic.stitch.arrays import FloatRows
+from gcs_mosaic.stitch.bundle.island import island_task
+from gcs_mosaic.stitch.bundle.relief import displacements, matched, sightings
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, similarity_between
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Outcome, Placement
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from gcs_mosaic.store.checkpoint import decoded, encoded
 from sitl.path import Plan, fly
 from tests.benchmarks.flight_of_points import LENS, features_of_flight, features_of_states
 
 SETTINGS = StitchSettings()
+WITHOUT_RELIEF = replace(SETTINGS.adjustment, relief=replace(SETTINGS.adjustment.relief, cells=0))
 FRAMES = 16
 # Cells of two grounds, north-west and south-east.
 CORNERS = {*((x, y) for x in (-3, -2, -1) for y in (1, 2)), *((x, y) for x in (0, 1, 2) for y in (-3, -2))}
@@ -125,6 +132,61 @@ def test_four_stretches_that_are_joined_twice_are_the_map_of_one(artefacts: Arte
     found = map_of(artefacts, *halves, pairs=left)
     assert len(found) == len(whole) == FRAMES
     assert apart(found, whole) < 3 * max(placement.corner_deviation_px for placement in whole.values()) < 3.0
+
+
+@pytest.fixture
+def unfolded(monkeypatch: pytest.MonkeyPatch) -> list[Mosaic]:
+    """What was placed, each time before it was folded."""
+    found, fold = list[Mosaic](), Mosaic.fold
+
+    def watched(mosaic: Mosaic) -> None:
+        whole = Mosaic(SETTINGS)
+        whole.load(decoded(encoded(mosaic.saved())))
+        found.append(whole)
+        fold(mosaic)
+
+    monkeypatch.setattr(Mosaic, "fold", watched)
+    return found
+
+
+def test_what_a_stretch_leaves_in_the_store_is_found_there_when_it_is_joined(
+    artefacts: Artefacts, unfolded: list[Mosaic]
+) -> None:
+    found = together(artefacts, [placed(artefacts, 0, FRAMES)], none_of(artefacts), SETTINGS).mosaic._graph
+    whole = unfolded[0]._graph
+    assert len(found.frames) == len(whole.frames) == FRAMES
+    assert found.links.keys() == whole.links.keys()
+    for frame, (here, there) in enumerate(zip(found.frames, whole.frames, strict=True)):
+        assert np.array_equal(here.features.points, there.features.points)
+        assert found.matched_before(frame).any()
+        assert np.array_equal(found.matched_before(frame), whole.matched_before(frame))
+    one, other = (island_task(graph, 0, WITHOUT_RELIEF) for graph in (found, whole))
+    assert one is not None
+    assert other is not None
+    assert np.array_equal(one.problem.pixels_a, other.problem.pixels_a)
+    assert np.array_equal(one.problem.pixels_b, other.problem.pixels_b)
+
+
+def test_the_relief_of_a_chunk_is_what_all_matches_of_its_frames_say(
+    artefacts: Artefacts, unfolded: list[Mosaic]
+) -> None:
+    artefacts.put("islands", islands(artefacts, (placed(artefacts, 0, FRAMES),), none_of(artefacts), SETTINGS))
+    artefacts.put("adjusted", adjustment(artefacts, "islands", 0, spread=False))
+    settings = SETTINGS.adjustment.relief
+    artefacts.put("relief", relief(artefacts, "adjusted", 0, 0, "islands", settings))
+    placements: list[Placement] = artefacts.part("relief", "placements")
+    matches = matched(unfolded[0]._graph, range(FRAMES))
+    assert matches is not None
+    expected = displacements(sightings(matches), [(one.pose, one.camera) for one in placements], settings)
+    for one, sheet in zip(placements, expected, strict=True):
+        assert one.relief is not None
+        assert sheet is not None
+        assert np.abs(grid_of(one.relief)).max() > 1e-5
+        assert np.allclose(grid_of(one.relief), grid_of(sheet), atol=1e-6)
+
+
+def grid_of(sheet: ReliefDisplacement) -> FloatRows:
+    return np.frombuffer(sheet.shifts, np.float32).reshape(-1, 2)
 
 
 def test_each_folder_has_a_camera_of_its_own(artefacts: Artefacts) -> None:
