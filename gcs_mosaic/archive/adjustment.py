@@ -6,31 +6,30 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from distributed import worker_client
 
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
-from gcs_mosaic.archive.islands import Assembled
+from gcs_mosaic.archive.islands import CHUNK, Assembled
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted
-from gcs_mosaic.stitch.bundle.relief import seen_ground, sightings
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.camera.projection import with_lens
 from gcs_mosaic.stitch.graph.placement import Placement
 
-CHUNK = 64  # frames of a part
 SPREAD_FROM = 10_000  # frames of an island from which its subtrees are worth sending
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedChunk:
-    """Some frames of an island after its adjustment: part `part` of the artefact `key`."""
+    """Some frames of an island after its adjustment: part `part` of the artefact `key`. `matches`: the artefact that says what
+    links them, None if nothing does."""
 
     island: int
     key: str
     part: int
     frames: int
+    matches: str | None
 
 
 def adjusted_islands(engine: Engine, found: Assembled) -> list[PlacedChunk]:
@@ -41,7 +40,7 @@ def adjusted_islands(engine: Engine, found: Assembled) -> list[PlacedChunk]:
     tasks |= {island: task(lone, found.key, island) for island in alone}
     chunks = engine.made("adjustment", list(tasks.values()))
     return [
-        PlacedChunk(island, one.key, number, count)
+        PlacedChunk(island, one.key, number, count, found.key if island in linked else None)
         for (island, one), counts in zip(tasks.items(), chunks, strict=True)
         for number, count in enumerate(counts)
     ]
@@ -50,27 +49,23 @@ def adjusted_islands(engine: Engine, found: Assembled) -> list[PlacedChunk]:
 def lone(artefacts: Artefacts, key: str, island: int) -> Parts:
     """An island without links stays as it is."""
     placements = artefacts.part(key, f"placements {island}")
-    return {"summary": [len(placements)], "placements 0": placements, "ground 0": [None] * len(placements)}
+    return {"summary": [len(placements)], "placements 0": placements}
 
 
 def adjustment(artefacts: Artefacts, key: str, island: int, spread: bool) -> Parts:
-    """An island's placements after its adjustment, without relief, and the ground that each frame sees, in chunks."""
+    """An island's placements after its adjustment, without relief, in chunks."""
     one: IslandTask = artefacts.part(key, f"adjustment {island}")
     before: Sequence[Placement] = artefacts.part(key, f"placements {island}")
-    found = adjusted(replace(one, matches=None), on_workers if spread else map)
+    found = adjusted(one, on_workers if spread else map)
     placements = placed(one, found, before)
-    ground = _ground(one, placements)
-    parts: dict[str, object] = {}
-    for number, at in enumerate(range(0, len(placements), CHUNK)):
-        parts[f"placements {number}"] = placements[at : at + CHUNK]
-        parts[f"ground {number}"] = ground[at : at + CHUNK]
-    return parts | {"summary": [len(placements[at : at + CHUNK]) for at in range(0, len(placements), CHUNK)]}
+    chunks = [placements[at : at + CHUNK] for at in range(0, len(placements), CHUNK)]
+    return {"summary": [len(chunk) for chunk in chunks], **{f"placements {n}": chunk for n, chunk in enumerate(chunks)}}
 
 
 def placed(one: IslandTask, found: AdjustedIsland, before: Sequence[Placement]) -> list[Placement]:
     """The placements (n) of an island by its adjustment; `before` it, in the same order."""
     cameras = [with_lens(camera, lens) for camera, lens in zip(one.cameras, found.lenses, strict=True)]
-    scales = one.matches.scales if one.matches is not None else np.ones(len(before))
+    scales = one.problem.half_diagonal / one.problem.unit_px  # of a camera
     numbers = one.problem.camera.tolist()
     hops = _hops(before, before[one.root].name)
     return [
@@ -79,7 +74,7 @@ def placed(one: IslandTask, found: AdjustedIsland, before: Sequence[Placement]) 
             pose=Pose(*found.poses[row].tolist()),
             camera=cameras[numbers[row]],
             relief=None,
-            residual_px=float(found.residuals[row] * scales[row]),
+            residual_px=float(found.residuals[row] * scales[numbers[row]]),
             hops=hops[placement.name],
             corner_deviation_px=float(found.deviations_px[row]),
         )
@@ -96,13 +91,6 @@ def _hops(placements: Sequence[Placement], root: str) -> dict[str, int]:
         hops |= dict.fromkeys(new, hops[name] + 1)
         waiting += new
     return hops
-
-
-def _ground(one: IslandTask, placements: Sequence[Placement]) -> list[Any]:
-    if one.matches is None or one.settings.relief.cells == 0:
-        return [None] * len(placements)
-    views: list[tuple[Pose, Camera]] = [(placement.pose, placement.camera) for placement in placements]
-    return list(seen_ground(sightings(one.matches), views, one.settings.relief, range(len(views))))
 
 
 def on_workers(work: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:

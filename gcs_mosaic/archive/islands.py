@@ -5,25 +5,29 @@ Serial as the last of the joining; the islands' joint adjustments are left to th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame
 from gcs_mosaic.archive.kinds import FrameKind
-from gcs_mosaic.archive.look_up import NumberedFrame
-from gcs_mosaic.archive.pairs import KnownPairs
+from gcs_mosaic.archive.look_up import NumberedFrame, PairBook
+from gcs_mosaic.archive.pairs import KnownPairs, Pair
 from gcs_mosaic.archive.stretches import placed_stretches, together
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.graph.placement import Covered, Placement, Rejection
 from gcs_mosaic.stitch.mosaic import StitchSettings
 
+OF_A_FLIGHT = 1000  # frames, for which the settings are
+CHUNK = 64  # frames of an island whose ground is found together
+
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
     """What became of the frames, and where the adjustments that are to follow lie: `tasks` are the islands' numbers, parts of
-    the artefact `key`. `islands`: by number, the island that each was merged into."""
+    the artefact `key`, which has `ChunkMatches` too. `islands`: by number, the island that each was merged into."""
 
     key: str
     islands: tuple[int | None, ...]
@@ -33,20 +37,34 @@ class Assembled:
     rejected: tuple[Rejection, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class ChunkMatches:
+    """Some frames of an island that follow one another, and where the registrations of the pairs lie that link them with any.
+    `around`: numbers of the chunks in which those other frames are, this one's too."""
+
+    frames: tuple[NumberedFrame, ...]
+    links: tuple[tuple[Pair, str], ...]
+    around: tuple[int, ...]
+
+
 def assembled(
-    engine: Engine,
-    frames: Sequence[SeenFrame],
-    kinds: Sequence[FrameKind],
-    known: KnownPairs,
-    settings: StitchSettings,
-    stretch: int,
+    engine: Engine, frames: Sequence[NumberedFrame], known: KnownPairs, settings: StitchSettings, stretch: int
 ) -> Assembled:
     """All frames, placed. `stretch`: how many are placed by one task."""
-    numbered = numbered_frames(frames, kinds)
-    left = placed_stretches(engine, numbered, known, settings, stretch)
+    settings = stricter(settings, len(frames))
+    left = placed_stretches(engine, frames, known, settings, stretch)
     one = task(islands, left.parts, left.pairs, settings)
     merged, tasks, placed, covered, rejected = engine.made("islands", [one])[0]
     return Assembled(one.key, merged, tasks, placed, covered, rejected)
+
+
+def stricter(settings: StitchSettings, frames: int) -> StitchSettings:
+    """The evidence that joins two islands, for so many frames: look-alikes are as many times more frequent than in a flight as
+    there are more frames, and in the whole no more wrong joins are allowed. In steps, so that stretches are kept where a few
+    frames are added."""
+    more = max(0.0, round(math.log10(max(frames, 1) / OF_A_FLIGHT), 1))
+    strict = replace(settings.islands, least_evidence=settings.islands.least_evidence + more)
+    return replace(settings, islands=strict)
 
 
 def numbered_frames(frames: Sequence[SeenFrame], kinds: Sequence[FrameKind]) -> list[NumberedFrame]:
@@ -81,4 +99,21 @@ def islands(artefacts: Artefacts, parts: tuple[str, ...], pairs: str, settings: 
         (*found.rejected, *mosaic.finish()),
     )
     placements = {f"placements {number}": some for number, some in of_islands.items()}
-    return {"summary": summary, **placements, **{f"adjustment {number}": task for number, task in tasks.items()}}
+    adjustments = {f"adjustment {number}": task for number, task in tasks.items()}
+    matches = {
+        f"matches {island} {chunk}": one
+        for island in tasks
+        for chunk, one in enumerate(chunk_matches(found.book, of_islands[island]))
+    }
+    return {"summary": summary, **placements, **adjustments, **matches}
+
+
+def chunk_matches(book: PairBook, placements: Sequence[Placement]) -> Iterator[ChunkMatches]:
+    """What links each chunk of an island."""
+    chunk_of = {placement.name: row // CHUNK for row, placement in enumerate(placements)}
+    for at in range(0, len(placements), CHUNK):
+        some = placements[at : at + CHUNK]
+        # Not where frames were compared only to test a join: that is kept nowhere.
+        links = {book.key(one.name, other) for one in some for other in one.neighbours if book.knows(one.name, other)}
+        around = {chunk_of[name] for one in some for name in (one.name, *one.neighbours)}
+        yield ChunkMatches(tuple(book.frame(one.name) for one in some), tuple(sorted(links)), tuple(sorted(around)))

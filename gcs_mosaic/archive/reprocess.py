@@ -16,7 +16,7 @@ from gcs_mosaic.archive.engine import AGAIN, Engine
 from gcs_mosaic.archive.features import features_of
 from gcs_mosaic.archive.files import is_bucket
 from gcs_mosaic.archive.fixed_patterns import without_pattern
-from gcs_mosaic.archive.islands import assembled
+from gcs_mosaic.archive.islands import assembled, numbered_frames
 from gcs_mosaic.archive.kinds import kinds_of
 from gcs_mosaic.archive.light import lit
 from gcs_mosaic.archive.packing import Reprocessed, beside, move_into_place, packed, upload
@@ -85,7 +85,7 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, request: Reque
     kinds = kinds_of(engine, seen, config)
     pairs = pairs_of(engine, seen, kinds)
     known = registered(engine, seen, kinds, pairs, config.stitch.registration)
-    found = assembled(engine, seen, kinds, known, config.stitch, request.stretch)
+    found = assembled(engine, numbered_frames(seen, kinds), known, config.stitch, request.stretch)
     chunks = with_relief(engine, adjusted_islands(engine, found), config.stitch.adjustment.relief)
     seen = looked_at(engine, seen, kinds, config)
     bright = lit(engine, seen, kinds, chunks, config.paint)

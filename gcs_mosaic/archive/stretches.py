@@ -2,7 +2,8 @@
 
 Within a stretch frames are placed one after another and islands joined, as in a flight, but each comparison is looked up. That
 costs more than all that follows, and there is a worker's task for each stretch. Joining moves whole islands, by pairs of frames
-of two stretches, links all such pairs that agree with that, and adjusts the islands.
+of two stretches, links all such pairs that agree with that, and adjusts the islands. What is placed is folded before it is kept:
+the places of features and most matches lie in the store already, and a task that joins thousands of frames needs few of them.
 """
 
 from __future__ import annotations
@@ -118,6 +119,7 @@ def together(artefacts: Artefacts, parts: Sequence[str], pairs: str, settings: S
         one.load(artefacts.part(key, "mosaic"))
         mosaic.take_over(one, AS_THEY_ARE)
         found.rejected += artefacts.part(key, "rejected")
+    mosaic.unfold(book.points)
     registered = [(book.name(a), book.name(b)) for (a, b), (_, is_one) in artefacts.part(pairs, "list") if is_one]
     for _ in range(ROUNDS):
         _tried(partial(mosaic.connect, registered))
@@ -149,6 +151,7 @@ class PlacedTogether:
     def parts(self) -> Parts:
         """What is kept of it. Raises Lost if anything was that it needed."""
         self.book.check()
+        self.mosaic.fold()
         return {"summary": None, "mosaic": self.mosaic.saved(), "rejected": self.rejected, "lists": self.lists}
 
 

@@ -23,7 +23,7 @@ from gcs_mosaic.stitch.bundle.worker import Worker
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
-from gcs_mosaic.stitch.features.shelf import Shelve
+from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
@@ -125,6 +125,15 @@ class Mosaic(Kept):
             self._covered += [
                 replace(one, name=renamed.name_of(one.name), by=renamed.name_of(one.by)) for one in other._covered
             ]
+
+    def fold(self) -> None:
+        """At the end, before it is saved to be taken over: keep no places of features, and of links only what adjustments and
+        comparisons of the frames with others use."""
+        self._graph.fold()
+
+    def unfold(self, points_of: Callable[[str, int], Shelved]) -> None:
+        """Once what was folded is taken over: where the places of each frame's features are, by its name and their number."""
+        self._graph.unfold(points_of)
 
     def retry_waiting(self) -> None:
         """Retry all waiting frames with everything learnt since: for the end of a flight.

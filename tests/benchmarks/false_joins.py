@@ -27,7 +27,7 @@ from gcs_mosaic.archive.arrivals import arrivals_of
 from gcs_mosaic.archive.cluster import workers_at
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, features_of, places_of
-from gcs_mosaic.archive.islands import assembled
+from gcs_mosaic.archive.islands import assembled, numbered_frames
 from gcs_mosaic.archive.kinds import FrameKind, kinds_of
 from gcs_mosaic.archive.pairs import KnownPairs, StoredRegistration, registered
 from gcs_mosaic.archive.progress import Lines, StageCost
@@ -97,7 +97,9 @@ def reprocessed(folder: Path, truth: list[Taken], workers: int) -> Outcome:
         kinds = kinds_of(engine, seen, settings)
         pairs = pairs_of(engine, seen, kinds)
         known = registered(engine, seen, kinds, pairs, settings.stitch.registration)
-        chunks = adjusted_islands(engine, assembled(engine, seen, kinds, known, settings.stitch, STRETCH))
+        chunks = adjusted_islands(
+            engine, assembled(engine, numbered_frames(seen, kinds), known, settings.stitch, STRETCH)
+        )
         placements = [one for chunk in chunks for one in engine.part(chunk.key, f"placements {chunk.part}")]
         numbers = [number_of(one.frame.name) for one in seen]
         compared = [(numbers[a], numbers[b]) for a, b in pairs]

@@ -6,7 +6,7 @@ the size of its pixels. Good for times; no map of it says anything about accurac
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,12 @@ def features_of_flight(frames: int, seed: int = 1) -> Iterator[Features]:
     return features_of_states(fly("survey", LENS, plan(frames)), seed)
 
 
-def features_of_states(states: Iterable[CameraState], seed: int = 1, seen: int = SEEN) -> Iterator[Features]:
-    """Features (at most `seen`) of what is seen from each place in turn."""
-    rng, ground = np.random.default_rng([seed, 7]), _Ground(seed)
+def features_of_states(
+    states: Iterable[CameraState], seed: int = 1, seen: int = SEEN, shared: Collection[tuple[int, int]] = ()
+) -> Iterator[Features]:
+    """Features (at most `seen`) of what is seen from each place in turn. `shared`: cells of CELL metres, by their numbers in x
+    and y, where all grounds are alike."""
+    rng, ground = np.random.default_rng([seed, 7]), _Ground(seed, shared)
     for state in states:
         places, descriptors = ground.marks(state)
         pixels = pixels_from_ground(LENS, state, places) + rng.normal(0, NOISE_PX, places.shape)
@@ -48,8 +51,8 @@ def features_of_states(states: Iterable[CameraState], seed: int = 1, seen: int =
 class _Ground:
     """Marks on the plane, made cell by cell as they are seen; each level of size has its own."""
 
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
+    def __init__(self, seed: int, shared: Collection[tuple[int, int]]) -> None:
+        self._seed, self._shared = seed, frozenset(shared)
         self._cells: dict[tuple[int, int, int], tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
     def marks(self, state: CameraState) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -69,7 +72,8 @@ class _Ground:
     def _cell(self, key: tuple[int, int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if key not in self._cells:
             size, x, y = key
-            rng = np.random.default_rng([self._seed, size + 10, x + 1000, y + 1000])
+            seed = 0 if (x, y) in self._shared else self._seed
+            rng = np.random.default_rng([seed, size + 10, x + 1000, y + 1000])
             across, along = LENS.footprint(HEIGHT * CLIMB_RATIO ** (size / 2))
             count = rng.poisson(SEEN * CELL**2 / (across * along))
             raw = rng.gamma(0.5, size=(count, 128))

@@ -94,7 +94,9 @@ def flown(frames: int, megapixels: float, features: int, home: Path) -> Iterator
         for number, one in enumerate(features_made_apart(frames, features), start=1):
             frame = pipeline.accept(brought(number, picture, home))
             assert frame is not None, "no two files are the same"
-            seen = replace(one, points=one.points * factor, width=size[0], height=size[1], scale=one.scale * factor)
+            seen = replace(
+                one, kept_points=one.points * factor, width=size[0], height=size[1], scale=one.scale * factor
+            )
             driver.process(DecodedFrame(frame, image, seen, thumbnail(image), {}))
             pipeline.checkpoint()
             for _ in range(REPAINTS):

@@ -66,7 +66,7 @@ class IslandTask:
     members: tuple[int, ...]  # frames, in the order of the problem
     root: int  # row of the island's founding frame
     problem: Problem
-    matches: MatchedPoints | None  # rows as in the problem
+    matches: MatchedPoints | None  # rows as in the problem; None if no relief is wanted
     numbers: tuple[CameraNumber, ...]  # of the problem's cameras
     cameras: tuple[Camera, ...]
     settings: AdjustmentSettings
@@ -94,7 +94,8 @@ def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> 
     poses, free = [graph.pose_of(f) for f in members], np.ones(len(members), bool)
     problem, cameras = _problem(graph, island, members, poses, keys, free, settings)
     root = members.index(graph.roots[island])
-    matches, numbers = matched(graph, members), _camera_numbers(graph, members)
+    matches = matched(graph, members) if settings.relief.cells else None
+    numbers = _camera_numbers(graph, members)
     return IslandTask(island, tuple(members), root, problem, matches, tuple(numbers), tuple(cameras), settings)
 
 

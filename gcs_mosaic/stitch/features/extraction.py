@@ -47,10 +47,10 @@ class Features:
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
     picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `dead`: the
-    excluded border, in full-resolution pixels. The two large ones may lie on a shelf.
+    excluded border, in full-resolution pixels. The large ones may lie on a shelf.
     """
 
-    points: Points32Nx2
+    kept_points: Points32Nx2 | Shelved
     kept_descriptors: Descriptors | Shelved
     width: int
     height: int
@@ -61,7 +61,11 @@ class Features:
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
 
     def __len__(self) -> int:
-        return len(self.points)
+        return self.kept_points.shape[0]
+
+    @property
+    def points(self) -> Points32Nx2:
+        return at_hand(self.kept_points)
 
     @property
     def descriptors(self) -> Descriptors:
@@ -72,14 +76,15 @@ class Features:
         return None if self.kept_faint is None else at_hand(self.kept_faint)
 
     def shelved(self, shelve: Shelve) -> Features:
-        """The same, its large arrays on a shelf."""
+        """The same, its large arrays on a shelf, but for the points: those of many frames are asked for again and again."""
         faint = None if self.kept_faint is None else shelve(at_hand(self.kept_faint))
         return replace(self, kept_descriptors=shelve(self.descriptors), kept_faint=faint)
 
     def __getstate__(self) -> list[object]:
         """What is pickled lies on no shelf. Raises OSError if it is lost."""
         faint = None if self.kept_faint is None else exactly(self.kept_faint)
-        whole = replace(self, kept_descriptors=exactly(self.kept_descriptors), kept_faint=faint)
+        points, descriptors = exactly(self.kept_points), exactly(self.kept_descriptors)
+        whole = replace(self, kept_points=points, kept_descriptors=descriptors, kept_faint=faint)
         return [getattr(whole, field.name) for field in fields(whole)]
 
 
@@ -117,7 +122,7 @@ def joined(one: Features, other: Features) -> Features:
     points, descriptors = (
         np.concatenate([getattr(f, part) for f in (one, other)]) for part in ("points", "descriptors")
     )
-    return replace(one, points=points, kept_descriptors=descriptors)
+    return replace(one, kept_points=points, kept_descriptors=descriptors)
 
 
 def without_border(features: Features, dead: DeadBorder) -> Features:
@@ -127,7 +132,7 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
     kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
     ordinary = int(kept[: features.ordinary].sum())
     points, descriptors = features.points[kept], features.descriptors[kept]
-    return replace(features, points=points, kept_descriptors=descriptors, ordinary=ordinary, dead=dead)
+    return replace(features, kept_points=points, kept_descriptors=descriptors, ordinary=ordinary, dead=dead)
 
 
 def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> ImageGrey:

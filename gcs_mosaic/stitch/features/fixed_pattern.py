@@ -119,7 +119,7 @@ def _ordinary(features: Features) -> Features:
     """The features found in the image as it is."""
     first = slice(features.ordinary)
     points, descriptors = features.points[first], features.descriptors[first]
-    return replace(features, points=points, kept_descriptors=descriptors, kept_faint=None, ordinary=0)
+    return replace(features, kept_points=points, kept_descriptors=descriptors, kept_faint=None, ordinary=0)
 
 
 def _energy(levels: Band) -> float:

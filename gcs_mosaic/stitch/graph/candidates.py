@@ -107,6 +107,12 @@ class Search:
         found = self._pool.map(lambda other: self._registered_in_place(frame, view, again, other), others)
         return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
 
+    @property
+    def thorough(self) -> Search:
+        """A search whose `neighbour_links` leave out no frame: what refutes a pose are pairs that should overlap and do not
+        register."""
+        return self
+
     def _nearby(self, last: int) -> list[int]:
         """The last placed frame, then those that meet its region of interest, nearest first."""
         graph = self._graph
@@ -140,13 +146,16 @@ class Search:
         """Register two frames by the features that both should see, as far as their poses are known; `again`: those of the first
         that were matched before."""
         graph = self._graph
-        a, b = graph.frames[frame].features, graph.frames[other].features
+        a, b = self._features_of(frame), self._features_of(other)
         view_b = graph.pose_of(other), graph.camera_of(other)
         seen_a = neighbours.seen_by(a.points.astype(np.float64), *view_a, *view_b)
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
         part_a = MatchPart(seen_a, again)
         part_b = MatchPart(seen_b, graph.matched_before(other))
         return register(a, b, self._registration, part_a, part_b)
+
+    def _features_of(self, frame: int) -> Features:
+        return self._graph.frames[frame].features
 
     def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
         return self._told_of(self._graph.frames[frame].name, other, found)

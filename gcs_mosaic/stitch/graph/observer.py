@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import PointsNx2
+from gcs_mosaic.stitch.arrays import Points32Nx2, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -86,7 +86,7 @@ def island_residuals(graph: ViewGraph, island: int) -> list[Residuals]:
     ]
 
 
-def _places(graph: ViewGraph, frame: int, pixels: PointsNx2) -> PointsNx2:
+def _places(graph: ViewGraph, frame: int, pixels: PointsNx2 | Points32Nx2) -> PointsNx2:
     camera = graph.camera_of(frame)
-    level_ground = on_plane(graph.frames[frame].relief, camera, pixels)
+    level_ground = on_plane(graph.frames[frame].relief, camera, pixels.astype(np.float64))
     return canvas_from_pixels(graph.pose_of(frame), camera, level_ground)

@@ -7,7 +7,7 @@ numbered in order of arrival; numbers never change.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -20,6 +20,7 @@ from gcs_mosaic.stitch.arrays import (
     FeaturePairsNx2,
     Indices,
     Mask,
+    Points32Nx2,
     PointsNx2,
     SquareMatrix,
 )
@@ -27,7 +28,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, footprint
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
-from gcs_mosaic.stitch.features.shelf import Shelve
+from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
 from gcs_mosaic.stitch.graph.waiting import WaitingFrames
 from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
@@ -42,6 +43,8 @@ NOWHERE = -1  # the island of a frame that is not placed
 FIRST_SHARE, FIRST_CELLS = 0.8, 60
 LEAST_SHARE, MOST_SHARE = 0.5, 0.85  # its bounds: where islands meet, poses are rough
 LENS_KNOWN = 5  # frames after which an island knows a lens well enough to judge residuals and to inform others
+NO_POINTS: Points32Nx2 = np.empty((0, 2), np.float32)
+NO_PAIRS: FeaturePairsNx2 = np.empty((0, 2), np.uint16)
 NO_INLIERS: Mapping[int, int] = MappingProxyType({})
 
 
@@ -59,6 +62,7 @@ class GraphFrame:
     residual_px: float = math.nan  # median over its matches, full-resolution pixels
     hops: int = 0  # links on the shortest path to its island's root
     corner_deviation_px: float = 0.0  # of its least certain corner, full-resolution pixels; relative to the root
+    matched_in_folded: bytes = b""  # bits: which of its features its folded links have matched
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,14 +70,19 @@ class Link:
     """Matches of two frames: full-resolution pixels (m, 2) in each for a selection, and feature indices (k, 2) for all.
 
     `held_out` (n, 2): inliers, and `doubtful` (d, 2): tentative matches, neither used for placement; see
-    `registration.held_out`.
+    `registration.held_out`. A link that is `folded` has none of the three.
     """
 
-    pixels_a: PointsNx2
-    pixels_b: PointsNx2
+    pixels_a: PointsNx2 | Points32Nx2
+    pixels_b: PointsNx2 | Points32Nx2
     features: FeaturePairsNx2
     held_out: FeaturePairsNx2
     doubtful: FeaturePairsNx2
+
+    def folded(self) -> Link:
+        """The same with nothing but what adjustments use. Pixels of features are of single precision, and kept so."""
+        pixels_a, pixels_b = (pixels.astype(np.float32) for pixels in (self.pixels_a, self.pixels_b))
+        return Link(pixels_a, pixels_b, NO_PAIRS, NO_PAIRS, NO_PAIRS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +269,20 @@ class ViewGraph(Kept):
             if second in inliers:
                 self.note(first, inliers={other: count for other, count in inliers.items() if other != second})
 
+    def fold(self) -> None:
+        """Keep of all links only what adjustments and later comparisons use, and of features not their places: for a graph that
+        others will join, who have the registrations and the features at hand."""
+        for frame, state in enumerate(self.frames):
+            matched = np.packbits(self.matched_before(frame)).tobytes()
+            self.note(frame, matched_in_folded=matched, features=replace(state.features, kept_points=NO_POINTS))
+        self.links = {key: link.folded() for key, link in self.links.items()}
+
+    def unfold(self, points_of: Callable[[str, int], Shelved]) -> None:
+        """After `fold`: where the places of each frame's features are, by its name and their number. Links stay folded."""
+        for frame, state in enumerate(self.frames):
+            points = points_of(state.name, len(state.features.descriptors))
+            self.note(frame, features=replace(state.features, kept_points=points))
+
     @property
     def true_share(self) -> float:
         """Share of the cells of a true overlap that matches confirm, as observed in this flight."""
@@ -271,8 +294,11 @@ class ViewGraph(Kept):
         self.cells_confirmed += share * cells
 
     def matched_before(self, frame: int, but: int | None = None) -> Mask:
-        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links are ignored."""
-        matched = np.zeros(len(self.frames[frame].features), bool)
+        """Which of a frame's features (n,) its links have matched; `but`: a frame whose links are ignored, unless folded."""
+        count, folded = len(self.frames[frame].features), self.frames[frame].matched_in_folded
+        matched = np.zeros(count, bool)
+        if folded:
+            matched |= np.unpackbits(np.frombuffer(folded, np.uint8), count=count).astype(bool)
         for other in self.frames[frame].inliers.keys() - {but}:
             first = (frame, other) in self.links
             link = self.links[(frame, other) if first else (other, frame)]

@@ -80,10 +80,11 @@ class Bridges:
             return []  # its own matches fit no similarity: the frames' poses are inconsistent
         known = [*(b for b in self._between(stays, goes) if self._agree(b, newest)), newest]
         looked_for, odds = self._look_into_overlap(stays, goes, known)
-        agreeing = [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
         self._graph.bridges.append(newest)
-        proven = odds >= 0 and self._evidence(agreeing) + odds >= self._settings.least_evidence
-        return agreeing if proven else []
+        # What was looked for where the known bridges lead agrees with them, right or wrong: it only counts for the odds.
+        if odds < 0 or self._evidence(known) + odds < self._settings.least_evidence:
+            return []
+        return [*known, *(bridge for bridge in looked_for if self._agree(bridge, newest))]
 
     def join(self, bridges: list[Bridge]) -> tuple[int, int]:
         """Move the smaller island onto the larger one by these bridges. Returns (remaining island, merged island)."""
@@ -129,20 +130,22 @@ class Bridges:
     def _look_into_overlap(self, stays: int, goes: int, known: list[Bridge]) -> tuple[list[Bridge], float]:
         """Match frames that should overlap if the known bridges are right.
 
-        Returns the bridges found, and the log odds of a true overlap from the worst witness. A witness that sees too little
-        counts as 0: it refutes nothing, and the bridges alone must justify merging.
+        Returns the bridges found, and the log odds of a true overlap from the worst witness, or the first that refutes it. A
+        witness that sees too little counts as 0: it refutes nothing, and the bridges alone must justify merging.
         """
         graph, stays_from_goes = self._graph, self._similarity(known)
         found: list[Bridge] = []
         odds: list[float] = []
         for witness in self._witnesses(stays, goes, stays_from_goes, known):
             pose = moved_by_similarity(graph.pose_of(witness), *stays_from_goes)
-            links = self._search.neighbour_links(witness, pose, stays, PAIRS_PER_WITNESS)
+            links = self._search.thorough.neighbour_links(witness, pose, stays, PAIRS_PER_WITNESS)
             links |= {bridge.frame_a: bridge.registration.turned() for bridge in known if bridge.frame_b == witness}
             matched = {other: link for other, link in links.items() if link is not None}
             pixels = [link.agreeing_a for link in matched.values()]
             around = confirmed_around(graph, witness, pose, stays, list(links), pixels)
             odds.append(log_odds(around, graph.true_share) if around.cells >= TELLING_CELLS else 0.0)
+            if odds[-1] < 0:
+                break  # refuted, whatever others see
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
             found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]
         return found, min(odds)

@@ -112,8 +112,9 @@ MUCH_SEEN, LITTLE_SEEN, NOTHING_SEEN = Confirmed(0.9, 30), Confirmed(0.0, 1), Co
 def test_a_witness_that_has_seen_too_little_to_tell_refutes_nothing(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch, other: Confirmed
 ) -> None:
-    seeing(monkeypatch, MUCH_SEEN, other, MUCH_SEEN)
-    assert bridges.add(bridge(search, 4, 1))
+    seeing(monkeypatch, *[MUCH_SEEN, other, MUCH_SEEN] * 2)
+    assert not bridges.add(bridge(search, 4, 1)), "nor does what was looked for where the first bridge leads prove it"
+    assert bridges.add(bridge(search, 5, 2))
 
 
 def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(
