@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -30,7 +31,7 @@ from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
 from gcs_mosaic.app.statustext import Announcements
-from gcs_mosaic.app.turns import AsTheyCame, InTurn, NewestFirst
+from gcs_mosaic.app.turns import AsTheyCame, InTurn, NewestFirst, Turns, prepared_at_once
 from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.mavlink.flood import Trust
@@ -101,9 +102,14 @@ def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> lis
 
 
 def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
-    # The paper's recipe permanently rejects a frame that does not overlap its predecessor.
-    turns = AsTheyCame() if config.method == "paper" else InTurn() if config.sources else NewestFirst()
+    turns = _turns_of(config)
     return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels, turns, woken)
+
+
+def _turns_of(config: Config) -> Turns:
+    if config.method == "paper":  # permanently rejects a frame that does not overlap its predecessor
+        return AsTheyCame()
+    return InTurn(prepared_at_once(os.cpu_count() or 1)) if config.sources else NewestFirst()
 
 
 def _reopening(log: LogFile, recording: Recording, config: Config) -> Callable[[], None]:

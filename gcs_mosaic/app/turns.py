@@ -9,6 +9,12 @@ from typing import Protocol
 
 Aircraft = int | None
 AHEAD = 2  # decoded frames in memory besides the current one: 36 MB each at 12 MP
+CORES_EACH = 2  # one prepares a frame, another places and paints the one before
+
+
+def prepared_at_once(cores: int) -> int:
+    """How many frames of several aircraft so many cores can prepare at a time, at most AHEAD, beside those that are placed."""
+    return min(AHEAD, max(1, cores // CORES_EACH))
 
 
 class Turns(Protocol):
@@ -127,9 +133,13 @@ class InTurn:
     An aircraft with a frame that is newer than its newest on the map comes before those that have only skipped ones to fill
     in; among alike, the one whose last turn is longest ago. A frame that is to come soon keeps its turn though a newer one of
     its aircraft comes: where frames come faster than they are prepared, none would ever be ready otherwise.
+
+    `at_once`: how many are prepared at a time while several aircraft have new ones. Those chosen earlier than the machine can
+    prepare them are older when they come on the map.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, at_once: int = AHEAD) -> None:
+        self._at_once = at_once
         self._turns: dict[Aircraft, NewestFirst] = {}
         self._whose: dict[int, Aircraft] = {}
         self._last: dict[Aircraft, int] = {}  # count of turns when it had its last one
@@ -165,8 +175,9 @@ class InTurn:
         if len(order) == 1:
             return self._turns[order[0]].soon()
         self._keep_promises()
+        most = self._at_once if sum(self._turns[one].has_new for one in order) > 1 else AHEAD
         for aircraft in order:
-            if len(self._promised) < AHEAD and aircraft not in self._promised:
+            if len(self._promised) < most and aircraft not in self._promised:
                 self._promised[aircraft] = self._turns[aircraft].soon()[0]
         return list(self._promised.values())
 

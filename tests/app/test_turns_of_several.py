@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from gcs_mosaic.app.turns import AHEAD, InTurn
+from gcs_mosaic.app.turns import AHEAD, InTurn, prepared_at_once
 
 
 class Skies:
@@ -122,3 +122,18 @@ def test_frames_that_come_faster_than_they_are_prepared_have_their_turns(takes: 
             turns.processed(turn, [turn], waits=False)
     assert sum(worked.values()) >= 120 // takes - 4
     assert max(worked.values()) - min(worked.values()) <= 1
+
+
+def test_while_several_have_new_frames_no_more_are_begun_than_the_cores_can_prepare() -> None:
+    turns = InTurn(at_once=1)
+    for frame in range(8):
+        turns.add(frame, frame % 4)
+    for newest in (4, 5, 6):
+        assert turns.soon() == [newest]  # the others are chosen later, when newer ones may have come
+        turns.remove(newest)
+        turns.processed(newest, [newest], waits=False)
+    assert turns.soon() == [7, 0]  # a single one has a new frame: a skipped one is prepared beside it
+
+
+def test_two_cores_prepare_one_frame_of_several_aircraft_at_a_time() -> None:
+    assert [prepared_at_once(cores) for cores in (1, 2, 3, 4, 16)] == [1, 1, 1, 2, AHEAD]
