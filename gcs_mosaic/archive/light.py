@@ -1,4 +1,4 @@
-"""Stage 10: how bright each frame is painted, and at which level: overlaps of thumbnails in parallel, then one solution."""
+"""Stage 11: how bright each frame is painted, and at which level: overlaps of thumbnails in parallel, then one solution."""
 
 from __future__ import annotations
 

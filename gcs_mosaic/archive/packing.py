@@ -1,4 +1,4 @@
-"""Stage 13: the flight's folder, as a flight writes it: ledger, originals, tiles, documents. One writer.
+"""Stage 14: the flight's folder, as a flight writes it: ledger, originals, tiles, documents. One writer.
 
 It is made beside and moved into place with mosaic.json last, so nobody takes half of it for a map.
 """
@@ -30,6 +30,7 @@ from gcs_mosaic.messages import DamagedFile, Frame
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -56,6 +57,7 @@ class Reprocessed:
     seen: list[SeenFrame]
     aside: list[SetAside]
     assembled: Assembled
+    held_out: dict[int, HeldOut]  # held-out error by island
     lit: Lit
     map: ArchiveMap
 
@@ -79,7 +81,7 @@ def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder
         for island in found.assembled.placed.values():
             counts[island] = counts.get(island, 0) + 1
         store.in_a_pause = True
-        store.save(_Extents(found.map.layout), islands, counts)
+        store.save(_Extents(found.map.layout), islands, counts, lambda: found.held_out)
 
 
 def _frame_of(file: SourceFile, digest: str) -> Frame:

@@ -1,4 +1,4 @@
-"""Stages 11 and 12: super-tiles are painted, each by itself, and coarser ones made of finer ones.
+"""Stages 12 and 13: super-tiles are painted, each by itself, and coarser ones made of finer ones.
 
 A tile is a pure function of the frames around it (`render.canvas`), so a super-tile is painted from those alone, whatever else is
 painted, where and when.

@@ -31,8 +31,12 @@ from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.archive.super_tiles import SIDE
 from gcs_mosaic.archive.target import ARTEFACTS, checked_target
 from gcs_mosaic.archive.tasks import Passing
+from gcs_mosaic.archive.tearing import measured
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, NothingPlaced
+from gcs_mosaic.store.held_out import held_out_lines, largest
+
+ISLANDS_TOLD = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +78,8 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
         raise NothingPlaced(
             f"none of {len(sources.files)} frames found a place: there is no map, {target} has the reasons"
         )
+    for line in held_out_lines(largest(found.held_out, ISLANDS_TOLD)):
+        progress.say(line)
     progress.say(f"{counts}, {len(found.assembled.covered)} covered: {target}")
 
 
@@ -86,10 +92,13 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, request: Reque
     pairs = pairs_of(engine, seen, kinds)
     known = registered(engine, seen, kinds, pairs, config.stitch.registration)
     found = assembled(engine, numbered_frames(seen, kinds), known, config.stitch, request.stretch)
-    chunks = with_relief(engine, adjusted_islands(engine, found), config.stitch.adjustment.relief)
+    adjusted = adjusted_islands(engine, found)
+    chunks = with_relief(engine, adjusted, config.stitch.adjustment.relief)
+    held_out = measured(engine, adjusted, [key for key, _ in chunks], config.stitch.adjustment.relief)
     seen = looked_at(engine, seen, kinds, config)
     bright = lit(engine, seen, kinds, chunks, config.paint)
-    return Reprocessed(arrivals, seen, aside, found, bright, painted_map(engine, bright, config, request.side))
+    painted = painted_map(engine, bright, config, request.side)
+    return Reprocessed(arrivals, seen, aside, found, held_out, bright, painted)
 
 
 def _pack(engine: Engine, found: Reprocessed, target: str, config: Config) -> None:

@@ -1,4 +1,4 @@
-"""Stage 9: what painting wants to know of each frame (where it is sharp, what stands out), made once for all super-tiles."""
+"""Stage 10: what painting wants to know of each frame (where it is sharp, what stands out), made once for all super-tiles."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import shutil
 import subprocess
 import sys
@@ -27,13 +28,13 @@ from tests.archive import saboteur
 from tests.archive.archives import FRAMES, Heard, bucket_server, flight_in, run, tiles_of
 from tests.ports import free_port
 from tests.rebuilt import assert_explained
-from tests.running import frames_of
+from tests.running import PROGRAM, frames_of
 
 pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("default")]
 
 STAGES = (
     *("arrivals", "features", "kind", "vocabulary", "inverted", "alike", "pair_group", "stretch", "joined"),
-    *("islands", "adjustment", "relief", "sight", "overlaps_of", "looks", "footprints", "super_tile"),
+    *("islands", "adjustment", "relief", "torn_apart", "sight", "overlaps_of", "looks", "footprints", "super_tile"),
 )
 
 
@@ -73,6 +74,17 @@ def test_the_map_is_whole_and_what_its_ledger_and_originals_say(alone: Path, tmp
     assert table.run(alone, Console(quiet=True), mend=False, every_tile=True, sources=[], as_json=False) == 0
     assert_explained(alone, tmp_path / "again", fewest=10)
     assert {frame.state for frame in frames_of(alone).values()} == {FrameState.PLACED}
+
+
+def test_its_quality_is_measured_as_that_of_a_flight(frames: Path, alone: Path, tmp_path: Path) -> None:
+    subprocess.run([*PROGRAM, "stitch", frames, "--out", tmp_path / "flight"], check=True, capture_output=True)
+    of_flight, of_archive = (
+        json.loads((out / "mosaic.json").read_text())["islands"][0]["held_out_px"]
+        for out in (tmp_path / "flight", alone)
+    )
+    assert of_archive["matches"] == pytest.approx(of_flight["matches"], rel=0.3)
+    assert of_archive["median"] == pytest.approx(of_flight["median"], rel=0.2)
+    assert of_archive["p95"] == pytest.approx(of_flight["p95"], rel=0.2)
 
 
 def test_two_workers_of_which_one_dies_in_each_stage_make_the_same_map(

@@ -12,19 +12,22 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import AnyArray, IndexPairsNx2, Indices, Mask, PointsNx2, Vector
-from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
-from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
+from gcs_mosaic.stitch.arrays import AnyArray, AnyPairsNx2, IndexPairsNx2, Indices, Mask, PointsNx2, Vector
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
+from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, ReliefSettings, on_plane
+from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.transaction import Kept
 
 logger = logging.getLogger(__name__)
 
+T = TypeVar("T")
 
 # pairs of an island sampled evenly: half a second at 3,000 frames, and the 95 % is accurate to some 4 %
 PAIRS = 500
@@ -83,6 +86,25 @@ class Tearing(Kept):
 
 
 @dataclass(frozen=True, slots=True)
+class HeldOutMatches:
+    """Matches of frames a and b that took no part in their placement: features (n, 2) of inliers and (d, 2) of others."""
+
+    frames: tuple[int, int]
+    inliers: AnyPairsNx2
+    doubtful: AnyPairsNx2
+
+
+@dataclass(frozen=True, slots=True)
+class FrameInPlace:
+    """A placed frame with its features' places and its relief."""
+
+    features: Features
+    pose: Pose
+    camera: Camera
+    relief: ReliefDisplacement | None
+
+
+@dataclass(frozen=True, slots=True)
 class _Matches:
     """Held-out matches of pairs of frames, m in all."""
 
@@ -103,31 +125,52 @@ class _Sights:
 
 def torn_apart(graph: ViewGraph, island: int, settings: ReliefSettings) -> HeldOut | None:
     """Held-out match error of an island; None with too few matches."""
-    matches = _matches(graph, island)
-    if np.count_nonzero(matches.is_inlier) < FEWEST:
+    members = graph.members(island).tolist()
+    inside = set(members)
+    keys = some_of([key for key in graph.links if key[0] in inside and key[1] in inside])
+    matches = [HeldOutMatches(key, graph.links[key].held_out, graph.links[key].doubtful) for key in keys]
+    seen = {frame: graph.frames[frame] for key in keys for frame in key}
+    frames = {
+        frame: FrameInPlace(state.features, graph.pose_of(frame), graph.camera_of(frame), state.relief)
+        for frame, state in seen.items()
+    }
+    return held_out_error(matches, frames, [(graph.pose_of(f), graph.camera_of(f)) for f in members], settings)
+
+
+def some_of(pairs: Sequence[T]) -> Sequence[T]:
+    """Of all pairs of an island's frames those to be measured."""
+    return pairs[:: -(-len(pairs) // PAIRS) or 1]
+
+
+def held_out_error(
+    matches: Sequence[HeldOutMatches],
+    frames: Mapping[int, FrameInPlace],
+    views: Iterable[tuple[Pose, Camera]],
+    settings: ReliefSettings,
+) -> HeldOut | None:
+    """Error of these matches, None with too few. `views`: pose and camera of all frames of the island."""
+    sampled = _sampled(matches)
+    if np.count_nonzero(sampled.is_inlier) < FEWEST:
         return None
-    sights = _sights(graph, matches.frames.ravel(), matches.features.ravel())
-    believed = matches.is_inlier | _as_good_as_inliers(sights, matches.is_inlier, _highest(graph, island, settings))
-    distances = np.linalg.norm(sights.painted[::2] - sights.painted[1::2], axis=1)[believed]
-    distances = np.where(np.isfinite(distances), distances, np.inf) / _ground_sampling(graph, island)
-    _, pair, counts = np.unique(matches.pair[believed], return_inverse=True, return_counts=True)
-    median, p95 = quantiles(distances, np.minimum(1, COUNTING / counts[pair]), (0.5, 0.95))
-    return HeldOut(median, p95, len(distances))
+    gsd, height = _usual(views)
+    sights = _sights(frames, sampled.frames.ravel(), sampled.features.ravel())
+    believed = sampled.is_inlier | _as_good_as_inliers(sights, sampled.is_inlier, HIGHEST * settings.sigma * height)
+    apart = np.linalg.norm(sights.painted[::2] - sights.painted[1::2], axis=1)[believed]
+    apart = np.where(np.isfinite(apart), apart, np.inf) / gsd
+    _, pair, counts = np.unique(sampled.pair[believed], return_inverse=True, return_counts=True)
+    median, p95 = quantiles(apart, np.minimum(1, COUNTING / counts[pair]), (0.5, 0.95))
+    return HeldOut(median, p95, len(apart))
 
 
-def _matches(graph: ViewGraph, island: int) -> _Matches:
-    """The held-out matches of an island, subsampled."""
-    inside = set(graph.members(island).tolist())
-    keys = [key for key in graph.links if key[0] in inside and key[1] in inside]
-    keys = keys[:: -(-len(keys) // PAIRS) or 1]
-    links = [graph.links[key] for key in keys]
-    features = [np.concatenate([link.held_out, link.doubtful]) for link in links]
+def _sampled(links: Sequence[HeldOutMatches]) -> _Matches:
+    """At most PER_PAIR matches of each pair."""
+    features = [np.concatenate([link.inliers, link.doubtful]) for link in links]
     chosen = [np.arange(0, len(both), -(-len(both) // PER_PAIR) or 1) for both in features]
     counts = [len(some) for some in chosen]
     return _Matches(
-        pair=np.arange(len(keys)).repeat(counts),
-        is_inlier=_joined([some < len(link.held_out) for some, link in zip(chosen, links, strict=True)], bool),
-        frames=np.array(keys, dtype=np.intp).reshape(-1, 2).repeat(counts, axis=0),
+        pair=np.arange(len(links)).repeat(counts),
+        is_inlier=_joined([some < len(link.inliers) for some, link in zip(chosen, links, strict=True)], bool),
+        frames=np.array([link.frames for link in links], np.intp).reshape(-1, 2).repeat(counts, axis=0),
         features=_joined([both[some] for both, some in zip(features, chosen, strict=True)], np.intp).reshape(-1, 2),
     )
 
@@ -136,15 +179,15 @@ def _joined(parts: Sequence[AnyArray], kind: type) -> AnyArray:
     return np.concatenate(parts).astype(kind) if parts else np.empty(0, kind)
 
 
-def _sights(graph: ViewGraph, frames: Indices, features: Indices) -> _Sights:
+def _sights(placed: Mapping[int, FrameInPlace], frames: Indices, features: Indices) -> _Sights:
     """Where these frames (n,) see these of their features (n,)."""
     painted, level, by_height = np.empty((3, len(frames), 2))
     order = np.argsort(frames, kind="stable")
     for own in np.split(order, np.flatnonzero(np.diff(frames[order])) + 1):
-        frame = int(frames[own[0]])
-        state, pose, camera = graph.frames[frame], graph.pose_of(frame), graph.camera_of(frame)
-        pixels = state.features.points[features[own]].astype(np.float64)
-        both = np.concatenate([on_plane(state.relief, camera, pixels), pixels])
+        frame = placed[int(frames[own[0]])]
+        pose, camera = frame.pose, frame.camera
+        pixels = frame.features.points[features[own]].astype(np.float64)
+        both = np.concatenate([on_plane(frame.relief, camera, pixels), pixels])
         painted[own], level[own] = canvas_from_pixels(pose, camera, both).reshape(2, -1, 2)
         by_height[own] = ([pose.x, pose.y] - level[own]) / (math.exp(pose.log_gsd) * camera.focal_px)
     return _Sights(painted, level, by_height)
@@ -168,13 +211,8 @@ def quantiles(values: Vector, weights: Vector, shares: Sequence[float]) -> list[
     return [float(values[order[min(int(np.searchsorted(heaped, share * heaped[-1])), last)]]) for share in shares]
 
 
-def _highest(graph: ViewGraph, island: int, settings: ReliefSettings) -> float:
-    """Largest plausible height above the plane, canvas units."""
-    members = graph.members(island).tolist()
-    heights = [math.exp(graph.pose_of(f).log_gsd) * graph.camera_of(f).focal_px for f in members]
-    return HIGHEST * settings.sigma * float(np.median(heights))
-
-
-def _ground_sampling(graph: ViewGraph, island: int) -> float:
-    """Canvas units per pixel of the median frame."""
-    return math.exp(float(np.median([graph.pose_of(f).log_gsd for f in graph.members(island).tolist()])))
+def _usual(views: Iterable[tuple[Pose, Camera]]) -> tuple[float, float]:
+    """Canvas units per pixel of the median frame, and the median height above the plane in canvas units."""
+    both = np.array([(math.exp(pose.log_gsd), math.exp(pose.log_gsd) * camera.focal_px) for pose, camera in views])
+    gsd, height = np.median(both, axis=0)
+    return float(gsd), float(height)
