@@ -226,10 +226,11 @@ class Pipeline(Kept):
         self.store.changes.sizes[name] = (prepared.features.width, prepared.features.height)
         self.store.changes.sharpness[name] = prepared.features.sharpness
         start = time.perf_counter()
-        self._painter.begin_look(name, prepared.image)
+        aircraft = self._camera_of(prepared.frame)
+        self._painter.begin_look(name, prepared.image, aircraft)
         with stage("place", name):
-            in_sight = self._painter.in_sight(prepared.features, prepared.image)
-            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), self._camera_of(prepared.frame))
+            in_sight = self._painter.in_sight(prepared.features, prepared.image, aircraft)
+            outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), aircraft)
         with stage("adjust", name):
             self._adjusted(self.mosaic.adjust)
         placed = time.perf_counter()

@@ -1,19 +1,20 @@
 """Stage 2, of faint pictures: what stands still in them is taken out, and their features are found again.
 
-A picture is freed of the mean of those around it in the archive's order, because sensors drift and recalibrate. Pictures are
-summed in blocks; the mean is that of the blocks with the nearest MEMORY frames. A frame that shows the ground of the one before
-is not counted: where an aircraft hovers blocks are empty, and the mean reaches beyond.
+A picture is freed of the mean of those of its camera around it in the archive's order, because sensors drift and recalibrate.
+Pictures are summed in blocks; the mean is that of the blocks with the nearest MEMORY frames. A frame that shows the ground of
+the one before is not counted: where an aircraft hovers blocks are empty, and the mean reaches beyond.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.cameras import by_camera
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import TOGETHER, SeenFrame, parts_of, whole_features
 from gcs_mosaic.archive.tasks import Parts, StageTask, task
@@ -27,10 +28,10 @@ BLOCK = 16  # frames of one sum
 
 def without_pattern(engine: Engine, frames: Sequence[SeenFrame], settings: FeatureSettings) -> list[SeenFrame]:
     """The frames, those with faint pictures with other features; without such pictures nothing is done."""
-    cameras: dict[object, list[str]] = {}
-    for one in frames:
-        if one.facts.faint:
-            cameras.setdefault((one.facts.size, one.facts.bands, one.facts.depth), []).append(one.key)
+    faint = [one for one in frames if one.facts.faint]
+    cameras: dict[Hashable, list[str]] = {}
+    for one, camera in zip(faint, by_camera(faint, LEAST_FRAMES), strict=True):
+        cameras.setdefault(camera, []).append(one.key)
     if not cameras:
         return list(frames)
     sums = [_sums(keys) for keys in cameras.values()]

@@ -1,20 +1,23 @@
-"""Stage 3: of each kind of frame (size, bands, depth), how it is shown, and which border is dead."""
+"""Stage 3: how frames are shown, by their bands and depth, and which border is dead, by the camera."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.cameras import by_camera
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, image_of
 from gcs_mosaic.archive.sources import SourceFile
-from gcs_mosaic.archive.tasks import Parts, task
+from gcs_mosaic.archive.tasks import Parts, StageTask, task
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.display import Display, display_of
-from gcs_mosaic.stitch.camera.dead_border import BorderWatch, DeadBorder
+from gcs_mosaic.stitch.camera.dead_border import FRAMES, BorderWatch, DeadBorder
 
-FIRST = 24  # frames of a kind that are looked at: a flight knows a dead border after five
+FIRST = 24  # frames of a camera that are looked at: a flight knows a dead border after five
+TRIED = 8  # frames for a display, of which one can be decoded
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,29 +31,61 @@ class FrameKind:
 
 def kinds_of(engine: Engine, frames: Sequence[SeenFrame], config: Config) -> list[FrameKind]:
     """The kind of each frame."""
-    first: dict[object, list[SeenFrame]] = {}
-    for one in frames:
-        first.setdefault(one.facts.kind, []).append(one)
-    settings = config.reduction, config.frames.max_pixels, config.paint.bands, config.paint.brightness == "auto"
-    tasks = [
-        task(
-            kind,
-            tuple(one.frame.content_hash for one in some[:FIRST]),
-            *settings,
-            hints=(tuple(one.frame.file for one in some[:FIRST]),),
-        )
-        for some in first.values()
+    displays = _displays(engine, frames, config)
+    borders = _borders(engine, frames, displays, config)
+    return [
+        FrameKind(display, dead, dead.scaled(one.facts.size[0] / one.facts.painted[0]))
+        for one, display, dead in zip(frames, displays, borders, strict=True)
     ]
-    found = dict(zip(first, engine.made("kinds of frames", tasks), strict=True))
-    return [_scaled(found[one.facts.kind], one) for one in frames]
 
 
-def _scaled(found: tuple[Display, DeadBorder], frame: SeenFrame) -> FrameKind:
-    display, dead = found
-    return FrameKind(display, dead, dead.scaled(frame.facts.size[0] / frame.facts.painted[0]))
+def _displays(engine: Engine, frames: Sequence[SeenFrame], config: Config) -> list[Display]:
+    """How each frame is shown: as the first of its number of bands and depth, whatever its camera, as in a flight."""
+    settings = config.reduction, config.frames.max_pixels, config.paint.bands, config.paint.brightness == "auto"
+
+    def of(some: Sequence[SeenFrame]) -> StageTask:
+        return task(display, _digests(some[:TRIED]), *settings, hints=(_files(some[:TRIED]),))
+
+    return _by_group(engine, "displays", frames, [(one.facts.bands, one.facts.depth) for one in frames], of)
 
 
-def kind(
+def _borders(
+    engine: Engine, frames: Sequence[SeenFrame], displays: Sequence[Display], config: Config
+) -> list[DeadBorder]:
+    """The dead border of each frame, as the first of its camera show it."""
+    shown = dict(zip((one.frame.name for one in frames), displays, strict=True))
+
+    def of(some: Sequence[SeenFrame]) -> StageTask:
+        told = shown[some[0].frame.name], config.reduction, config.frames.max_pixels
+        return task(dead_border, _digests(some[:FIRST]), *told, hints=(_files(some[:FIRST]),))
+
+    return _by_group(engine, "dead borders", frames, by_camera(frames, FRAMES), of)
+
+
+def _by_group(
+    engine: Engine,
+    stage: str,
+    frames: Sequence[SeenFrame],
+    group: Sequence[Hashable],
+    of: Callable[[Sequence[SeenFrame]], StageTask],
+) -> list[Any]:
+    """What a task has found of each group of frames, for each frame."""
+    groups: dict[Hashable, list[SeenFrame]] = {}
+    for one, of_group in zip(frames, group, strict=True):
+        groups.setdefault(of_group, []).append(one)
+    found = dict(zip(groups, engine.made(stage, [of(some) for some in groups.values()]), strict=True))
+    return [found[one] for one in group]
+
+
+def _digests(some: Sequence[SeenFrame]) -> tuple[str, ...]:
+    return tuple(one.frame.content_hash for one in some)
+
+
+def _files(some: Sequence[SeenFrame]) -> tuple[SourceFile, ...]:
+    return tuple(one.frame.file for one in some)
+
+
+def display(
     artefacts: Artefacts,
     digests: tuple[str, ...],
     reduction: int,
@@ -59,11 +94,26 @@ def kind(
     lighten: bool,
     files: tuple[SourceFile, ...],
 ) -> Parts:
-    """Display and dead border from the first frames of a kind."""
-    display, watch = Display(), BorderWatch()
-    for number, (file, digest) in enumerate(zip(files, digests, strict=True)):
+    """How frames are shown of which these are the first."""
+    for file, digest in zip(files, digests, strict=True):
         image = image_of(file, digest, reduction, max_pixels)
         if image is not None:
-            display = display_of(image, bands, lighten=lighten) if number == 0 else display
-            watch = watch.after(image, display.levels)
-    return {"summary": (display, watch.border)}
+            return {"summary": display_of(image, bands, lighten=lighten)}
+    return {"summary": Display()}
+
+
+def dead_border(
+    artefacts: Artefacts,
+    digests: tuple[str, ...],
+    shown: Display,
+    reduction: int,
+    max_pixels: int,
+    files: tuple[SourceFile, ...],
+) -> Parts:
+    """The dead border, as painted, of frames of which these are the first."""
+    watch = BorderWatch()
+    for file, digest in zip(files, digests, strict=True):
+        image = image_of(file, digest, reduction, max_pixels)
+        if image is not None:
+            watch = watch.after(image, shown.levels)
+    return {"summary": watch.border}

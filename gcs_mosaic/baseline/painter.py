@@ -55,11 +55,11 @@ class PaperPainter(Kept):
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
-    def in_sight(self, features: Features, image: Bands) -> Features:
+    def in_sight(self, features: Features, image: Bands, aircraft: int | None = None) -> Features:
         """The paper's method uses all features."""
         return features
 
-    def begin_look(self, name: str, image: Bands) -> None:
+    def begin_look(self, name: str, image: Bands, aircraft: int | None = None) -> None:
         """The paper's method needs no look."""
 
     def paint_new(self, image: Bands, thumbnail: object, placement: Placement, order: int) -> set[TileKey]:

@@ -21,13 +21,13 @@ Camera = tuple[Aircraft, Size, int]  # with the number of bands
 class Brightness(Kept):
     """Thumbnails of all painted frames; their overlaps determine gains and vignetting.
 
-    `dead_of`: the known dead border of frames of a size.
+    `dead_of`: the known dead border of a camera's frames.
     """
 
     FIXED = frozenset({"_dead_of"})
 
     def __init__(
-        self, exposure: ExposureSettings, vignetting: VignettingSettings, dead_of: Callable[[Size], DeadBorder]
+        self, exposure: ExposureSettings, vignetting: VignettingSettings, dead_of: Callable[[Camera], DeadBorder]
     ) -> None:
         self._exposure = exposure
         self._no_estimate = VignettingEstimate(vignetting)
@@ -69,7 +69,11 @@ class Brightness(Kept):
 
     def curves_of(self, painted: Painted) -> Vignetting:
         """The estimated vignetting of a frame's camera."""
-        return self._estimates.get(self._camera_of(painted), self._no_estimate).curves
+        return self._estimates.get(self.camera_of(painted), self._no_estimate).curves
+
+    def camera_of(self, painted: Painted) -> Camera:
+        """The camera of a frame whose brightness was settled."""
+        return self._carriers[painted.name], size_of(painted), len(painted.display.black)
 
     def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
         """Overlaps of a new frame with others of the same kind; kept for the end, and used for vignetting if one aircraft took
@@ -82,7 +86,7 @@ class Brightness(Kept):
                     self._overlaps.append((new.name, painted.name, means.without_sums()))
                     found.append((means, painted))
                     if self._carriers[painted.name] == self._carriers[new.name]:
-                        camera = self._camera_of(painted)
+                        camera = self.camera_of(painted)
                         self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)
         return found
 
@@ -90,11 +94,8 @@ class Brightness(Kept):
         """Excludes borders known to be dead, even if still painted."""
         if not self._false_colour.isdisjoint((one.name, other.name)):
             return None
-        i, j = (replace(painted, dead=self._dead_of(size_of(painted))) for painted in (one, other))
+        i, j = (replace(painted, dead=self._dead_of(self.camera_of(painted))) for painted in (one, other))
         return overlap_of(i, self._thumbnails[i.name], j, self._thumbnails[j.name])
-
-    def _camera_of(self, painted: Painted) -> Camera:
-        return self._carriers[painted.name], size_of(painted), len(painted.display.black)
 
 
 def size_of(painted: Painted) -> Size:

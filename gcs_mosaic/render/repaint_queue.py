@@ -10,7 +10,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from gcs_mosaic.render.brightness import Brightness, Size, size_of
+from gcs_mosaic.render.brightness import Aircraft, Brightness, Camera
 from gcs_mosaic.render.canvas import BLOCK, Canvas, CanvasSettings
 from gcs_mosaic.render.displacement import displacement
 from gcs_mosaic.render.display import Display, display_of
@@ -96,7 +96,7 @@ class Painter(Kept):
         # By number of bands and depth, from the first frame of each kind.
         self._displays: dict[tuple[int, str], Display] = {}
         self._levels = PaintingLevels()
-        self._borders: dict[Size, BorderWatch] = {}
+        self._borders: dict[Camera, BorderWatch] = {}
         self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
         self._changed: dict[str, float] = {}  # frames the canvas is to be told of, with their urgency
         self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border
@@ -126,16 +126,16 @@ class Painter(Kept):
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
-    def in_sight(self, features: Features, image: Bands) -> Features:
+    def in_sight(self, features: Features, image: Bands, aircraft: Aircraft = None) -> Features:
         """Features of a frame (full-resolution pixels) without those near a dead border; its image as painted."""
-        height, width = image.shape[:2]
-        return without_border(features, self._dead_of((width, height)).scaled(features.width / width))
+        dead = self._dead_of(_camera_of(image, aircraft))
+        return without_border(features, dead.scaled(features.width / image.shape[1]))
 
-    def begin_look(self, name: str, image: Bands) -> None:
+    def begin_look(self, name: str, image: Bands, aircraft: Aircraft = None) -> None:
         """Begin to analyse a frame's image while it is being placed."""
         display = self._displays.get(_kind_of(image))
         if self._live and display is not None:
-            self.canvas.begin_look(name, image, display, self._dead_of((image.shape[1], image.shape[0])))
+            self.canvas.begin_look(name, image, display, self._dead_of(_camera_of(image, aircraft)))
 
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that changed."""
@@ -149,7 +149,7 @@ class Painter(Kept):
             camera=camera,
             relief=placement.relief,
             display=display,
-            dead=self._watch_border(image, display),
+            dead=self._watch_border(image, display, placement.aircraft),
             level=0,  # until its level is chosen
         )
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
@@ -232,7 +232,7 @@ class Painter(Kept):
     def _rim(self, name: str) -> None:
         del self._rimmed[name]
         painted = self._painted[name]
-        self._change(replace(painted, dead=self._dead_of(size_of(painted))))
+        self._change(replace(painted, dead=self._dead_of(self._brightness.camera_of(painted))))
         self._carry_over(name)
 
     def _move_stale(self, name: str) -> None:
@@ -245,7 +245,9 @@ class Painter(Kept):
         looks = self._brightness.final(self._painted)
         for painted in list(self._painted.values()):
             gain, vignetting = looks[painted.name]
-            final = replace(painted, gain=gain, vignetting=vignetting, dead=self._dead_of(size_of(painted)))
+            final = replace(
+                painted, gain=gain, vignetting=vignetting, dead=self._dead_of(self._brightness.camera_of(painted))
+            )
             if final.dead != painted.dead or brightness_apart(final, painted) > self._settings.final_gain:
                 self._change(final)
         return set()
@@ -293,19 +295,25 @@ class Painter(Kept):
             self._displays[kind] = display_of(image, self._settings.bands, lighten=self._settings.brightness == "auto")
         return self._displays[kind]
 
-    def _dead_of(self, size: Size) -> DeadBorder:
-        watch = self._borders.get(size)
+    def _dead_of(self, camera: Camera) -> DeadBorder:
+        watch = self._borders.get(camera)
         return NO_BORDER if watch is None else watch.border
 
-    def _watch_border(self, image: Bands, display: Display) -> DeadBorder:
-        """Dead border of frames like this one, which is also evidence for it; painted frames are updated when idle."""
-        size = image.shape[1], image.shape[0]
-        before = self._dead_of(size)
-        self._borders[size] = self._borders.get(size, BorderWatch()).after(image, display.levels)
-        if self._dead_of(size) != before:
-            self._rimmed |= dict.fromkeys(name for name, painted in self._painted.items() if size_of(painted) == size)
+    def _watch_border(self, image: Bands, display: Display, aircraft: Aircraft) -> DeadBorder:
+        """Dead border of this camera's frames, for which this one is evidence too; painted frames are updated when idle."""
+        camera = _camera_of(image, aircraft)
+        before = self._dead_of(camera)
+        self._borders[camera] = self._borders.get(camera, BorderWatch()).after(image, display.levels)
+        if self._dead_of(camera) != before:
+            of_camera = (one.name for one in self._painted.values() if self._brightness.camera_of(one) == camera)
+            self._rimmed |= dict.fromkeys(of_camera)
             self._brightness.compare_again(self._painted, self._rimmed)
-        return self._dead_of(size)
+        return self._dead_of(camera)
+
+
+def _camera_of(image: Bands, aircraft: Aircraft) -> Camera:
+    height, width, bands = image.shape
+    return aircraft, (width, height), bands
 
 
 def _kind_of(image: Bands) -> tuple[int, str]:

@@ -179,6 +179,29 @@ def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(
     assert min(darkest) > 40
 
 
+def test_the_border_of_one_aircraft_s_camera_is_not_that_of_another_s(recorded: list[Painted]) -> None:
+    """Frames of one size, of which those of the first aircraft alone have black lines, by turns."""
+
+    def seen(name: str) -> np.ndarray:
+        return seen_with_black_lines(int(name)) if int(name) % 2 == 0 else picture(int(name))
+
+    with closing(Painter(seen, recorded.append, PaintSettings())) as painter:
+        for order in range(2 * FRAMES + 2):
+            image, at = seen(str(order)), replace(placed(order, order * 400.0), aircraft=1 + order % 2)
+            painter.paint_new(image, image[::4, ::4], at, order)
+        repainted(painter)
+        corner = np.array([(SMALL.width - 1, SMALL.height - 1)], np.float32)
+        features = Features(corner, np.zeros((1, 128), np.uint8), SMALL.width, SMALL.height, 1.0)
+        in_sight = [len(painter.in_sight(features, picture(0), aircraft)) for aircraft in (1, 2)]
+    dead = {painted.name: painted.dead for painted in recorded}
+    lined, other = ({dead[str(order)] for order in range(first, 2 * FRAMES + 2, 2)} for first in (0, 1))
+    assert other == {NO_BORDER}
+    assert {(border.right >= 1, border.bottom >= 1, border.left, border.top) for border in lined} == {
+        (True, True, 0, 0)
+    }
+    assert in_sight == [0, 1]
+
+
 def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined: Painter, recorded: list[Painted]) -> None:
     there = paint_black_lined(black_lined, FRAMES + 1)
     for _ in black_lined.repaint_all(there):
