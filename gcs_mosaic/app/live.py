@@ -311,8 +311,8 @@ class _Daemon:
 
     def _note_done(self, done: Done, vehicle: int | None) -> None:
         self._state = "flying"
-        self._announcements.frame(done.state)
-        self._reporter.conditions.frame(done.state)
+        self._announcements.frame(done.state, vehicle)
+        self._reporter.conditions.frame(done.state, vehicle)
         latency = time.monotonic() - self._came.pop(done.name)
         self._reporter.last_frame = LastFrame(
             name=done.name,
