@@ -45,6 +45,8 @@ def test_one_setting_deep_inside_is_changed(tmp_path: Path) -> None:
         ("sources: [{vehicle: 1}]", "aircraft 1: expected watch: FOLDER or rtsp: ADDRESS, got neither"),
         ("sources: [{watch: a}]", "vehicle: expected a MAVLink system id from 1 to 255, got 0"),
         ("sources: [{vehicle: 1, watch: a}, {vehicle: 1, rtsp: b}]", "expected one for each aircraft, got more for 1"),
+        ("link: {vehicle: 256}", "vehicle: expected a MAVLink system id from 1 to 255, got 256"),
+        ("link: {vehicles: [1, 0]}", "vehicles: expected a MAVLink system id from 1 to 255, got 0"),
         ("link: {vehicles: every}", "expected one of all, got 'every'"),
     ],
 )

@@ -6,17 +6,21 @@ each is said as it begins, unless another notice says it already.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport
 from gcs_mosaic.store.records import Accounts, FrameState
-from gcs_mosaic.store.status import Behind, Condition
+from gcs_mosaic.store.status import AircraftStatus, Behind, Condition
+
+Aircraft = int | None  # None: of a source for all
 
 UNMATCHED = 2  # frames in a row: a single one may be blurred
 FRAMES_WITHOUT_TRIGGER = 5  # before any: the first message may follow its file by seconds
 BEHIND_S = 10.0  # less is a burst of the camera
+SILENT_S = 10.0  # ten heartbeats of an aircraft, as `silent_after_s` of a link
 HELD_S = 10.0  # how long something must have been so that passes by itself as messages and files arrive
 SOURCE_AWAY = {
     "missing": "The folder {name} is missing: it is waited for; see that the card or the share is there",
@@ -34,6 +38,7 @@ class Facts:
     links: tuple[LinkReport, ...] = ()
     source: SourceReport | None = None
     sources: tuple[SourceReport, ...] = ()  # of several aircraft, each one's
+    aircraft: tuple[AircraftStatus, ...] = ()  # of several
     behind: Behind = field(default_factory=Behind)
     accounts: Accounts = field(default_factory=Accounts)
     islands: int = 0
@@ -53,17 +58,19 @@ class Conditions:
 
     def __init__(self) -> None:
         self.disk: str | None = None  # what is wrong with it, as long as it is
-        self._unmatched = 0  # frames in a row that matched nothing
+        self._unmatched = Counter[
+            Aircraft
+        ]()  # frames in a row that matched nothing: each aircraft may lose the map alone
         self._since: dict[str, float] = {}
         self._told: set[str] = set()
         self._fresh: list[Notice] = []
 
-    def frame(self, state: FrameState) -> None:
-        """A frame has had its turn."""
+    def frame(self, state: FrameState, vehicle: Aircraft = None) -> None:
+        """A frame has had its turn; `vehicle`: whose it is."""
         if state in (FrameState.PLACED, FrameState.COVERED):
-            self._unmatched = 0
+            self._unmatched[vehicle] = 0
         elif state in (FrameState.WAITING, FrameState.REJECTED):
-            self._unmatched += 1
+            self._unmatched[vehicle] += 1
 
     def so_now(self, facts: Facts) -> tuple[Condition, ...]:
         """All that is so now, the worst first; what began or ended since the last call is told by `fresh`."""
@@ -90,9 +97,9 @@ class Conditions:
         if "islands" in self._told - keys:
             text = "the parts of the map are joined: it is in one piece again"
             self._fresh.append(Notice(source="daemon", level="info", text=text))
-        if "overlap" in self._told - keys:
-            text = "frames match the map again"
-            self._fresh.append(Notice(source="daemon", level="info", text=text))
+        for key in sorted(self._told - keys):
+            if over := _over(key):
+                self._fresh.append(Notice(source="daemon", level="info", text=over))
         self._told = keys
 
     def _found(self, facts: Facts) -> Iterator[_Found]:
@@ -100,13 +107,16 @@ class Conditions:
             yield _Found("disk", "error", self.disk, said=False)
         yield from self._of_the_map(facts)
         yield from _of_links(facts)
+        yield from _of_silent_aircraft(facts)
         yield from _of_the_source(facts)
         yield from _of_shots(facts)
 
     def _of_the_map(self, facts: Facts) -> Iterator[_Found]:
-        if facts.accounts.frames.placed and self._unmatched >= UNMATCHED:
-            text = f"The last {self._unmatched} frames match nothing on the map: fly back over ground that is on it"
-            yield _Found("overlap", "warning", text)
+        for vehicle, count in self._unmatched.items():
+            if facts.accounts.frames.placed and count >= UNMATCHED:
+                whose = "" if vehicle is None else f" of aircraft {vehicle}"
+                text = f"The last {count} frames{whose} match nothing on the map: fly back over ground that is on it"
+                yield _Found(f"overlap{whose}", "warning", text)
         if facts.islands > 1:
             text = (
                 f"The map is in {facts.islands} parts, and how they lie to each other is not known: "
@@ -117,6 +127,14 @@ class Conditions:
             frames, seconds = facts.behind.frames, facts.behind.seconds
             text = f"The map is {frames} frames, {seconds:.0f} s behind the camera: the newest are shown first"
             yield _Found("behind", "warning", text, said=False)
+
+
+def _over(key: str) -> str | None:
+    """What to say once this is so no more, if anything."""
+    what, _, system = key.partition(" of aircraft ")
+    if what == "overlap":
+        return f"frames{key.removeprefix('overlap')} match the map again"
+    return f"aircraft {system} is heard again" if what == "silence" else None
 
 
 def _of_links(facts: Facts) -> Iterator[_Found]:
@@ -137,11 +155,42 @@ def _of_links(facts: Facts) -> Iterator[_Found]:
             yield _Found(key, "warning", text, said=False)
 
 
+def _of_silent_aircraft(facts: Facts) -> Iterator[_Found]:
+    """Those of several whose links go on without them; of one with a link of its own the link is called silent.
+
+    Times of a link are compared with each other alone, for the computer's clock may be set during the flight.
+    """
+    silent: dict[int, bool] = {}
+    for link in facts.links:
+        for one in link.aircraft:
+            if one.system in link.counted and one.last_heard_utc is not None:
+                gone = (link.last_heard_utc or 0.0) - one.last_heard_utc >= SILENT_S
+                silent[one.system] = gone and silent.get(one.system, True)
+    for system in sorted(system for system, gone in silent.items() if gone):
+        text = (
+            f"Aircraft {system} is silent while others are heard: see whether it is out of reach. "
+            "Its pictures are mapped meanwhile"
+        )
+        yield _Found(f"silence of aircraft {system}", "warning", text)
+
+
 def _of_the_source(facts: Facts) -> Iterator[_Found]:
     for source in (facts.source, *facts.sources):
         if source is not None and source.state in SOURCE_AWAY:
             key = "source" if source.vehicle is None else f"source of aircraft {source.vehicle}"
             yield _Found(key, "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
+
+
+def _of_aircraft_without_triggers(facts: Facts) -> Iterator[_Found]:
+    for one in facts.aircraft:
+        frames, events = one.accounts.frames, one.accounts.events
+        came = frames.placed + frames.covered + frames.waiting + frames.rejected
+        if one.source is not None and came >= FRAMES_WITHOUT_TRIGGER and not any(asdict(events).values()):
+            text = (
+                f"Pictures of aircraft {one.system} come, but not one camera trigger: they are mapped, but one that is lost "
+                "would not be missed. See that this is its number, and that its autopilot announces its pictures"
+            )
+            yield _Found(f"triggers of aircraft {one.system}", "warning", text, held_s=HELD_S)
 
 
 def _of_shots(facts: Facts) -> Iterator[_Found]:
@@ -155,7 +204,9 @@ def _of_shots(facts: Facts) -> Iterator[_Found]:
             "See that the autopilot announces its pictures (CAMERA_FEEDBACK or CAMERA_IMAGE_CAPTURED) on this link"
         )
         yield _Found("triggers", "warning", text, held_s=HELD_S)
-    elif facts.accounts.orphans and events.matched:
+        return
+    yield from _of_aircraft_without_triggers(facts)
+    if facts.accounts.orphans and events.matched:
         pictures = "1 picture" if facts.accounts.orphans == 1 else f"{facts.accounts.orphans} pictures"
         yield _Found(
             "orphans", "info", f"{pictures} came without a trigger: on the map all the same", said=False, held_s=HELD_S

@@ -12,10 +12,10 @@ Aircraft = int | None  # None: frames of one source for all
 
 
 class Fleet:
-    """The aircraft of a flight. `counted` tells those whose triggers count."""
+    """The aircraft of a flight. `counted` tells those whose triggers count; `several`: whether there may be more than one."""
 
-    def __init__(self, counted: Callable[[], Iterable[int]], ledger: Ledger) -> None:
-        self._counted, self._ledger = counted, ledger
+    def __init__(self, counted: Callable[[], Iterable[int]], ledger: Ledger, *, several: bool = True) -> None:
+        self._counted, self._ledger, self._several = counted, ledger, several
         self._last: dict[Aircraft, LastFrame] = {}
 
     def processed(self, vehicle: Aircraft, frame: LastFrame) -> None:
@@ -26,10 +26,11 @@ class Fleet:
         self, waiting: Sequence[Frame], sources: Mapping[Aircraft, SourceReport], now_s: float
     ) -> tuple[AircraftStatus, ...]:
         """Each aircraft at the monotonic time `now_s`; `waiting`: the frames whose turn has not come."""
-        counted = set(self._counted()) | {vehicle for vehicle in sources if vehicle is not None}
-        if not counted:
+        if not self._several:
             return ()
         accounts = self._ledger.accounts_of_aircraft()
+        # Those of the ledger too: one that has flown may have landed before a resumed flight went on.
+        systems = set(self._counted()) | {vehicle for vehicle in sources if vehicle is not None} | accounts.keys()
         return tuple(
             AircraftStatus(
                 system=system,
@@ -38,7 +39,7 @@ class Fleet:
                 last_frame=self._last.get(system),
                 **({"accounts": accounts[system]} if system in accounts else {}),
             )
-            for system in sorted(counted)
+            for system in sorted(systems)
         )
 
 

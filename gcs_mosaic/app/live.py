@@ -152,7 +152,7 @@ class _Daemon:
         for source in self._sources:
             self._reporter.source(source.report)
         self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
-        self._fleet = Fleet(tuple, store.ledger)
+        self._fleet = Fleet(tuple, store.ledger, several=bool(config.aircraft))
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
@@ -196,7 +196,8 @@ class _Daemon:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
         self._trust = links.trust
-        self._fleet = Fleet(lambda: links.choice.counted, self._pipeline.store.ledger)
+        several = bool(self._config.aircraft)
+        self._fleet = Fleet(lambda: links.choice.counted, self._pipeline.store.ledger, several=several)
         requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
         keep = self._pipeline.store.keep_ahead
         self._inbox.fill([keeping(source, keep) for source in links.sources])
@@ -310,8 +311,8 @@ class _Daemon:
 
     def _note_done(self, done: Done, vehicle: int | None) -> None:
         self._state = "flying"
-        self._announcements.frame(done.state)
-        self._reporter.conditions.frame(done.state)
+        self._announcements.frame(done.state, vehicle)
+        self._reporter.conditions.frame(done.state, vehicle)
         latency = time.monotonic() - self._came.pop(done.name)
         self._reporter.last_frame = LastFrame(
             name=done.name,

@@ -183,8 +183,9 @@ def _take_events(ledger: Ledger, merged: Ledger, source: MergedFlight) -> None:
         numbers[record.id] = merged.record_event(record.event)
         frame = None if record.frame is None else source.name_of(record.frame)
         of = None if record.duplicate_of is None else numbers[record.duplicate_of]
-        if record.state is not EventState.PENDING:
-            merged.settle_event(numbers[record.id], record.state, frame=frame, duplicate_of=of)
+        # No frame comes any more for one of a flight that was not ended.
+        state = EventState.MISSING if record.state is EventState.PENDING else record.state
+        merged.settle_event(numbers[record.id], state, frame=frame, duplicate_of=of)
 
 
 def _take_over(pipeline: Pipeline, source: MergedFlight, config: Config, shelf: ArrayShelf) -> str:

@@ -115,6 +115,7 @@ class Reporter:
         if not now:  # while the flight waits for the disk, this would only wait as well
             self._record()
         self.accounts = accounts()
+        fleet = aircraft()
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -123,12 +124,12 @@ class Reporter:
             revision=revision,
             mavlink=tuple(self._links.values()),
             watch=self._worst_source(),
-            aircraft=aircraft(),
+            aircraft=fleet,
             behind=behind,
             last_frame=self.last_frame,
             accounts=self.accounts,
             held_out=largest(held_out(), ISLANDS_SHOWN),
-            conditions=() if state == "stopped" else self.conditions.so_now(self._facts(behind, islands)),
+            conditions=() if state == "stopped" else self.conditions.so_now(self._facts(behind, islands, fleet)),
             notices=tuple(self._notices),
         )
         room = STATUS_BYTES + AIRCRAFT_BYTES * len(status.aircraft)
@@ -141,13 +142,14 @@ class Reporter:
         """The source of frames or, of several aircraft's, one that brings nothing if there is any."""
         return min(self.sources.values(), key=lambda one: one.state in BRINGING, default=None)
 
-    def _facts(self, behind: Behind, islands: int) -> Facts:
+    def _facts(self, behind: Behind, islands: int, aircraft: tuple[AircraftStatus, ...]) -> Facts:
         return Facts(
             utc=time.time(),
             started_utc=self._begun_utc,
             links=tuple(self._links.values()),
             source=self.sources.get(None),
             sources=tuple(one for whose, one in self.sources.items() if whose is not None),
+            aircraft=aircraft,
             behind=behind,
             accounts=self.accounts,
             islands=islands,

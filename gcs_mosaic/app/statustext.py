@@ -17,18 +17,19 @@ class Announcements:
 
     def __init__(self) -> None:
         self.speakers: Sequence[Speaker] = ()
-        self._overlapping, self._ever_overlapped = False, False
+        self._overlapping: dict[int | None, bool] = {}  # by aircraft, once a frame of it has overlapped the map
         self._missing = 0
 
-    def frame(self, state: FrameState) -> None:
-        """A frame was processed: does the flight still overlap the map?"""
-        if state is FrameState.WAITING and self._overlapping:
-            self._overlapping = False
-            self._tell("overlap", "Mosaic: overlap lost, frames match nothing")
+    def frame(self, state: FrameState, vehicle: int | None = None) -> None:
+        """A frame of this aircraft was processed: does its flight still overlap the map?"""
+        whose = "" if vehicle is None else f"aircraft {vehicle}: "
+        if state is FrameState.WAITING and self._overlapping.get(vehicle):
+            self._overlapping[vehicle] = False
+            self._tell(f"overlap {whose}", f"Mosaic: {whose}overlap lost{'' if whose else ', frames match nothing'}")
         elif state in (FrameState.PLACED, FrameState.COVERED):
-            if not self._overlapping and self._ever_overlapped:
-                self._tell("overlap", "Mosaic: overlap is back", warning=False)
-            self._overlapping = self._ever_overlapped = True
+            if self._overlapping.get(vehicle) is False:
+                self._tell(f"overlap {whose}", f"Mosaic: {whose}overlap is back", warning=False)
+            self._overlapping[vehicle] = True
 
     def missing(self, events: Iterable[Missing]) -> None:
         """Announce shots without a frame."""

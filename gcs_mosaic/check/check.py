@@ -70,7 +70,7 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
     """Make anew what can be made; returns what is then found, and what was done. Raises UsageError as `check`, and if another
     program writes the flight.
 
-    `sources`: folders in which damaged originals are sought, beside the one that the flight has watched.
+    `sources`: folders in which damaged originals are sought, beside those that the flight has watched.
     """
     lock = _locked(find_flight(flight))
     try:
@@ -175,12 +175,13 @@ def _locked(flight: Path) -> FolderLock:
 
 
 def _watched(flight: Path) -> list[Path]:
-    """The folder that the flight watched, by its status."""
+    """The folder that the flight watched, or that of each of its aircraft, by its status."""
     try:
-        watch = json.loads((flight / STATUS_NAME).read_bytes())["watch"]
-        folder = Path(watch["folder"])
-        return [folder] if watch["kind"] == "folder" and folder.is_dir() else []
-    except (OSError, ValueError, KeyError, TypeError):
+        status = json.loads((flight / STATUS_NAME).read_bytes())
+        watched = [status["watch"], *(one["watch"] for one in status.get("aircraft", ()))]
+        folders = [Path(one["folder"]) for one in watched if one is not None and one["kind"] == "folder"]
+        return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         logger.debug("the status does not tell which folder was watched", exc_info=True)
         return []
 

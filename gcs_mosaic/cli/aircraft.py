@@ -11,7 +11,7 @@ from typing import Any
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import AircraftSource
 
-OF_AIRCRAFT = re.compile(r"([0-9]{1,3})=(.+)", re.ASCII | re.DOTALL)
+OF_AIRCRAFT = re.compile(r"([0-9]{1,3})=(.*)", re.ASCII | re.DOTALL)
 
 
 def add_sources(parser: argparse.ArgumentParser) -> None:
@@ -51,7 +51,7 @@ def _recorded(frames: Sequence[str]) -> dict[str, object]:
     if folders and whole is not None:
         raise _unnamed(f"--frames {whole}", "--frames")
     sources = [_source(one, "frames", watch=folder) for one, folder in folders]
-    return {"frames": None if whole is None else Path(whole), "sources": sources or None}
+    return {"frames": None if whole is None else Path(whole), "sources": _one_each(sources) or None}
 
 
 def _live(words: Mapping[str, Any]) -> dict[str, object]:
@@ -65,7 +65,14 @@ def _live(words: Mapping[str, Any]) -> dict[str, object]:
         raise _unnamed(f"--watch {watch}" if watch is not None else "--rtsp", "--watch")
     sources = [_source(one, "watch", watch=folder) for one, folder in folders]
     sources += [_source(one, "rtsp", rtsp=url) for one, url in streams]
-    return {"watch": watch, "rtsp": rtsp, "sources": sources or None}
+    return {"watch": watch, "rtsp": rtsp, "sources": _one_each(sources) or None}
+
+
+def _one_each(sources: list[AircraftSource]) -> list[AircraftSource]:
+    named = [source.vehicle for source in sources]
+    if twice := {vehicle for vehicle in named if named.count(vehicle) > 1}:
+        raise UsageError(f"aircraft {min(twice)} was given more than one folder or stream: give each aircraft one")
+    return sources
 
 
 def _unnamed(what: str, option: str) -> UsageError:
@@ -93,6 +100,8 @@ def _apart(option: str, values: Sequence[str]) -> tuple[str | None, list[tuple[i
 
 
 def _source(vehicle: int, option: str, *, watch: str | None = None, rtsp: str | None = None) -> AircraftSource:
+    if not (watch or rtsp):  # as of a shell's variable that is not set
+        raise UsageError(f"--{option} {vehicle}= names no folder or stream: write it behind the sign")
     try:
         return AircraftSource(vehicle=vehicle, watch=watch, rtsp=rtsp)
     except ValueError as error:

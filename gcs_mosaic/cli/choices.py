@@ -32,13 +32,21 @@ def flight_config(given: argparse.Namespace, listening: Listening) -> Config:
     config = replace(config_of(given), mavlink=listening.mavlink, link=listening.link)
     if given.watch or given.rtsp:  # what is said now is for all, whatever the file says of each
         config = replace(config, sources=(), rtsp=given.rtsp)
+    config = _counting(config, given.vehicle)
     return replace(config, http=None) if given.no_http else config
 
 
 def replay_config(given: argparse.Namespace) -> Config:
     """As above for a recorded flight: a folder for all is for all, whatever the file says of each."""
     config = config_of(given)
-    return config if given.frames is None else replace(config, sources=())
+    return _counting(config if given.frames is None else replace(config, sources=()), given.vehicle)
+
+
+def _counting(config: Config, vehicle: int | None) -> Config:
+    """Where aircraft have a source each, one that is named beside them counts too: none of them is followed alone."""
+    if vehicle is None or not config.sources:
+        return config
+    return replace(config, link=replace(config.link, vehicles=(vehicle,)))
 
 
 def _understood(given: argparse.Namespace) -> argparse.Namespace:

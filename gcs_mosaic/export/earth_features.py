@@ -20,6 +20,7 @@ from gcs_mosaic.notes.binding import GroundFollower
 from gcs_mosaic.notes.export_finds import finds_in
 from gcs_mosaic.notes.exports import find_feature
 from gcs_mosaic.notes.told import iso, placed, shown
+from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.coverage import IslandCoverage
 
 DIGITS = 8  # of degrees: a millimetre
@@ -58,18 +59,29 @@ def _footprints(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
                 "island": island.id,
                 "error_m": _error(island, *middle),
             }
+            told |= _whose(frame.vehicle)
             told |= {} if frame.modified is None else {"time": iso(frame.modified)}
             yield _feature("Polygon", [_ring(island, outline)], told)
 
 
 def _path(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
-    """The camera's own places over the ground, in the order in which the frames were taken."""
-    frames = sorted((one for one in found.view.table().frames if one.island == island.id), key=lambda one: one.order)
-    if len(frames) >= 2:
-        canvas = np.array([[one.pose.x, one.pose.y] for one in frames])
-        told = {"is": "path", "island": island.id, "error_m": max(_error(island, *place) for place in canvas.tolist())}
-        told |= {"frames": [shown(one.name) for one in frames]}
-        yield _feature("LineString", _degrees(island.anchor.places(canvas)), told)
+    """The camera's own places over the ground, in the order in which the frames were taken; of several aircraft, each its own."""
+    flown: dict[int | None, list[PositionRecord]] = {}
+    for one in sorted(found.view.table().frames, key=lambda one: one.order):
+        if one.island == island.id:
+            flown.setdefault(one.vehicle, []).append(one)
+    for vehicle, frames in flown.items():
+        if len(frames) >= 2:
+            canvas = np.array([[one.pose.x, one.pose.y] for one in frames])
+            error_m = max(_error(island, *place) for place in canvas.tolist())
+            told = {"is": "path", "island": island.id, "error_m": error_m, **_whose(vehicle)}
+            told |= {"frames": [shown(one.name) for one in frames]}
+            yield _feature("LineString", _degrees(island.anchor.places(canvas)), told)
+
+
+def _whose(vehicle: int | None) -> dict[str, int]:
+    """The aircraft, where each has a source of its own."""
+    return {} if vehicle is None else {"vehicle": vehicle}
 
 
 def _gaps(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from gcs_mosaic.mavlink.settings import HIGHEST_SYSTEM, expected_system
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, SourceReport
-
-HIGHEST_SYSTEM = 255  # of MAVLink system ids
 
 T = TypeVar("T")
 File = TypeVar("File", bound=Frame | DamagedFile)
@@ -27,7 +26,7 @@ class AircraftSource:
 
     def __post_init__(self) -> None:
         if not 0 < self.vehicle <= HIGHEST_SYSTEM:
-            raise ValueError(f"vehicle: expected a MAVLink system id from 1 to {HIGHEST_SYSTEM}, got {self.vehicle}")
+            raise ValueError(f"vehicle: {expected_system(self.vehicle)}")
         if (self.watch is None) == (self.rtsp is None):
             given = "neither" if self.watch is None else "both"
             raise ValueError(f"aircraft {self.vehicle}: expected watch: FOLDER or rtsp: ADDRESS, got {given}")

@@ -7,6 +7,13 @@ from typing import Literal, TypeAlias
 
 AircraftIds: TypeAlias = tuple[int, ...] | Literal["all"]
 
+HIGHEST_SYSTEM = 255  # of MAVLink system ids; 0 is nobody's
+
+
+def expected_system(got: int) -> str:
+    """What to say of a number that is no MAVLink system id."""
+    return f"expected a MAVLink system id from 1 to {HIGHEST_SYSTEM}, got {got}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkSettings:
@@ -44,6 +51,12 @@ class LinkSettings:
     """File (mode 600) with the MAVLink signing key; packets not signed with it are refused."""
     receive_buffer_bytes: int = 1 << 21
     """Socket receive buffer, capped by the kernel's own limit: one second at 5,000 messages a second."""
+
+    def __post_init__(self) -> None:
+        for setting, systems in {"vehicle": (self.vehicle,), "vehicles": self.vehicles}.items():
+            for system in systems:
+                if isinstance(system, int) and not 0 < system <= HIGHEST_SYSTEM:
+                    raise ValueError(f"{setting}: {expected_system(system)}")
 
     @property
     def aircraft(self) -> AircraftIds:

@@ -276,7 +276,7 @@ class Ledger(LedgerFile):
             f"{self._sharpness} AS sharpness, cameras.width AS camera_width, "
             f"cameras.height AS camera_height, {LENS_COLUMNS}, "
             "(SELECT corner_deviation_px FROM estimates WHERE estimates.frame = painted.frame) AS deviation"
-        )
+        ) + (", frames.vehicle" if self._has("vehicle") else "")
         tables = "painted JOIN frames ON frames.id = painted.frame JOIN cameras ON cameras.id = painted.camera"
         return [position_record_of(row) for row in self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame")]
 

@@ -119,6 +119,7 @@ class PositionRecord:
     modified: float | None  # capture time if known, else the file's; seconds since 1970
     corner_deviation_px: float | None = None  # as in `Estimate`
     sharpness: float | None = None  # as in `FrameRecord`
+    vehicle: int | None = None  # as in `FrameRecord`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

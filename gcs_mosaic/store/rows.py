@@ -246,6 +246,7 @@ def position_record_of(row: sqlite3.Row) -> PositionRecord:
         modified=row["modified"],
         corner_deviation_px=row["deviation"],
         sharpness=row["sharpness"],
+        vehicle=vehicle_of(row),
     )
 
 

@@ -170,6 +170,8 @@ class FileSchema:
     remedy: str  # what to do with a file that is none
 
 
+PRIMARY_CODE = 0xFF  # of SQLite's extended error codes
+
 # With a write-ahead log, NORMAL survives any kill; for power cuts see LedgerFile.make_durable.
 LEDGER = FileSchema(
     APPLICATION,
@@ -207,7 +209,27 @@ def connect_for_reading(path: Path, schema: FileSchema = LEDGER, *, without_log:
     """
     if not path.is_file():
         raise UsageError(f"{path} does not exist: name a folder that gcs-mosaic has written a flight into")
-    how = "immutable=1" if without_log else "mode=ro"
+    try:
+        return _opened(path, schema, "immutable=1" if without_log else "mode=ro")
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode & PRIMARY_CODE != sqlite3.SQLITE_CANTOPEN:
+            raise
+        return _opened_where_nobody_writes(path, schema)
+
+
+def _opened_where_nobody_writes(path: Path, schema: FileSchema) -> sqlite3.Connection:
+    """A ledger on a read-only medium: SQLite makes files beside it even to read, unless it knows that nobody changes it. Raises
+    UsageError if the last changes are in its log only, which would be left out."""
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise UsageError(
+            f"the last changes of {path} are in {log.name}, which cannot be read where nothing can be written: copy the "
+            "folder to a disk that can be written, and name the copy"
+        )
+    return _opened(path, schema, "immutable=1")
+
+
+def _opened(path: Path, schema: FileSchema, how: str) -> sqlite3.Connection:
     connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, timeout=BUSY_S, isolation_level=None)
     try:
         connection.row_factory = sqlite3.Row

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from gcs_mosaic.app.conditions import Conditions, Facts
-from gcs_mosaic.messages import LinkReport, SourceReport
+from gcs_mosaic.messages import Aircraft, LinkReport, SourceReport
 from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount, FrameState
-from gcs_mosaic.store.status import Behind
+from gcs_mosaic.store.status import AircraftStatus, Behind
 
 HEARD = LinkReport(address="udp:14550", state="heard", last_heard_utc=1000.0)
 FLYING = Facts(
@@ -20,6 +20,18 @@ FLYING = Facts(
     accounts=Accounts(frames=FrameAccount(placed=9), events=EventAccount(matched=9)),
     islands=1,
 )
+
+
+def heard(*last: tuple[int, float], until: float = 1000.0) -> LinkReport:
+    """A link of several aircraft: their numbers, and when each was heard last."""
+    aircraft = tuple(Aircraft(system=system, last_heard_utc=utc) for system, utc in last)
+    return replace(HEARD, last_heard_utc=until, counted=(1, 2), aircraft=aircraft)
+
+
+def account(system: int, *, matched: int) -> AircraftStatus:
+    source = SourceReport(kind="folder", name=f"{system}", state="watching", vehicle=system)
+    accounts = Accounts(frames=FrameAccount(placed=9), events=EventAccount(matched=matched))
+    return AircraftStatus(system=system, source=source, accounts=accounts)
 
 
 def keys(conditions: Conditions, facts: Facts) -> list[str]:
@@ -41,6 +53,11 @@ NEWS = {
     "source": ("source", replace(FLYING, source=SourceReport(kind="folder", name="DCIM", state="missing"))),
     "stream silent": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="silent"))),
     "stream lost": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="lost"))),
+    "one is silent": ("silence of aircraft 2", replace(FLYING, links=(heard((1, 999.0), (2, 985.0)),))),
+    "no trigger of one": (
+        "triggers of aircraft 2",
+        replace(FLYING, aircraft=(account(1, matched=9), account(2, matched=0))),
+    ),
     "triggers": ("triggers", replace(FLYING, accounts=Accounts(frames=FrameAccount(placed=9)))),
     "orphan": ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=1))),
     "orphans": ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=3))),
@@ -77,6 +94,35 @@ def test_lost_overlap_is_said_once_and_over_once() -> None:
     assert conditions.so_now(FLYING) == ()
     assert [notice.level for notice in conditions.fresh()] == ["warning", "info"]
     assert conditions.fresh() == []
+
+
+def test_an_aircraft_that_leaves_the_map_is_told_though_another_s_frames_match() -> None:
+    conditions = Conditions()
+    for _ in range(3):
+        conditions.frame(FrameState.WAITING, 2)
+        conditions.frame(FrameState.PLACED, 1)
+    (one,) = conditions.so_now(FLYING)
+    assert one.text.startswith("The last 3 frames of aircraft 2 match nothing on the map")
+    conditions.frame(FrameState.PLACED, 2)
+    assert conditions.so_now(FLYING) == ()
+    assert [notice.text for notice in conditions.fresh()][-1] == "frames of aircraft 2 match the map again"
+
+
+def test_an_aircraft_is_silent_on_a_link_that_goes_on_without_it() -> None:
+    """Not one that another link still hears, nor one whose own link has fallen silent, which is said of that link."""
+    conditions = Conditions()
+    gone, alone = heard((1, 999.0), (2, 985.0)), heard((2, 999.5))
+    assert conditions.so_now(replace(FLYING, links=(gone, alone))) == ()
+    alone = replace(heard((2, 985.0), until=985.0), state="silent")
+    assert [one.key for one in conditions.so_now(replace(FLYING, links=(heard((1, 999.0)), alone)))] == [
+        "link udp:14550"
+    ]
+    conditions = Conditions()
+    for state in ("heard", "silent"):  # once all are silent it is heard no more than before
+        found = conditions.so_now(replace(FLYING, links=(replace(gone, state=state),)))
+        assert "silence of aircraft 2" in [one.key for one in found]
+    conditions.so_now(replace(FLYING, links=(heard((1, 999.0), (2, 998.0)),)))
+    assert [notice.text for notice in conditions.fresh()][-1] == "aircraft 2 is heard again"
 
 
 def test_a_single_frame_that_matches_nothing_is_no_news() -> None:

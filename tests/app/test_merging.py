@@ -168,6 +168,17 @@ def test_the_accounts_are_those_of_both(flown: Path, merged: Path) -> None:
             assert by_id[record.duplicate_of].event.sequence == record.event.sequence
 
 
+def test_events_of_a_flight_that_was_not_ended_are_missing_their_frames(flown: Path, tmp_path: Path) -> None:
+    """A killed flight leaves some pending; no frame of theirs will come, and at the end none is pending."""
+    shutil.copytree(flown / "two", tmp_path / "killed")
+    with Ledger(tmp_path / "killed" / LEDGER_NAME) as ledger:
+        ledger.record_event(trigger_event(100, 100.0))
+    out = merge([flown / "one", tmp_path / "killed"], tmp_path / "map", CONFIG, QUIET)
+    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+        events = ledger.accounts().events
+    assert (events.pending, events.missing) == (0, 3)
+
+
 def test_originals_are_taken_along_and_all_is_whole(flown: Path, merged: Path) -> None:
     assert (merged / "frames" / "two" / "IMG_0000.JPG").read_bytes() == (flown / "two/frames/IMG_0000.JPG").read_bytes()
     assert cli.main(["check", str(flown / "one")]) == 0

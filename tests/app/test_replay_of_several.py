@@ -98,7 +98,7 @@ def test_a_folder_on_the_command_line_is_for_all_whatever_the_settings_say(flown
     [
         (("1=north", "south"), "--frames south names no aircraft, others do: name that of each, as in --frames 1=DIR"),
         (("1=north", "2=north/DCIM"), "give each a folder of its own, none inside another"),
-        (("1=north", "1=south"), "--sources: expected one for each aircraft, got more for 1"),
+        (("1=north", "1=south"), "aircraft 1 was given more than one folder or stream"),
         (
             ("north", "south"),
             "--frames was given more than once: for several aircraft name each, as in --frames 1=north",

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.app.event_log import EventLog
+from gcs_mosaic.app.fleet import Fleet
 from gcs_mosaic.app.frame_sources import elsewhere, frame_sources, taken_of
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
@@ -113,6 +114,23 @@ def test_with_one_source_for_all_a_frame_is_that_of_who_announced_it(tmp_path: P
     flown.log.save()
     accounts = flown.ledger.accounts_of_aircraft()
     assert {vehicle: one.frames.pending for vehicle, one in accounts.items()} == {1: 1, 2: 1}
+
+
+def test_an_aircraft_that_has_flown_keeps_its_account_where_another_flies_on(tmp_path: Path) -> None:
+    """As after a crash, once one of `--vehicles all` has landed: none of it is heard any more."""
+    flown = TwoPairings(tmp_path, apart=False)
+    for vehicle, name in ((1, "a.jpg"), (2, "b.jpg")):
+        flown.shot(vehicle, at=vehicle, name=name)
+        flown.ledger.record_frame(frame(name, 3))
+        flown.log.frame(frame(name, 3), 3, fresh=True)
+    flown.log.save()
+    counted: list[int] = []
+    fleet = Fleet(lambda: counted, flown.ledger)
+    for heard in ([], [1]):
+        counted[:] = heard
+        told = fleet.status((), {}, 0.0)
+        assert {one.system: one.accounts.frames.pending for one in told} == {1: 1, 2: 1}
+    assert Fleet(tuple, flown.ledger, several=False).status((), {}, 0.0) == ()
 
 
 def test_the_file_of_a_frame_is_sought_in_the_folder_of_its_aircraft(tmp_path: Path) -> None:

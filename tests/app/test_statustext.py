@@ -49,6 +49,20 @@ def test_overlap_that_is_lost_and_comes_back_is_told_once_each(announcements: An
     assert [announcement.warning for announcement in ear.heard] == [True, False]
 
 
+def test_an_aircraft_that_leaves_the_map_is_told_while_another_stays_on_it(
+    announcements: Announcements, ear: Ear
+) -> None:
+    for _ in range(3):
+        for vehicle, state in ((1, PLACED), (2, PLACED)):
+            announcements.frame(state, vehicle)
+    for _ in range(3):
+        for vehicle, state in ((1, PLACED), (2, WAITING)):
+            announcements.frame(state, vehicle)
+    announcements.frame(PLACED, 2)
+    assert ear.texts == ["aircraft 2: overlap lost", "aircraft 2: overlap is back"]
+    assert ear.heard[0].topic not in ("overlap", "overlap aircraft 1: "), "what another does replaces it not"
+
+
 def test_shots_without_frame_are_counted(announcements: Announcements, ear: Ear) -> None:
     announcements.missing([missing(7), missing(9)])
     announcements.missing([])

@@ -22,12 +22,12 @@ from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.files import frames_in
-from gcs_mosaic.messages import Frame
+from gcs_mosaic.messages import Frame, SourceReport
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.lock import try_lock
 from gcs_mosaic.store.schema import VERSION
-from gcs_mosaic.store.status import Status, status_document
+from gcs_mosaic.store.status import AircraftStatus, Status, status_document
 from tests.running import six_pictures
 from tests.sure import sure
 
@@ -193,6 +193,26 @@ def test_a_damaged_original_is_taken_from_the_camera_s_files(flight: Path, pictu
     assert repaired(flight, pictures).is_whole
     assert (flight / "frames/2.jpg").read_bytes() == (pictures / "2.jpg").read_bytes()
     assert (flight / "frames/3.jpg").read_bytes() == (pictures / "3.jpg").read_bytes()
+
+
+@pytest.mark.long
+def test_each_aircraft_s_own_folder_is_looked_through_too(flight: Path, pictures: Path) -> None:
+    """The status names one of the folders for all: the one that brings nothing, if there is any."""
+    lost = SourceReport(kind="folder", name=str(flight.parent / "card"), state="missing", vehicle=1)
+    of_each = (
+        AircraftStatus(system=1, source=lost),
+        AircraftStatus(system=3),
+        AircraftStatus(system=2, source=watching(pictures)),
+    )
+    status = Status(flight="mosaic", state="stopped", updated_utc=2.0, started_utc=1.0, watch=lost, aircraft=of_each)
+    write_json(flight / "status.json", status_document(status))
+    (flight / "frames/3.jpg").unlink()
+    repaired(flight)
+    assert (flight / "frames/3.jpg").read_bytes() == (pictures / "3.jpg").read_bytes()
+
+
+def watching(folder: Path) -> SourceReport:
+    return SourceReport(kind="folder", name=str(folder), state="watching", vehicle=2)
 
 
 @pytest.mark.long

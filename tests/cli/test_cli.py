@@ -88,6 +88,9 @@ def empty(tmp_path: Path) -> Path:
         (["--http", "127.0.0.1:1", "--no-http"], "not allowed with"),
         (["--fly"], "unrecognized arguments: --fly (gcs-mosaic --help"),
         (["--vehicle", "one"], "invalid int value: 'one'"),
+        (["--vehicle", "0"], "--vehicle: expected a MAVLink system id from 1 to 255, got 0"),
+        (["--vehicle=-1"], "--vehicle: expected a MAVLink system id from 1 to 255, got -1"),
+        (["--vehicle", "256", "--vehicle", "1"], "--vehicles: expected a MAVLink system id from 1 to 255, got 256"),
         (["--from", "yesterday"], "--from 'yesterday' is not understood: give now"),
         (["--config", "none.yaml"], "none.yaml cannot be read (No such file or directory)"),
         (["--watch", "mosaic/tiles"], "overlap"),
@@ -115,7 +118,11 @@ def empty(tmp_path: Path) -> Path:
         (["--recover"], "add --announce"),
         (["--watch", "1=a", "--watch", "b"], "--watch b names no aircraft, others do: name that of each"),
         (["--watch", "a", "--watch", "b"], "for several aircraft name each, as in --watch 1=a"),
-        (["--watch", "1=a", "--watch", "1=b"], "--sources: expected one for each aircraft, got more for 1"),
+        (
+            ["--watch", "1=a", "--watch", "1=b"],
+            "aircraft 1 was given more than one folder or stream: give each aircraft one",
+        ),
+        (["--watch", "1=", "--watch", "2=b"], "--watch 1= names no folder or stream"),
         (["--watch", "1=a", "--watch", "2=a/b"], "give each a folder of its own, none inside another"),
         (["--watch", "256=a"], "--watch: vehicle: expected a MAVLink system id from 1 to 255, got 256"),
         (["--vehicle", "1", "--vehicles", "all"], "--vehicles all: leave out --vehicle"),
@@ -166,6 +173,16 @@ def test_each_option_of_the_table_reaches_its_setting(tmp_path: Path) -> None:
     given = options.parse(["stitch", "DIR", "--scale", "0.5", "--features", "orb", "--method", "paper"])
     config = choices.config_of(given)
     assert (config.scale, config.features, config.method) == (0.5, "orb", "paper")
+
+
+@pytest.mark.parametrize("words", ["--watch 1=a --watch 2=b", "replay F.tlog --out o --frames 1=a --frames 2=b"])
+def test_an_aircraft_that_is_named_beside_those_with_a_source_counts_too(words: str) -> None:
+    """As the program itself says to do of one that it leaves out."""
+    for more, aircraft in ((), (1, 2)), (("--vehicle", "3"), (1, 2, 3)), (("--vehicle", "2"), (1, 2)):
+        given = options.parse([*words.split(), *more])
+        replayed = given.command == "replay"
+        config = choices.replay_config(given) if replayed else choices.flight_config(given, options.listening_of(given))
+        assert config.aircraft == aircraft
 
 
 def test_the_defaults_are_told_as_a_file_that_can_be_given_back(

@@ -358,6 +358,31 @@ def test_all_that_is_told_of_a_place_tells_its_error(flight: AnchoredFlight, tmp
     assert all(one["error_m"] >= 1 for one in told)
 
 
+def test_each_of_several_aircraft_has_a_path_of_its_own(flight: AnchoredFlight, tmp_path: Path) -> None:
+    """Not one that leaps from each to the other at every picture."""
+    root = shutil.copytree(flight.root, tmp_path / "flight")
+    with Ledger(root / LEDGER_NAME) as ledger:
+        for order in range(1, 7):
+            vehicle = 1 + order % 2
+            name = f"{vehicle}/{order}.jpg"
+            ledger.record_frame(frame(name, vehicle=vehicle))
+            pose, camera = Pose(90.0 * order, 60.0 * vehicle), Camera(1300, 1000)
+            ledger.record_painted(Painted(name=name, order=order, island=0, pose=pose, camera=camera, level=16))
+    target = tmp_path / "map.geojson"
+    assert main(["export", str(root), "--format", "geojson", "--to", str(target)]) == 0
+    told = json.loads(target.read_text())
+    paths = [one["properties"] for one in told["features"] if one["properties"]["is"] == "path"]
+    assert {one["vehicle"]: one["frames"] for one in paths} == {
+        1: ["1/2.jpg", "1/4.jpg", "1/6.jpg"],
+        2: ["2/1.jpg", "2/3.jpg", "2/5.jpg"],
+    }
+    of_frames = [one["properties"] for one in told["features"] if one["properties"]["is"] == "footprint"]
+    assert {one["frame"]: one.get("vehicle") for one in of_frames if one["frame"] in ("a.jpg", "2/1.jpg")} == {
+        "a.jpg": None,
+        "2/1.jpg": 2,
+    }
+
+
 def test_over_the_180th_meridian_a_kmz_is_one_picture(across: AnchoredFlight, tmp_path: Path) -> None:
     with zipfile.ZipFile(exported(across, tmp_path / "map.kmz", "--format", "kmz")) as archive:
         (overlay,) = ElementTree.fromstring(archive.read("doc.kml")).iter(f"{KML}GroundOverlay")

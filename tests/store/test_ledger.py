@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import threading
 from dataclasses import asdict
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import DamagedFile, Notice, Position
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.display import PLAIN, Display
@@ -197,6 +199,32 @@ def test_everything_is_there_after_opening_again(tmp_path: Path) -> None:
         assert [f.name for f in ledger.frames()] == ["a.jpg"]
         with pytest.raises(sqlite3.OperationalError):
             ledger.record_frame(a_frame("b.jpg"))
+
+
+def of_a_read_only_medium(folder: Path, *, ended: bool) -> Path:
+    """The path of a ledger with one frame, beside which SQLite can make no file; `ended`: else its last changes are in its
+    log."""
+    with Ledger(folder / "written.sqlite") as ledger:
+        ledger.record_frame(a_frame("a.jpg"))
+        path = folder / "flight.sqlite"
+        if not ended:
+            for suffix in ("", "-wal"):
+                shutil.copy(folder / f"written.sqlite{suffix}", f"{path}{suffix}")
+    if ended:
+        shutil.copy(folder / "written.sqlite", path)
+    # An administrator, as tests in a container are run by, may write everywhere but there.
+    path.with_name(f"{path.name}-shm").symlink_to(folder / "no such folder" / "file")
+    return path
+
+
+def test_a_flight_on_a_read_only_medium_is_read(tmp_path: Path) -> None:
+    with Ledger(of_a_read_only_medium(tmp_path, ended=True), read_only=True) as ledger:
+        assert [record.name for record in ledger.frames()] == ["a.jpg"]
+
+
+def test_what_a_read_only_medium_has_in_the_log_alone_is_not_left_out(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="copy the folder to a disk that can be written"):
+        Ledger(of_a_read_only_medium(tmp_path, ended=False), read_only=True)
 
 
 def test_other_threads_are_refused(ledger: Ledger) -> None:

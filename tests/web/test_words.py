@@ -101,8 +101,8 @@ def sentences_of_the_server() -> list[str]:
         conditions.so_now(facts)
         told += [one.text for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
     lost = Conditions()
-    for _ in range(3):
-        lost.frame(FrameState.WAITING)
+    for vehicle in (None, None, None, 2, 2, 2):
+        lost.frame(FrameState.WAITING, vehicle)
     return told + [one.text for one in lost.so_now(FLYING)]
 
 
