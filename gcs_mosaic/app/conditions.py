@@ -58,9 +58,7 @@ class Conditions:
 
     def __init__(self) -> None:
         self.disk: str | None = None  # what is wrong with it, as long as it is
-        self._unmatched = Counter[
-            Aircraft
-        ]()  # frames in a row that matched nothing: each aircraft may lose the map alone
+        self._unmatched = Counter[Aircraft]()  # frames in a row that matched nothing, of each aircraft
         self._since: dict[str, float] = {}
         self._told: set[str] = set()
         self._fresh: list[Notice] = []
