@@ -44,7 +44,9 @@ def refuse_source_in_target(sources: Sequence[str], place: str) -> None:
     for source in sources:
         parts = _parts(source)
         if parts == target and (is_bucket(source) or Path(source).is_dir()):
-            raise UsageError(f"--out {place} is the folder of frames itself: choose another one, such as {place}/map")
+            raise UsageError(
+                f"--out {place} is the folder of frames itself: choose another one, such as {place.rstrip('/')}/map"
+            )
         ours = [(*target, *PurePath(name).parts) for name in (*OUR_NAMES, ARTEFACTS)]
         if any(parts[: len(own)] == own for own in ours):
             raise UsageError(f"--out {place} holds {source}, which the map would take the place of: choose another one")
