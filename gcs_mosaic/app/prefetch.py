@@ -127,7 +127,7 @@ def thumbnail(image: Bands) -> Bands:
         return image
     height = max(1, round(image.shape[0] * THUMBNAIL_WIDTH / image.shape[1]))
     if image.shape[1] >= 4 * THUMBNAIL_WIDTH:  # OpenCV halves ten times as fast as it resizes to any other size
-        image = resized(image, (image.shape[1] // 2, image.shape[0] // 2))
+        image = resized(image, (image.shape[1] // 2, max(1, image.shape[0] // 2)))
     return resized(image, (THUMBNAIL_WIDTH, height))
 
 

@@ -1,7 +1,7 @@
 """Artefacts: what tasks make, each under its key, whole or not there at all.
 
 An artefact has named parts that can be read by themselves. It begins with the length and the digest of each, so that what was cut
-off, or changed on the disk, counts as lost.
+off, or changed on the disk, counts as lost; and so does another artefact under its key.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from gcs_mosaic.store.checkpoint import decoded, encoded
 
-MAGIC = b"gcs-mosaic artefact 1\n"
+MAGIC = b"gcs-mosaic artefact 2\n"
 HEAD = struct.Struct("<I16s")  # length and digest of the table of parts
 AHEAD = 4096  # bytes read at once: of most artefacts the table and the summary
 
@@ -79,7 +79,7 @@ class Artefacts:
             at += len(part)
             data.append(part)
         head = encoded(table)
-        self.files.write(key, b"".join([MAGIC, HEAD.pack(len(head), _digest(head)), head, *data]))
+        self.files.write(key, b"".join([MAGIC, HEAD.pack(len(head), _digest(head, key)), head, *data]))
 
     def part(self, key: str, name: str) -> Any:
         """A part of an artefact. Raises Lost, also if anything of it is damaged."""
@@ -115,7 +115,7 @@ class Artefacts:
         head = first[begin : begin + length]
         if len(head) < length:
             head = self.files.read(key, begin, length) or b""
-        if _digest(head) != digest:
+        if _digest(head, key) != digest:
             raise ValueError("a damaged table")
         return decoded(head), begin + length
 
@@ -127,5 +127,5 @@ def _packed(data: bytes) -> tuple[bytes, bool]:
     return zlib.compress(data, 1), True
 
 
-def _digest(data: bytes) -> bytes:
-    return hashlib.blake2b(data, digest_size=16).digest()
+def _digest(data: bytes, key: str = "") -> bytes:
+    return hashlib.blake2b(key.encode() + data, digest_size=16).digest()

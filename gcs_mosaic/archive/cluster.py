@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import tempfile
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
+from multiprocessing import resource_tracker
 
 import dask
 from distributed import Client, LocalCluster
 from distributed.security import Security
+from distributed.utils import LoopRunner
+from tornado.ioloop import IOLoop
 
 from gcs_mosaic.archive import worker_setup
 from gcs_mosaic.archive.versions import versions
@@ -47,17 +52,64 @@ def _local(count: int, *, dashboard: bool) -> Iterator[Client]:
     with (
         dask.config.set(LOCAL | {PRELOAD: [*dask.config.get(PRELOAD, []), worker_setup.__name__]}),
         tempfile.TemporaryDirectory(prefix="gcs-mosaic-workers-", ignore_cleanup_errors=True) as scratch,
-        _started(count, scratch, dashboard=dashboard) as cluster,
-        Client(cluster) as client,
+        _uninterrupted_loop() as loop,
+        _interrupts_held() as release,
+        _started(count, scratch, loop, dashboard=dashboard) as cluster,
     ):
-        yield client
+        release()
+        with Client(cluster) as client:
+            yield client
 
 
-def _started(count: int, scratch: str, *, dashboard: bool) -> LocalCluster:
+@contextmanager
+def _interrupts_held() -> Iterator[Callable[[], None]]:
+    """Ctrl-C waits until what is yielded is called: Dask cannot close a cluster that is starting. A second one does not wait."""
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+    held = threading.Event()
+
+    def hold(*_: object) -> None:
+        if held.is_set():
+            raise KeyboardInterrupt
+        held.set()
+
+    def release() -> None:
+        signal.signal(signal.SIGINT, before)
+        if held.is_set():
+            held.clear()
+            signal.raise_signal(signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, hold)
+    try:
+        yield release
+    finally:
+        release()
+
+
+@contextmanager
+def _uninterrupted_loop() -> Iterator[IOLoop]:
+    """A loop in a thread to which Ctrl-C is not told, nor to the processes that it starts: the client is, and ends them."""
+    resource_tracker.ensure_running()  # which lets Ctrl-C through again where it starts
+    runner, can_block = LoopRunner(), hasattr(signal, "pthread_sigmask")
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if can_block else set()
+    try:
+        runner.start()
+    finally:
+        if can_block:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        yield runner.loop
+    finally:
+        runner.stop()
+
+
+def _started(count: int, scratch: str, loop: IOLoop, *, dashboard: bool) -> LocalCluster:
     """Raises FlightFailed."""
     # With keys of its own, because whoever reaches a scheduler can have it run code: others who use this machine, too.
     try:
         return LocalCluster(
+            loop=loop,
             n_workers=count,
             threads_per_worker=1,
             processes=True,
@@ -70,7 +122,7 @@ def _started(count: int, scratch: str, *, dashboard: bool) -> LocalCluster:
             local_directory=scratch,
         )
     except (RuntimeError, OSError) as error:
-        logger.warning("the workers cannot be started", exc_info=True)
+        logger.debug("the workers cannot be started", exc_info=True)
         raise FlightFailed(
             f"{count} workers cannot be started here ({_cause(error)}): try fewer by --workers, and see that there is memory"
         ) from None

@@ -89,28 +89,30 @@ class Engine:
         cost.add(time.process_time() - used)
         self._progress.end(cost.at(time.monotonic() - start))
 
-    def _outcomes(self, batches: Iterable[tuple[StageTask, ...]]) -> Iterator[tuple[str, Outcome]]:
-        """The outcomes of all batches by key, each task once."""
+    def _outcomes(
+        self, batches: Iterable[tuple[StageTask, ...]], *, anew: bool = False
+    ) -> Iterator[tuple[str, Outcome]]:
+        """The outcomes of all batches by key, each task once; `anew`: although their artefacts seem to be there."""
         suspects: list[StageTask] = []
-        for tasks, outcome in self._each(batches):
+        for tasks, outcome in self._each(batches, anew=anew):
             if outcome is None:
                 suspects += tasks
             else:
-                yield from self._settled(tasks, outcome)
+                yield from self._settled(tasks, outcome, anew=anew)
         guilty: list[StageTask] = []
-        for tasks, outcome in self._each((one,) for one in suspects):
+        for tasks, outcome in self._each(((one,) for one in suspects), anew=anew):
             if outcome is None:
                 guilty += tasks
             else:
-                yield from self._settled(tasks, outcome)
+                yield from self._settled(tasks, outcome, anew=anew)
         for one in guilty:
-            yield from self._alone(one)
+            yield from self._alone(one, anew=anew)
 
-    def _alone(self, one: StageTask) -> Iterator[tuple[str, Outcome]]:
+    def _alone(self, one: StageTask, *, anew: bool) -> Iterator[tuple[str, Outcome]]:
         """A task that may kill workers, with nothing beside it."""
-        for tasks, outcome in self._each([(one,)]):
+        for tasks, outcome in self._each([(one,)], anew=anew):
             if outcome is not None:
-                yield from self._settled(tasks, outcome)
+                yield from self._settled(tasks, outcome, anew=anew)
                 continue
             logger.warning("the task %s has killed its workers", one.key)
             yield one.key, Unmade("its task has killed one worker after the other")
@@ -135,7 +137,7 @@ class Engine:
                     future.release()
                     submitted(1)
         except GONE as error:
-            logger.warning("the scheduler is gone", exc_info=True)
+            logger.debug("the scheduler is gone", exc_info=True)
             raise FlightFailed(f"the scheduler is gone ({type(error).__name__}): {AGAIN}") from None
 
     def _done(self, futures: list[Any]) -> list[Any]:
@@ -173,12 +175,14 @@ class Engine:
             logger.warning("%s has failed", tasks[0].key, exc_info=True)
             return [Unmade(f"it could not be processed ({error!r})")]
 
-    def _settled(self, tasks: Sequence[StageTask], outcomes: Sequence[Outcome]) -> Iterator[tuple[str, Outcome]]:
+    def _settled(
+        self, tasks: Sequence[StageTask], outcomes: Sequence[Outcome], *, anew: bool
+    ) -> Iterator[tuple[str, Outcome]]:
         """The outcomes; what missed an artefact is made again once that is."""
         for one, outcome in zip(tasks, outcomes, strict=True):
             while isinstance(outcome, Unmade) and outcome.lost is not None:
                 self._make_again(outcome.lost)
-                outcome = dict(self._outcomes([(one,)]))[one.key]
+                outcome = dict(self._outcomes([(one,)], anew=anew))[one.key]
             yield one.key, outcome
 
     def _make_again(self, key: str) -> None:
@@ -193,10 +197,9 @@ class Engine:
             listed(self.artefacts, self._lists[key])
             return
         one = self._makers[key]
-        for tasks, outcomes in self._each([(one,)], anew=True):
-            for _, outcome in self._settled(tasks, outcomes or [Unmade("it has killed its worker")]):
-                if isinstance(outcome, Unmade):
-                    raise FlightFailed(f"{key} was lost and cannot be made again: {outcome.reason}")
+        for _, outcome in self._outcomes([(one,)], anew=True):
+            if isinstance(outcome, Unmade):
+                raise FlightFailed(f"{key} was lost and cannot be made again: {outcome.reason}")
 
     def listed(self, values: Sequence[Any]) -> str:
         """As `tasks.listed`, and put there again if it is lost."""

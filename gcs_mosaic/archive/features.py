@@ -141,7 +141,10 @@ def parts_of(seen: Features) -> dict[str, object]:
 
 def frame_at(file: SourceFile, digest: str) -> Frame:
     """The frame that a file held when it was looked at first, with its bytes. Raises Passing if it is another one by now."""
-    data = bytes_of_file(file)
+    try:
+        data = bytes_of_file(file)
+    except Passing as error:
+        raise Passing(f"{file.name} {error}") from None
     if content_hash(data) != digest:
         raise Passing(f"{file.name} has changed since it was read first")
     return frame_of_file(file, digest, data)

@@ -47,6 +47,7 @@ REPLACED = (
 )
 NO_LIMIT_GB = 1e6
 UPLOADS = 8  # at once
+Outcome = tuple[FrameState, str | None]  # of a file, with the reason if it takes no part
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +63,8 @@ class Reprocessed:
     map: ArchiveMap
 
 
-def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder: Path) -> None:
-    """Write a whole flight of this name into an empty folder."""
+def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder: Path) -> list[Outcome]:
+    """Write a whole flight of this name into an empty folder; what has become of each file."""
     _write_tiles(engine, found.map, folder)
     with Ledger(folder / LEDGER_NAME) as ledger:
         ledger.begin_flight(FlightRecord(name=name, started_utc=time.time(), canvas=config.paint.canvas))
@@ -82,6 +83,7 @@ def packed(engine: Engine, found: Reprocessed, name: str, config: Config, folder
             counts[island] = counts.get(island, 0) + 1
         store.in_a_pause = True
         store.save(_Extents(found.map.layout), islands, counts, lambda: found.held_out)
+        return [(frame.state, frame.reason) for frame in store.ledger.frames()]
 
 
 def _frame_of(file: SourceFile, digest: str) -> Frame:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from gcs_mosaic.archive.fixed_patterns import without_pattern
 from gcs_mosaic.archive.islands import assembled, numbered_frames
 from gcs_mosaic.archive.kinds import kinds_of
 from gcs_mosaic.archive.light import lit
-from gcs_mosaic.archive.packing import Reprocessed, beside, move_into_place, packed, upload
+from gcs_mosaic.archive.packing import Outcome, Reprocessed, beside, move_into_place, packed, upload
 from gcs_mosaic.archive.painting import painted_map
 from gcs_mosaic.archive.pairs import registered
 from gcs_mosaic.archive.progress import Progress
@@ -29,14 +30,17 @@ from gcs_mosaic.archive.sights import looked_at
 from gcs_mosaic.archive.sources import Sources, sources_of
 from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.archive.super_tiles import SIDE
-from gcs_mosaic.archive.target import ARTEFACTS, checked_target
+from gcs_mosaic.archive.target import ARTEFACTS, checked_target, refuse_source_in_target
 from gcs_mosaic.archive.tasks import Passing
 from gcs_mosaic.archive.tearing import measured
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, NothingPlaced
+from gcs_mosaic.frames.scan import shown_name
 from gcs_mosaic.store.held_out import held_out_lines, largest
+from gcs_mosaic.store.records import FrameState
 
 ISLANDS_TOLD = 12
+MOST_REASONS = 8  # told for each state
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +62,7 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
 
     Raises UsageError and CannotWrite for what was given, FlightFailed if it cannot go on, NothingPlaced if there is no map.
     """
+    refuse_source_in_target(request.sources, request.target)
     sources = sources_of(request.sources)
     with checked_target(request.target) as target:
         for text in sources.said:
@@ -68,19 +73,35 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
             engine = Engine(client, f"{target}/{ARTEFACTS}", progress)
             try:
                 found = reprocessed(engine, sources, config, request)
-                _pack(engine, found, target, config)
+                outcomes = _pack(engine, found, target, config)
             except Lost as error:  # what the client itself reads
                 raise FlightFailed(f"the store has lost {error.key}; {AGAIN}") from None
             except Passing as error:
                 raise FlightFailed(f"{error}; {AGAIN}") from None
-    counts = f"{len(found.assembled.placed)} of {len(sources.files)} frames placed"
-    if not found.assembled.placed:
-        raise NothingPlaced(
-            f"none of {len(sources.files)} frames found a place: there is no map, {target} has the reasons"
-        )
+    _tell(outcomes, target, progress)
     for line in held_out_lines(largest(found.held_out, ISLANDS_TOLD)):
         progress.say(line)
-    progress.say(f"{counts}, {len(found.assembled.covered)} covered: {target}")
+    if not found.assembled.placed:
+        raise NothingPlaced(
+            f"none of {len(sources.files)} frames found a place: there is no map, {_shown(target)} has the reasons"
+        )
+
+
+def _tell(outcomes: Sequence[Outcome], target: str, progress: Progress) -> None:
+    """What has become of all frames."""
+    states = Counter(state for state, _ in outcomes)
+    counts = f"{states.pop(FrameState.PLACED, 0)} of {len(outcomes)} frames placed"
+    progress.say(f"{counts}, {states.pop(FrameState.COVERED, 0)} covered: {_shown(target)}")
+    for state, count in states.most_common():
+        progress.say(f"  {count} {state}")
+        if state is not FrameState.DUPLICATE:
+            reasons = Counter(reason for other, reason in outcomes if other is state and reason)
+            for reason, alike in reasons.most_common(MOST_REASONS):
+                progress.say(f"    {alike} x {reason}")
+
+
+def _shown(target: str) -> str:
+    return target if is_bucket(target) else shown_name(Path(target))
 
 
 def reprocessed(engine: Engine, sources: Sources, config: Config, request: Request) -> Reprocessed:
@@ -101,14 +122,15 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, request: Reque
     return Reprocessed(arrivals, seen, aside, found, held_out, bright, painted)
 
 
-def _pack(engine: Engine, found: Reprocessed, target: str, config: Config) -> None:
-    name = target.rstrip("/").rpartition("/")[2]
+def _pack(engine: Engine, found: Reprocessed, target: str, config: Config) -> list[Outcome]:
+    name = shown_name(Path(target.rstrip("/").rpartition("/")[2]))
     with engine.alone("packing"), _room_beside(target) as folder:
-        packed(engine, found, name, config, folder)
+        outcomes = packed(engine, found, name, config, folder)
         if is_bucket(target):
             upload(folder, target)
         else:
             move_into_place(folder, Path(target))
+    return outcomes
 
 
 @contextmanager

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import stat
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePath
+from pathlib import Path, PurePath, PurePosixPath
 
 from gcs_mosaic.archive.files import files_at, is_bucket
+from gcs_mosaic.archive.target import MARKER
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.files import files_in, name_order
-from gcs_mosaic.frames.scan import IMAGE_SUFFIXES
+from gcs_mosaic.frames.scan import IMAGE_SUFFIXES, OURS
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,10 @@ class SourceFile:
     def read(self) -> bytes:
         """Its bytes now. Raises OSError, and CannotWrite for a bucket."""
         if not self.bucket:
-            return Path(self.path).read_bytes()
+            path = Path(self.path)
+            if not stat.S_ISREG(path.stat().st_mode):  # a pipe or a device may have no end, or block for ever
+                raise OSError(errno.EINVAL, "not a regular file", self.path)
+            return path.read_bytes()
         data = files_at(self.bucket).read(self.path)
         if data is None:
             raise FileNotFoundError(2, "it is gone", self.path)
@@ -66,11 +72,20 @@ def sources_of(given: Sequence[str]) -> Sources:
 
 
 def _in_bucket(place: str) -> list[SourceFile]:
-    found = [one for one in files_at(place).listed("") if Path(one.name).suffix.lower() in IMAGE_SUFFIXES]
+    listed = {PurePosixPath(one.name): one for one in files_at(place).listed("")}
+    ours = {path.parent for path in listed if path.name in OURS} | {
+        path.parents[1] for path in listed if path.parts[-2:] == PurePosixPath(MARKER).parts
+    }
+    found = [one for path, one in listed.items() if _may_be_a_frame(path) and ours.isdisjoint(path.parents)]
     if not found:
         raise UsageError(f"{place} holds no images: give a bucket, or a part of one, with JPEG, PNG or TIFF files")
     found.sort(key=lambda one: name_order(one.name))
     return [SourceFile(one.name, place, one.name, one.size, one.modified_ns, one.tag) for one in found]
+
+
+def _may_be_a_frame(path: PurePosixPath) -> bool:
+    """By its name, as in a folder."""
+    return path.suffix.lower() in IMAGE_SUFFIXES and not any(part.startswith(".") for part in path.parts)
 
 
 def _told_apart(files: Sequence[SourceFile]) -> tuple[SourceFile, ...]:

@@ -15,7 +15,7 @@ from functools import partial
 from itertools import chain
 from typing import TypeVar
 
-from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import places_of
 from gcs_mosaic.archive.look_up import LookUp, NumberedFrame, PairBook
@@ -97,6 +97,8 @@ def _placed(mosaic: Mosaic, features: Features, frame: NumberedFrame) -> list[Re
     """Place a frame; its rejection, if it is rejected at once."""
     try:
         outcome = mosaic.place(features, frame.name, aircraft=frame.folder)
+    except Lost:
+        raise  # not the frame's fault
     except Exception as error:
         logger.exception("%s could not be placed", frame.name)
         return [Rejection(frame.name, f"it could not be processed ({error!r})")]
@@ -131,9 +133,11 @@ def together(artefacts: Artefacts, parts: Sequence[str], pairs: str, settings: S
 
 
 def _tried(step: Callable[[], T]) -> T | None:
-    """What a step of a mosaic brings; None if it raises, which has left what it was about as it was."""
+    """What a step of a mosaic brings; None if it raises, which has left what it was about as it was. Raises Lost."""
     try:
         return step()
+    except Lost:
+        raise  # nothing is kept of what lacks it
     except Exception:
         logger.warning("a step of the assembly has failed", exc_info=True)
         return None

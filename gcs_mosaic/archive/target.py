@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from gcs_mosaic.archive.artefacts import Files
 from gcs_mosaic.archive.files import UNFINISHED, files_at, is_bucket
@@ -33,9 +33,38 @@ def checked_target(place: str) -> Iterator[str]:
         with _claimed_bucket(bucket):
             yield bucket
         return
-    path = Path(place).resolve()
+    path = _whole_path(place)
     with _locked(path), _claimed(path):
         yield str(path)
+
+
+def refuse_source_in_target(sources: Sequence[str], place: str) -> None:
+    """Raises UsageError if a source is the target, whose pictures are no frames from then on, or in what is replaced there."""
+    target = _parts(place)
+    for source in sources:
+        parts = _parts(source)
+        if parts == target and (is_bucket(source) or Path(source).is_dir()):
+            raise UsageError(
+                f"--out {place} is the folder of frames itself: choose another one, such as {place.rstrip('/')}/map"
+            )
+        ours = [(*target, *PurePath(name).parts) for name in (*OUR_NAMES, ARTEFACTS)]
+        if any(parts[: len(own)] == own for own in ours):
+            raise UsageError(f"--out {place} holds {source}, which the map would take the place of: choose another one")
+
+
+def _parts(place: str) -> tuple[str, ...]:
+    """Of a path or a bucket, comparable."""
+    if is_bucket(place):
+        scheme, _, rest = place.partition("://")
+        return scheme, *filter(None, rest.split("/"))
+    return _whole_path(place).parts
+
+
+def _whole_path(place: str) -> Path:
+    try:
+        return Path(place).resolve()
+    except OSError as error:  # the folder in which we are is gone
+        raise UsageError(f"{place} cannot be found ({error.strerror}): name a whole path") from None
 
 
 @contextmanager

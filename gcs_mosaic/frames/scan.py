@@ -11,7 +11,8 @@ from pathlib import Path
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
-_LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
+# A folder that contains one of these is ours: its images are not new frames. The lock is there before the ledger.
+OURS = ("flight.sqlite", ".gcs-mosaic.lock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ def _listing(folder: str, found: Scan) -> list[os.DirEntry[str]]:
     except OSError as error:  # gone, or no permission
         found.pass_over(folder, error)
         return []
-    return [] if any(entry.name == _LEDGER for entry in entries) else entries
+    return [] if any(entry.name in OURS for entry in entries) else entries
 
 
 def _is_link(entry: os.DirEntry[str], found: Scan) -> bool:

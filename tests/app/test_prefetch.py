@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from gcs_mosaic.app.prefetch import DecodedFrame, Preparation
+from gcs_mosaic.app.prefetch import THUMBNAIL_WIDTH, DecodedFrame, Preparation, thumbnail
 from gcs_mosaic.app.turns import AHEAD, NewestFirst
 from gcs_mosaic.frames.decoding.decoders import Decoders
 from gcs_mosaic.messages import Frame, content_hash
@@ -82,3 +82,7 @@ def test_all_that_were_passed_over_have_theirs_in_the_end_in_order(preparation: 
         taken.append(prepared.frame.name)
         assert len(preparation._ahead) <= AHEAD
     assert taken == [f"{number}.jpg" for number in range(7, -1, -1)]
+
+
+def test_a_picture_of_one_row_has_a_thumbnail() -> None:
+    assert thumbnail(np.zeros((1, 5000, 3), np.uint8)).shape == (1, THUMBNAIL_WIDTH, 3)

@@ -6,6 +6,7 @@ import json
 import os
 import random
 import re
+import signal
 from functools import partial
 from pathlib import Path
 
@@ -16,11 +17,14 @@ from distributed import Client
 from distributed.security import Security
 
 from gcs_mosaic.archive.adjustment import on_workers
+from gcs_mosaic.archive.arrivals import bytes_of_file
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
-from gcs_mosaic.archive.cluster import check_versions, workers_at
+from gcs_mosaic.archive.cluster import _interrupts_held, check_versions, workers_at
+from gcs_mosaic.archive.features import frame_at
 from gcs_mosaic.archive.files import BucketFiles, FolderFiles
 from gcs_mosaic.archive.sources import sources_of
-from gcs_mosaic.archive.target import checked_target
+from gcs_mosaic.archive.target import MARKER, checked_target, refuse_source_in_target
+from gcs_mosaic.archive.tasks import Passing
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.store.disk import CannotWrite
@@ -65,6 +69,65 @@ def test_what_has_changed_on_the_disk_is_lost(artefacts: Artefacts, tmp_path: Pa
     assert artefacts.whole("a/b", "summary") == PARTS["summary"]
     with pytest.raises(Lost):
         artefacts.part("a/b", "large")
+
+
+def test_another_artefact_in_its_place_is_lost(artefacts: Artefacts, tmp_path: Path) -> None:
+    artefacts.put("a/b", PARTS)
+    artefacts.put("a/c", {**PARTS, "summary": [3, 4]})
+    (tmp_path / "a/c").replace(tmp_path / "a/b")
+    with pytest.raises(Lost):
+        artefacts.whole("a/b", "summary")
+
+
+def test_a_pipe_that_was_given_is_told_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.jpg")
+    (file,) = sources_of([str(tmp_path / "pipe.jpg")]).files
+    with pytest.raises(Passing, match=r"^cannot be read \(not a regular file\)$"):
+        bytes_of_file(file)
+
+
+def test_a_frame_that_is_gone_is_told_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"any")
+    (file,) = sources_of([str(tmp_path)]).files
+    (tmp_path / "a.jpg").unlink()
+    with pytest.raises(Passing, match=r"^a.jpg cannot be read \(No such file or directory\)$"):
+        frame_at(file, "digest")
+
+
+def test_what_an_unfinished_map_holds_is_no_frame(tmp_path: Path) -> None:
+    left = tmp_path / "map/archive/packing-1/made/tiles/0/1/0"
+    left.mkdir(parents=True)
+    for path in (tmp_path / "frame.jpg", left / "0.jpg", tmp_path / "map/.gcs-mosaic.lock"):
+        path.write_bytes(b"any")
+    assert [file.name for file in sources_of([str(tmp_path)]).files] == ["frame.jpg"]
+
+
+def test_what_a_map_in_a_bucket_holds_is_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    with bucket_server(monkeypatch, "there"):
+        files = BucketFiles("s3://there/dcim")
+        for number, ours in enumerate(("flight.sqlite", ".gcs-mosaic.lock", MARKER)):
+            for name in (ours, "tiles/0/1/0/0.jpg"):
+                files.write(f"map{number}/{name}", b"any")
+        for name in ("1.jpg", "more/2.jpg", "more/._2.jpg"):
+            files.write(name, b"any")
+        assert [file.name for file in sources_of(["s3://there/dcim"]).files] == ["1.jpg", "more/2.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("source", "out", "said"),
+    [
+        ("", "", "is the folder of frames itself: choose another one, such as .*/map"),
+        ("map/frames", "map", "holds .*map/frames, which the map would take the place of"),
+        ("map/frames/1.jpg", "map", "holds .*map/frames/1.jpg, which the map would take the place of"),
+        ("s3://one/dcim/", "s3://one/dcim", "is the folder of frames itself"),
+        ("s3://one/map/frames", "s3://one/map", "holds s3://one/map/frames, which"),
+    ],
+)
+def test_a_source_that_the_map_would_replace_is_refused(tmp_path: Path, source: str, out: str, said: str) -> None:
+    source, out = (place if "://" in place else str(tmp_path / place) for place in (source, out))
+    with pytest.raises(UsageError, match=f"^--out {re.escape(out)} {said}"):
+        refuse_source_in_target([source], out)
+    refuse_source_in_target([source, str(tmp_path / "dcim")], f"{out}/other/map")
 
 
 def test_an_artefact_names_no_code(artefacts: Artefacts) -> None:
@@ -244,4 +307,41 @@ def test_an_archive_without_a_whole_picture_ends_with_that_and_each_stage_is_a_l
     assert said.err == f"gcs-mosaic: none of 1 frames found a place: there is no map, {out} has the reasons\n"
     told = [json.loads(line) for line in said.out.splitlines()]
     assert {"stage": "arrivals", "done": 1, "of": 1, "state": "done"}.items() <= told[1].items()
+    assert [line["said"] for line in told[-3:]][:2] == [f"0 of 1 frames placed, 0 covered: {out}", "  1 damaged"]
     assert [frame.state for frame in frames_of(out).values()] == [FrameState.DAMAGED]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names are text there")
+def test_a_map_of_a_name_that_is_no_text_is_written_and_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cut.jpg").write_bytes(b"\xff\xd8\xff\xe0 no more of it")
+    out = tmp_path / os.fsdecode(b"map\xff")
+    assert cli.main(["reprocess", str(tmp_path / "cut.jpg"), "--out", str(out), "--workers", "1"]) == 3
+    assert f"0 of 1 frames placed, 0 covered: {tmp_path}/map\\xff\n" in capsys.readouterr().out
+    assert (out / "mosaic.json").is_file()
+
+
+def test_an_interrupt_while_workers_start_waits_for_them() -> None:
+    with _interrupts_held() as release:
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            release()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_the_second_interrupt_while_workers_start_does_not_wait() -> None:
+    with _interrupts_held() as release:
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            release()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="there is no such mask")
+def test_workers_leave_interrupts_to_the_client() -> None:
+    with workers_at(None, 1) as client:
+        (blocked,) = client.run(lambda: signal.pthread_sigmask(signal.SIG_BLOCK, set())).values()
+    assert signal.SIGINT in blocked
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, set())

@@ -112,6 +112,17 @@ def test_half_of_all_artefacts_are_made_again(frames: Path, alone: Path, tmp_pat
     assert 0 < again["features"] < FRAMES
 
 
+def test_what_is_damaged_on_the_disk_is_made_again(frames: Path, alone: Path, tmp_path: Path) -> None:
+    out = copied(alone, tmp_path)
+    for path in (out / "archive").rglob("*"):
+        if path.is_file() and path.stat().st_size:
+            data = bytearray(path.read_bytes())
+            data[-1] ^= 1  # of its last part: the summary before it seems to be whole
+            path.write_bytes(data)
+    run(frames, out=out)
+    assert tiles_of(out) == tiles_of(alone)
+
+
 def test_a_frame_that_kills_workers_is_rejected_with_that_reason(
     frames: Path, alone: Path, sabotage: Path, tmp_path: Path
 ) -> None:
