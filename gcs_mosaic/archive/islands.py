@@ -113,7 +113,9 @@ def chunk_matches(book: PairBook, placements: Sequence[Placement]) -> Iterator[C
     chunk_of = {placement.name: row // CHUNK for row, placement in enumerate(placements)}
     for at in range(0, len(placements), CHUNK):
         some = placements[at : at + CHUNK]
-        # Not where frames were compared only to test a join: that is kept nowhere.
-        links = {book.key(one.name, other) for one in some for other in one.neighbours if book.knows(one.name, other)}
+        # Not where frames were registered only when their place was known, to test a join: that is kept nowhere.
+        links = {
+            book.key(one.name, other) for one in some for other in one.neighbours if book.registered(one.name, other)
+        }
         around = {chunk_of[name] for one in some for name in (one.name, *one.neighbours)}
         yield ChunkMatches(tuple(book.frame(one.name) for one in some), tuple(sorted(links)), tuple(sorted(around)))

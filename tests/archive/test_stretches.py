@@ -12,9 +12,9 @@ import pytest
 from gcs_mosaic.archive.adjustment import adjustment
 from gcs_mosaic.archive.artefacts import Artefacts, Lost
 from gcs_mosaic.archive.files import files_at
-from gcs_mosaic.archive.islands import islands, stricter
-from gcs_mosaic.archive.look_up import NumberedFrame
-from gcs_mosaic.archive.pairs import pair_group
+from gcs_mosaic.archive.islands import chunk_matches, islands, stricter
+from gcs_mosaic.archive.look_up import NumberedFrame, PairBook
+from gcs_mosaic.archive.pairs import KnownPairs, pair_group
 from gcs_mosaic.archive.relief import relief
 from gcs_mosaic.archive.stretches import KnownPair, joined, stretch, together
 from gcs_mosaic.archive.tasks import listed
@@ -22,7 +22,7 @@ from gcs_mosaic.stitch.arrays import FloatRows
 from gcs_mosaic.stitch.bundle.island import island_task
 from gcs_mosaic.stitch.bundle.relief import displacements, matched, sightings
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
-from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, similarity_between
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Outcome, Placement
@@ -187,6 +187,16 @@ def test_the_relief_of_a_chunk_is_what_all_matches_of_its_frames_say(
 
 def grid_of(sheet: ReliefDisplacement) -> FloatRows:
     return np.frombuffer(sheet.shifts, np.float32).reshape(-1, 2)
+
+
+def test_only_what_the_store_registered_is_sought_there_as_a_match(artefacts: Artefacts) -> None:
+    """Frames are linked, too, that were compared in vain before their place was known, or never."""
+    known = KnownPairs({(0, 1): ("pairs/1", True), (0, 2): ("pairs/2", False)})
+    book = PairBook(artefacts, [numbered(number) for number in range(4)], known)
+    somewhere = Placement("0", 0, Pose(0, 0, 0, 0), LENS, None, 30, 0.5, ("1", "2", "3"), 0, 0.1)
+    others = [replace(somewhere, name=str(number), neighbours=("0",)) for number in range(1, 4)]
+    (chunk,) = chunk_matches(book, [somewhere, *others])
+    assert chunk.links == (((0, 1), "pairs/1"),)
 
 
 def test_each_folder_has_a_camera_of_its_own(artefacts: Artefacts) -> None:
