@@ -13,7 +13,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.pending_file import frame_of, read_whole, versioned
-from gcs_mosaic.frames.scan import Look, scan, shown_name
+from gcs_mosaic.frames.scan import LEDGER, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
 
@@ -102,6 +102,10 @@ def looks_in(path: Path) -> tuple[list[Look], list[str]]:
     found = scan(path)
     images = sorted(found.images, key=lambda look: name_order(look.name))
     if not images:
+        if (path / LEDGER).is_file():
+            raise UsageError(
+                f"{str(path)!r} is a flight, whose tiles are no frames: give {str(path / 'frames')!r}, where its originals are."
+            )
         raise UsageError(
             f"{str(path)!r} holds no images: give a folder with JPEG, PNG or TIFF files (links are not followed)."
         )

@@ -11,8 +11,9 @@ from pathlib import Path
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
+LEDGER = "flight.sqlite"
 # A folder that contains one of these is ours: its images are not new frames. The lock is there before the ledger.
-OURS = ("flight.sqlite", ".gcs-mosaic.lock")
+OURS = (LEDGER, ".gcs-mosaic.lock")
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from gcs_mosaic.stitch.arrays import FloatRows
 from gcs_mosaic.stitch.bundle.island import island_task
 from gcs_mosaic.stitch.bundle.relief import displacements, matched, sightings
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
-from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, similarity_between
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, similarity_between
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Outcome, Placement
@@ -193,7 +193,7 @@ def test_only_what_the_store_registered_is_sought_there_as_a_match(artefacts: Ar
     """Frames are linked, too, that were compared in vain before their place was known, or never."""
     known = KnownPairs({(0, 1): ("pairs/1", True), (0, 2): ("pairs/2", False)})
     book = PairBook(artefacts, [numbered(number) for number in range(4)], known)
-    somewhere = Placement("0", 0, Pose(0, 0, 0, 0), LENS, None, 30, 0.5, ("1", "2", "3"), 0, 0.1)
+    somewhere = Placement("0", 0, Pose(0, 0, 0, 0), Camera(400, 300, focal=1.2), None, 30, 0.5, ("1", "2", "3"), 0, 0.1)
     others = [replace(somewhere, name=str(number), neighbours=("0",)) for number in range(1, 4)]
     (chunk,) = chunk_matches(book, [somewhere, *others])
     assert chunk.links == (((0, 1), "pairs/1"),)

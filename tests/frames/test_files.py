@@ -117,6 +117,15 @@ def test_a_file_that_goes_while_frames_are_read_is_said(tmp_path: Path) -> None:
     assert isinstance(next(frames), DamagedFile)
 
 
+def test_of_a_flight_it_is_said_where_its_frames_are(tmp_path: Path) -> None:
+    (tmp_path / "frames").mkdir()
+    fill(tmp_path / "frames", "a.jpg")
+    (tmp_path / "flight.sqlite").touch()
+    with pytest.raises(UsageError, match=rf"is a flight.*give '{tmp_path}/frames'"):
+        frames_in(tmp_path)
+    assert frames_in(tmp_path / "frames").count == 1
+
+
 def test_nothing_to_read_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="holds no images"):
         frames_in(tmp_path)
