@@ -13,11 +13,17 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 FEEDBACK_WRAP_S = 2**32 / 1e6  # ArduPilot stores CAMERA_FEEDBACK's time since boot as 32-bit microseconds
+HIGHEST_SYSTEM = 255  # of MAVLink system ids; 0 is nobody's
 
 
 def unwrapped(seconds: float, expected: float, wrap_s: float) -> float:
     """Unwrap `seconds` from a clock that wraps every `wrap_s`: the value nearest to `expected`."""
     return seconds + wrap_s * round((expected - seconds) / wrap_s)
+
+
+def expected_system(got: int) -> str:
+    """What to say of a number that is no MAVLink system id."""
+    return f"expected a MAVLink system id from 1 to {HIGHEST_SYSTEM}, got {got}"
 
 
 class Source(IntEnum):

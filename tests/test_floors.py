@@ -55,6 +55,7 @@ ALLOWED = {
     },
     "archive": {"app", "config", "store", "render", "frames", *STITCH, "messages", "errors"},
     "cli": {
+        "messages",
         "app",
         "archive",
         "config",

@@ -28,8 +28,13 @@ TESTS = (
         "frames/rtsp/test_stream_address.py",
     ),
     *("mavlink/test_mavlink_parser.py", "mavlink/test_signing.py", "mavlink/test_mavlink_messages.py"),
-    *("stitch/features", "stitch/registration", "stitch/bundle/test_levenberg_marquardt.py"),
-    *("render/test_canvas.py", "render/test_warp.py", "export/test_multiband_tiff.py"),
+    *(
+        "stitch/features/test_extraction.py",
+        "stitch/features/test_matching.py",
+        "stitch/registration",
+        "stitch/bundle/test_levenberg_marquardt.py",
+    ),
+    *("render/test_warp.py", "export/test_multiband_tiff.py"),
     *("store/test_ledger.py", "web/test_app.py", "web/test_feed.py"),
 )
 FEW = 4  # frames of an archive

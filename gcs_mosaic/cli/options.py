@@ -15,13 +15,13 @@ from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.mavlink.settings import Listening
+from gcs_mosaic.messages import HIGHEST_SYSTEM
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.store.permissions import UMASKS, Readers
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 from gcs_mosaic.web.settings import WebSettings
 
 DEFAULT_OUT = Path("mosaic")  # of the settings, which would load the stitching
-HIGHEST_SYSTEM = 255
 ANNOUNCE_AS = 191  # default system id: not an aircraft's, which count from 1, nor the ground station's
 
 # The setting that each option overrides, if given.

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from gcs_mosaic.mavlink.settings import HIGHEST_SYSTEM, expected_system
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, SourceReport
+from gcs_mosaic.messages import HIGHEST_SYSTEM, DamagedFile, DroppedFrame, Frame, Notice, SourceReport, expected_system
 
 T = TypeVar("T")
 File = TypeVar("File", bound=Frame | DamagedFile)

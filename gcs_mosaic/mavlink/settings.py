@@ -5,14 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
+from gcs_mosaic.messages import HIGHEST_SYSTEM, expected_system
+
 AircraftIds: TypeAlias = tuple[int, ...] | Literal["all"]
-
-HIGHEST_SYSTEM = 255  # of MAVLink system ids; 0 is nobody's
-
-
-def expected_system(got: int) -> str:
-    """What to say of a number that is no MAVLink system id."""
-    return f"expected a MAVLink system id from 1 to {HIGHEST_SYSTEM}, got {got}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gcs_mosaic.messages import HIGHEST_SYSTEM
 from gcs_mosaic.store.disk import write_beside
 
 REQUEST_NAME, ANSWER_NAME = "request.json", "answer.json"
 _LARGEST = 4096  # bytes
 _LONGEST_ID = 64  # characters
-_HIGHEST_SYSTEM = 255
 _POLL_S = 0.1
 
 
@@ -98,8 +98,8 @@ def _request_in(data: bytes) -> FollowRequest | str:
     name, vehicle = document.get("id"), document.get("vehicle")
     if not isinstance(name, str) or not 1 <= len(name) <= _LONGEST_ID or not name.isascii() or not name.isalnum():
         return f"{REQUEST_NAME} has no id of letters and digits"
-    if not isinstance(vehicle, int) or isinstance(vehicle, bool) or not 1 <= vehicle <= _HIGHEST_SYSTEM:
-        return f"{REQUEST_NAME} names no MAVLink system id from 1 to {_HIGHEST_SYSTEM}"
+    if not isinstance(vehicle, int) or isinstance(vehicle, bool) or not 1 <= vehicle <= HIGHEST_SYSTEM:
+        return f"{REQUEST_NAME} names no MAVLink system id from 1 to {HIGHEST_SYSTEM}"
     return FollowRequest(id=name, vehicle=vehicle)
 
 

@@ -127,9 +127,10 @@ def _fly(flown: Soaked, found: Found, pictures: Iterator[bytes], over: threading
 
 
 def _disturb(flown: Soaked, chance: random.Random, found: Found, until_s: float, most: Sequence[Mischief]) -> None:
+    """Mischief until then, and each once at least."""
     while time.monotonic() < until_s:
         for one in chance.sample(most, len(most)):  # each once before any comes again
-            if time.monotonic() > until_s:
+            if time.monotonic() > until_s and one.__name__ in found.done:
                 break
             time.sleep(chance.uniform(*RESTS_S))
             if not flown.runs:
