@@ -11,7 +11,7 @@ from gcs_mosaic.archive.features import places_of
 from gcs_mosaic.archive.islands import ChunkMatches
 from gcs_mosaic.archive.look_up import NumberedFrame
 from gcs_mosaic.archive.pairs import Pair, StoredRegistration
-from gcs_mosaic.archive.tasks import Parts, task
+from gcs_mosaic.archive.tasks import Made, Parts, task
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.tearing import FrameInPlace, HeldOut, HeldOutMatches, held_out_error, some_of
@@ -21,7 +21,8 @@ from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
 def measured(
     engine: Engine, chunks: Sequence[PlacedChunk], placed: Sequence[str], settings: ReliefSettings
 ) -> dict[int, HeldOut]:
-    """The figure of each island that has one. `placed`: the artefacts that hold the chunks' placements in the end."""
+    """The figure of each island that has one: failing to measure a map does not end it. `placed`: the artefacts that hold the
+    chunks' placements in the end."""
     of_islands: dict[tuple[int, str], list[str]] = {}
     for chunk, key in zip(chunks, placed, strict=True):
         if chunk.matches is not None:
@@ -30,8 +31,11 @@ def measured(
         task(torn_apart, island, matches, engine.listed(keys), settings)
         for (island, matches), keys in of_islands.items()
     ]
-    found = engine.made("held-out error", tasks)
-    return {island: HeldOut(*one) for (island, _), one in zip(of_islands, found, strict=True) if one is not None}
+    outcomes = engine.run("held-out error", tasks)
+    found = (
+        (island, one.summary) for (island, _), one in zip(of_islands, outcomes, strict=True) if isinstance(one, Made)
+    )
+    return {island: HeldOut(*figures) for island, figures in found if figures is not None}
 
 
 def torn_apart(artefacts: Artefacts, island: int, matches: str, placed: str, settings: ReliefSettings) -> Parts:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
-LEDGER = "flight.sqlite"
-# A folder that contains one of these is ours: its images are not new frames. The lock is there before the ledger.
+LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
+# The lock is there before the ledger. One that was left in the folder of frames itself hides nothing: that folder was named.
 OURS = (LEDGER, ".gcs-mosaic.lock")
 
 
@@ -82,9 +82,11 @@ def shown_name(path: Path) -> str:
 
 def _entries(folder: Path, found: Scan) -> Iterator[os.DirEntry[str]]:
     """Everything below `folder` that may be a file, except folders of our own flights."""
-    folders = [os.fspath(folder)]
+    named = os.fspath(folder)
+    folders = [named]
     while folders:
-        for entry in _listing(folders.pop(), found):
+        within = folders.pop()
+        for entry in _listing(within, found, ours=(LEDGER,) if within == named else OURS):
             if entry.name.startswith(".") or Path(entry.name).suffix.lower() in _UNFINISHED:
                 continue
             if _is_folder(entry, found):
@@ -93,14 +95,14 @@ def _entries(folder: Path, found: Scan) -> Iterator[os.DirEntry[str]]:
                 yield entry
 
 
-def _listing(folder: str, found: Scan) -> list[os.DirEntry[str]]:
+def _listing(folder: str, found: Scan, ours: Collection[str]) -> list[os.DirEntry[str]]:
     try:
         with os.scandir(folder) as listing:
             entries = list(listing)
     except OSError as error:  # gone, or no permission
         found.pass_over(folder, error)
         return []
-    return [] if any(entry.name in OURS for entry in entries) else entries
+    return [] if any(entry.name in ours for entry in entries) else entries
 
 
 def _is_link(entry: os.DirEntry[str], found: Scan) -> bool:

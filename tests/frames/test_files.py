@@ -126,6 +126,15 @@ def test_of_a_flight_it_is_said_where_its_frames_are(tmp_path: Path) -> None:
     assert frames_in(tmp_path / "frames").count == 1
 
 
+def test_a_lock_that_was_left_hides_what_lies_below_a_map_but_no_folder_that_was_named(tmp_path: Path) -> None:
+    fill(tmp_path, "a.jpg")
+    (tmp_path / "map").mkdir()
+    fill(tmp_path / "map", "tile.jpg")
+    for folder in (tmp_path, tmp_path / "map"):
+        (folder / ".gcs-mosaic.lock").touch()
+    assert [frame.name for frame in frames_in(tmp_path).frames] == ["a.jpg"]
+
+
 def test_nothing_to_read_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="holds no images"):
         frames_in(tmp_path)
