@@ -27,7 +27,7 @@ from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, ext
 from gcs_mosaic.stitch.features.retrieval import PER_FRAME
 
 TOGETHER = 32  # frames of one batch
-KEPT = 256  # frames' features that a worker keeps at hand: 80 MB
+KEPT = 256  # frames' features that a worker keeps at hand: 120 MB
 Size = tuple[int, int]  # width, height
 
 
@@ -134,8 +134,8 @@ def features(
 
 def parts_of(seen: Features) -> dict[str, object]:
     """Of an artefact: features with and without what is large, and the strongest descriptors."""
-    places = replace(seen, kept_descriptors=seen.descriptors[:, :0], kept_faint=None)
-    parts = {"places": places, "descriptors": seen.descriptors, "faint": seen.faint}
+    places = replace(seen, kept_descriptors=seen.descriptors[:, :0], kept_faint=None, kept_texture=None)
+    parts = {"places": places, "descriptors": seen.descriptors, "faint": seen.faint, "texture": seen.texture}
     return parts | {"strongest": seen.descriptors[:PER_FRAME]}
 
 
@@ -176,8 +176,8 @@ def image_of(file: SourceFile, digest: str, reduction: int, max_pixels: int) -> 
 @lru_cache(KEPT)
 def whole_features(artefacts: Artefacts, key: str, dead: DeadBorder = NO_BORDER) -> Features:
     """A frame's features without those at a dead border, which is in its full-resolution pixels. Raises Lost."""
-    places, descriptors, faint = (artefacts.part(key, part) for part in ("places", "descriptors", "faint"))
-    return without_border(replace(places, kept_descriptors=descriptors, kept_faint=faint), dead)
+    parts = {f"kept_{part}": artefacts.part(key, part) for part in ("descriptors", "faint", "texture")}
+    return without_border(replace(artefacts.part(key, "places"), **parts), dead)
 
 
 def places_of(artefacts: Artefacts, key: str, dead: DeadBorder) -> Features:

@@ -63,6 +63,7 @@ Levels = NDArray[np.uint8] | NDArray[np.float32]  # (h, w, bands) in grey levels
 FloatImage = NDArray[np.float32]  # (h, w[, k])
 FloatPlanes = NDArray[np.float32]  # (k, h, w)
 FaintImage = NDArray[np.int8]  # (h, w), see `features.faint.faint_picture`
+Texture = NDArray[np.int8]  # (h, w), see `features.texture.texture`
 
 # Tiles
 Lattice = NDArray[np.float32]  # (rows, columns[, k]) values at lattice points or cells of tiles

@@ -16,13 +16,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.arrays import Band, Bands, Descriptors, FaintImage, FloatImage, FloatRows, ImageGrey, Points32Nx2
+from gcs_mosaic.stitch.arrays import (
+    Band,
+    Bands,
+    Descriptors,
+    FaintImage,
+    FloatImage,
+    FloatRows,
+    ImageGrey,
+    Points32Nx2,
+    Texture,
+)
 from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
 from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
+from gcs_mosaic.stitch.features.texture import texture
 
 REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px
 
@@ -46,8 +57,9 @@ class Features:
 
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
-    picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `dead`: the
-    excluded border, in full-resolution pixels. The large ones may lie on a shelf.
+    picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `texture`: what the
+    frame looks like as a whole; None if that is not known. `dead`: the excluded border, in full-resolution pixels. The large
+    ones may lie on a shelf.
     """
 
     kept_points: Points32Nx2 | Shelved
@@ -59,6 +71,7 @@ class Features:
     ordinary: int = 0
     dead: DeadBorder = NO_BORDER
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
+    kept_texture: Texture | Shelved | None = None
 
     def __len__(self) -> int:
         return self.kept_points.shape[0]
@@ -75,16 +88,20 @@ class Features:
     def faint(self) -> FaintImage | None:
         return None if self.kept_faint is None else at_hand(self.kept_faint)
 
+    @property
+    def texture(self) -> Texture | None:
+        return None if self.kept_texture is None else at_hand(self.kept_texture)
+
     def shelved(self, shelve: Shelve) -> Features:
         """The same, its large arrays on a shelf, but for the points: those of many frames are asked for again and again."""
-        faint = None if self.kept_faint is None else shelve(at_hand(self.kept_faint))
-        return replace(self, kept_descriptors=shelve(self.descriptors), kept_faint=faint)
+        faint, texture = (None if one is None else shelve(one) for one in (self.faint, self.texture))
+        return replace(self, kept_descriptors=shelve(self.descriptors), kept_faint=faint, kept_texture=texture)
 
     def __getstate__(self) -> list[object]:
         """What is pickled lies on no shelf. Raises OSError if it is lost."""
-        faint = None if self.kept_faint is None else exactly(self.kept_faint)
+        faint, texture = (None if one is None else exactly(one) for one in (self.kept_faint, self.kept_texture))
         points, descriptors = exactly(self.kept_points), exactly(self.kept_descriptors)
-        whole = replace(self, kept_points=points, kept_descriptors=descriptors, kept_faint=faint)
+        whole = replace(self, kept_points=points, kept_descriptors=descriptors, kept_faint=faint, kept_texture=texture)
         return [getattr(whole, field.name) for field in fields(whole)]
 
 
@@ -101,11 +118,12 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     small = _grey(counts, image)
     found = detect(small, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, width, height, width / small.shape[1])
-    features = replace(features, sharpness=sharpness(image))
+    mean = _mean_of(counts)
+    features = replace(features, sharpness=sharpness(image), kept_texture=texture(mean))
     least = settings.count if is_noise(small) else min(settings.faint_below, settings.count)
     if settings.kind != "sift" or len(features) >= least:
         return features
-    faint = faint_picture(_mean_of(counts))
+    faint = faint_picture(mean)
     both = joined(features, faint_features(faint, features, settings))
     return replace(both, kept_faint=faint, ordinary=len(features))
 
@@ -114,7 +132,8 @@ def faint_features(standing_out: Band, frame: Features, settings: FeatureSetting
     """Features of a frame's faint picture `standing_out` (h, w), with or without its fixed pattern removed."""
     found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, frame.width, frame.height, frame.scale)
-    return without_border(replace(features, sharpness=frame.sharpness), frame.dead)
+    features = replace(features, sharpness=frame.sharpness, kept_texture=frame.kept_texture)
+    return without_border(features, frame.dead)
 
 
 def joined(one: Features, other: Features) -> Features:
