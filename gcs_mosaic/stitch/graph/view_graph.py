@@ -30,7 +30,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
 from gcs_mosaic.stitch.graph.waiting import WaitingFrames
-from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
+from gcs_mosaic.stitch.registration.held_out import clear_of, held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
@@ -244,13 +244,15 @@ class ViewGraph(Kept):
         """Keep the registration of frame a with frame b, thinned to well-spread matches."""
         features = self._as_stored(registration.features, a, b)
         apart = held_out(features)
-        used = np.flatnonzero(~apart)
+        matched, of_patches = np.split(registration.pixels_a, [len(features)])
+        clear = clear_of(of_patches, matched[apart], 2 * self.sizes[self.frames[a].camera].half_diagonal)
+        used = np.flatnonzero(np.concatenate([~apart, clear]))
         chosen = used[well_spread(registration.pixels_a[used], self._matches_per_link)]
         self.unlink(a, b)
         self.links[a, b] = Link(
             pixels_a=registration.pixels_a[chosen],
             pixels_b=registration.pixels_b[chosen],
-            features=features[used],
+            features=features[~apart],
             held_out=features[apart],
             doubtful=self._as_stored(held_out_doubtful(registration.tentative, features), a, b),
         )
