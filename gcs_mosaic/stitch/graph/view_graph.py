@@ -139,6 +139,7 @@ class ViewGraph(Kept):
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex()
         self.last_placed = 0  # where the search for the next frame begins
+        self.placed_before: int | None = None  # if the last frame was placed after this one, without a turn in between
         self.order = -1  # of the last frame examined, in capture order
         self.aircraft: Aircraft = None  # that took it
         # By aircraft and capture order of its earlier frames: the nearest placed frame.
@@ -182,7 +183,7 @@ class ViewGraph(Kept):
             seen = {other: place for (one, other), place in self._seen_at.items() if one == aircraft}
             nearest = min(seen, key=lambda other: (abs(other - order), other), default=None)
             if nearest is not None:  # that of a new aircraft begins where the last frame is
-                self.last_placed = seen[nearest]
+                self.last_placed, self.placed_before = seen[nearest], None
         self.order, self.aircraft = order, aircraft
 
     def found_island(self) -> int:

@@ -141,7 +141,7 @@ class PixelPair:
         size = self._b.image.shape[::-1]
         laid = cv2.warpPerspective(self._a.image, b_from_a, size, flags=cv2.INTER_LINEAR)
         mask = cv2.warpPerspective(self._a.mask, b_from_a, size, flags=cv2.INTER_LINEAR)
-        return laid, (mask > 0.99).astype(np.float32)
+        return np.asarray(laid, np.float32), (mask > 0.99).astype(np.float32)
 
     def _peak(self, b_from_a: Matrix3x3) -> _Peak | None:
         """The best shift of one texture over the other, beside all others."""
@@ -179,7 +179,8 @@ class PixelPair:
         other = _spectrum(laid, self._b.padded)
         found = cv2.mulSpectrums(spectrum, other, 0, conjB=True)
         found = cv2.dft(found, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
-        return np.roll(found, (REACH, REACH), (0, 1))[: 2 * REACH + 1, : 2 * REACH + 1]
+        around = np.roll(found, (REACH, REACH), (0, 1))[: 2 * REACH + 1, : 2 * REACH + 1]
+        return np.asarray(around, np.float32)
 
     def _refined(self, b_from_a: Matrix3x3) -> Matrix3x3 | None:
         """The homography to which ECC converges from this one."""

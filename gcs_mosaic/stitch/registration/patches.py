@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import FloatImage, Matrix3x3, PointsNx2, Vector2
+from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix3x3, PointsNx2, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.texture import coarse, full_from_picture
 
@@ -131,7 +131,7 @@ def _shift(picture_a: FloatImage, laid: FloatImage, corner: tuple[int, int], siz
     return np.array([column - size.reach, row - size.reach], np.float64) + along
 
 
-def _vertex(values: FloatImage) -> float:
+def _vertex(values: AnyArray) -> float:
     """Place of the top of a parabola through three values, the middle one the largest."""
     left, middle, right = map(float, values.ravel())
     bend = left - 2 * middle + right
