@@ -21,13 +21,15 @@ from .geometry import (
 from .glint import shimmer
 from .ground.raster import Field
 from .sensor import Sensor
-from .sight import first_met
+from .sight import StillPlace, first_met
 from .targets import Target, paint_targets
+from .wind import still_place
 from .world import World
 
 HAZE = np.array([222, 208, 196], np.float32)  # BGR of the haze at the horizon
 ZENITH = np.array([206, 160, 112], np.float32)  # BGR of the sky at the zenith
 CLEAR_AIR = 4000.0  # metres over which 63 % of the light is lost to haze
+SWAY = 0.4  # metres: standard deviation of the tops of the tallest trees
 SHARPNESS = 0.3  # octaves of mip level bias: the mip filter alone is softer than a good lens
 
 
@@ -52,7 +54,8 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """A camera over a world. relief: scale factor of the world's heights, 0 for a plane.
+    """A camera over a world. relief: scale factor of the world's heights, 0 for a plane. sway: metres that wind moves the tops
+    of the tallest trees (standard deviation), in a world where it moves any; places on crowns are those in still air.
 
     With relief, walls and crowns render correctly within about 40 degrees of nadir; more oblique views smear them. In a
     sheer world rays are traced to their first intersection, so tall objects occlude what is behind them.
@@ -61,6 +64,7 @@ class Scene:
     world: World
     camera: Camera
     relief: float = 0.0
+    sway: float = SWAY
     seed: int = 1
     targets: tuple[Target, ...] = ()
 
@@ -76,8 +80,21 @@ class Scene:
     def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array]:
         """(x, y) in metres of the surface points seen along rays (..., 2); NaN for sky."""
         if self.relief and self.world.sheer:
-            return first_met(state, rays, self.surface, self.relief * float(self.world.heights.max()))
+            tallest = self.relief * float(self.world.heights.max())
+            return first_met(state, rays, self.surface, tallest, *self.windy(state.time))
         return ground_of_rays(state, rays, self.surface if self.relief else None)
+
+    def windy(self, time: float) -> tuple[StillPlace, ...]:
+        """What finds the place in still air of what the wind has moved; empty without wind."""
+        if self.world.wind is None or not self.sway:
+            return ()
+        sway = self.world.wind.sway(time) * np.float32(self.sway)
+
+        def still(x: Array, y: Array, height: Array) -> tuple[Array, Array]:
+            column, row = (self.world.cell_of(np.atleast_2d(place), len(sway)) for place in (x, y))
+            return still_place(sway, x, y, height, column, row)
+
+        return (still,)
 
     def pixels_from_ground(self, state: CameraState, ground: Array) -> Array:
         """(n, 2) metres -> (n, 2) pixels of the surface there, occluded or not; NaN behind the camera."""
