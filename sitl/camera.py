@@ -20,6 +20,8 @@ from .geometry import (
 )
 from .glint import shimmer
 from .ground.raster import Field
+from .ground.woods import LOWEST_LEAVES
+from .leaves import leaf_out
 from .sensor import Sensor
 from .sight import StillPlace, first_met
 from .targets import Target, paint_targets
@@ -74,15 +76,17 @@ class Scene:
 
     def ground_from_pixels(self, state: CameraState, pixels: Array) -> Array:
         """(n, 2) pixels -> (n, 2) metres: orthographic position of the surface point seen; NaN for sky."""
-        x, y = self.seen(state, rays_from_pixels(self.camera.lens, np.asarray(pixels, np.float64)))
+        x, y, _ = self.seen(state, rays_from_pixels(self.camera.lens, np.asarray(pixels, np.float64)))
         return np.stack([x, y], axis=-1)
 
-    def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array]:
-        """(x, y) in metres of the surface points seen along rays (..., 2); NaN for sky."""
+    def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array, Array]:
+        """(x, y, height) in metres of the surface points seen along rays (..., 2); x, y are NaN for sky. Only in a sheer world
+        has a place seen more than one height."""
         if self.relief and self.world.sheer:
             tallest = self.relief * float(self.world.heights.max())
             return first_met(state, rays, self.surface, tallest, *self.windy(state.time))
-        return ground_of_rays(state, rays, self.surface if self.relief else None)
+        x, y = ground_of_rays(state, rays, self.surface if self.relief else None)
+        return x, y, self.surface(x, y) if self.relief else np.zeros_like(x)
 
     def windy(self, time: float) -> tuple[StillPlace, ...]:
         """What finds the place in still air of what the wind has moved; empty without wind."""
@@ -117,8 +121,11 @@ class Scene:
         """(height, width, 3): the light before the sensor."""
         rays = rays_of_picture(self.camera.lens)
         east, south, down = sinking_views(state, rays)
-        x, y = self.seen(state, rays)
-        colours = self.world.colours(x, y, octave(self, state, down))
+        x, y, height = self.seen(state, rays)
+        covered = octave(self, state, down)
+        colours = self.world.colours(x, y, covered)
+        if self.world.wind is not None:
+            leaf_out(colours, (x, y, height), LOWEST_LEAVES / 2, float(np.nanmedian(covered)))
         if self.world.water is not None:
             shimmer(colours, self.world.water_at(x, y), state, rays)
         paint_targets(colours, self.targets, state, self.pixels_from_ground)

@@ -18,8 +18,8 @@ HALVINGS = 4  # bisections of the last step: down to 4 cm
 
 def first_met(
     state: CameraState, rays: Array, height_at: HeightAt, tallest: float, still: StillPlace = lambda x, y, height: (x, y)
-) -> tuple[Array, Array]:
-    """(x, y) in metres of the first surface hit by rays (..., 2), NaN for sky; heights are within 0 to `tallest`.
+) -> tuple[Array, Array, Array]:
+    """(x, y, height) in metres of the first surface hit by rays (..., 2), NaN for sky; heights are within 0 to `tallest`.
 
     still: (x, y, height), all of one shape -> where in still air is what the wind has moved there; the result is in still air.
     """
@@ -45,4 +45,4 @@ def first_met(
         middle = (above + below) / 2
         met = meets(middle)
         above, below = np.where(met, above, middle), np.where(met, middle, below)
-    return place(below)
+    return *place(below), below

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from .noise import fractal
 from .objects import SHADE, SUN
-from .paint import GRAIN_UNIT, strewn_grain, weather
+from .paint import strewn_grain, weather
 from .parcels import wander
-from .raster import SHIFT, Field, Grain, Image, fixed, strips
+from .raster import SHIFT, Field, Image, fixed, fixed_length
 from .shapes import DIRT, Colour, Points, Tree
 
 CELL = 2  # pixels of the picture per cell of the heights: clumps of leaves are a few cells wide
@@ -25,18 +25,20 @@ OWNER_CELL = 8  # pixels of the picture per cell of the map of whose branch is w
 APART = 4.8  # metres between trees, roughly
 LOWEST, TALLEST = 9.0, 25.0  # metres of trees
 RADIUS = 2.3, 4.2  # metres of crowns
-FIRST_CROWN = 0.5  # height of a crown's rim as a share of its top
-GLADES = 0.07  # share of the land without trees, the track aside
+FIRST_CROWN = 0.62  # height of a crown's rim as a share of its top
+GLADES = 0.2  # share of the land without trees, the track aside
 GLADE_CELL = 2.0  # metres per cell of the map of glades, which are 8 to 32 m wide
-TRACK, VERGE = 3.0, 2.5  # metres: width of the track, and from its edge to the first stems
+TRACK, VERGE = 3.4, 2.8  # metres: width of the track, and from its edge to the first stems
 CLUMPS = 0.8  # metres: standard deviation of the heights of clumps
 HOLES = 1.2  # standard deviations below which clumps let one see deep into the crown
-DEEP = 4.0  # metres per standard deviation of such a hole
-SOIL: Colour = (74, 104, 116)
-GRASS: Colour = (72, 128, 112)
-SAPLINGS, SAPLING_RADIUS = (2.5, 6.0), (1.3, 2.3)  # metres: heights and radii of what grows between trees
+DEEP = 2.5  # metres per standard deviation of such a hole
+SOIL: Colour = (88, 124, 138)
+GRASS: Colour = (84, 148, 130)
+SAPLINGS, SAPLING_RADIUS = (4.0, 9.0), (1.4, 2.4)  # metres: heights and radii of what grows between trees
 LOWEST_LEAVES = 1.0  # metres
-LEAVES = 1.7  # contrast of leaves, relative to that of other ground
+TUFT_EVERY, LOG_EVERY = 2.0, 90.0  # square metres of open floor per tuft, stone or stump, and per fallen stem
+TUFTS: tuple[Colour, ...] = ((48, 86, 78), (110, 172, 146), (132, 146, 150), (176, 196, 206), (46, 66, 70))
+LOG: Colour = (150, 166, 176)
 SHADOW_STEP, LONGEST_SHADOW = 0.6, 16.0  # metres of height at which the way to the sun is looked at
 TINTS = np.array([[58, 122, 88], [74, 132, 100], [60, 136, 108], [84, 128, 98]], np.float64)  # BGR of four kinds of trees
 
@@ -68,18 +70,8 @@ def raise_woods(seed: int, size: int, gsd: float) -> Woods:
     lit = shone_on(heights, cell)
     shaded = np.clip(colours * lit, 0, 255).astype(np.uint8)
     picture = np.asarray(cv2.resize(shaded, (size, size), interpolation=cv2.INTER_CUBIC), np.uint8)
-    weather(picture, grain_of(rng, leafy, size, gsd))
+    weather(picture, strewn_grain(rng, size, gsd))
     return Woods(picture, heights, owners(trees, size // OWNER_CELL, gsd * OWNER_CELL))
-
-
-def grain_of(rng: np.random.Generator, leafy: NDArray[np.bool_], size: int, gsd: float) -> Grain:
-    """(size, size) grain with more contrast where there are leaves."""
-    grain = strewn_grain(rng, size, gsd)
-    leaves = fractal(rng, size, coarsest=8)
-    shade = cv2.resize(leafy.astype(np.uint8), (size, size), interpolation=cv2.INTER_NEAREST)
-    for rows in strips(size):
-        grain[rows] = np.clip(grain[rows] + LEAVES * GRAIN_UNIT * shade[rows] * leaves[rows], -127, 127)
-    return grain
 
 
 def stand(rng: np.random.Generator, side: float) -> Iterator[Tree]:
@@ -90,7 +82,7 @@ def stand(rng: np.random.Generator, side: float) -> Iterator[Tree]:
     for place in np.stack(np.meshgrid(*[np.arange(count) + 0.5] * 2), axis=-1).reshape(-1, 2):
         x, y = (place + rng.normal(0, 0.22, 2)) * APART
         column, row = np.clip((np.array([x, y]) / side * coarse).astype(int), 0, coarse - 1)
-        height = float(np.clip(17 + 3 * growth[row, column] + rng.normal(0, 2.2), LOWEST, TALLEST))
+        height = float(np.clip(15 + 3 * growth[row, column] + rng.normal(0, 1.7), LOWEST, TALLEST))
         if glade[row, column] < open_above:
             yield Tree(float(x), float(y), float(rng.uniform(*RADIUS)), height, tint(rng))
             x, y = (place + 0.5 + rng.normal(0, 0.22, 2)) * APART
@@ -99,7 +91,7 @@ def stand(rng: np.random.Generator, side: float) -> Iterator[Tree]:
 
 def tint(rng: np.random.Generator) -> Colour:
     """Crowns of a kind differ little, kinds a little more."""
-    tone = TINTS[rng.choice(len(TINTS), p=(0.5, 0.25, 0.15, 0.1))] * rng.normal(1, 0.06) + rng.normal(0, 2, 3)
+    tone = TINTS[rng.choice(len(TINTS), p=(0.5, 0.25, 0.15, 0.1))] * rng.normal(1, 0.09) + rng.normal(0, 3, 3)
     b, g, r = (int(level) for level in np.clip(tone, 20, 200))
     return b, g, r
 
@@ -132,11 +124,20 @@ def clump(heights: Field, rough: Field, bare: NDArray[np.bool_]) -> None:
 
 
 def floor(rng: np.random.Generator, track: Points, cells: int, cell: float) -> Image:
-    """(cells, cells, 3) BGR of the forest floor: litter, grass, and the track."""
+    """(cells, cells, 3) BGR of the forest floor: litter and grass, the track, tufts, stones and fallen stems."""
     grass = np.clip(0.5 + 0.5 * fractal(rng, cells, coarsest=64), 0, 1)[..., None]
     ground = np.asarray(SOIL + grass * (np.array(GRASS, np.float32) - SOIL)).astype(np.uint8)
     for colour, width in ((DIRT.patch, TRACK), (DIRT.colour, TRACK / 2)):
         cv2.polylines(ground, [fixed(track, cell)], False, colour, max(1, round(width / cell)), cv2.LINE_AA, SHIFT)
+    side = cells * cell
+    for place in rng.random((int(side**2 / TUFT_EVERY), 2)) * side:
+        (x, y), radius = fixed(place, cell).tolist(), float(np.clip(rng.gamma(2, 0.13), 0.1, 0.9))
+        colour = TUFTS[int(rng.integers(len(TUFTS)))]
+        cv2.circle(ground, (x, y), fixed_length(radius, cell), colour, -1, cv2.LINE_AA, SHIFT)
+    for place in rng.random((int(side**2 / LOG_EVERY), 2)) * side:
+        lying = rng.normal(0, 2, 2)
+        ends = fixed(np.array([place - lying, place + lying]), cell)
+        cv2.polylines(ground, [ends], False, LOG, max(1, round(0.3 / cell)), cv2.LINE_AA, SHIFT)
     return ground
 
 
@@ -147,7 +148,7 @@ def shone_on(heights: Field, cell: float) -> Field:
     facing = (1 + SUN[0] * slope_x + SUN[1] * slope_y) / np.sqrt(1 + slope_x**2 + slope_y**2)
     sunlit = np.clip(facing, 0, 1.4) * (1 - shadowed(heights, cell))
     around = cv2.GaussianBlur(heights, (0, 0), 2.0 / cell)
-    sky = np.clip(0.8 + (heights - around) / 9, 0.4, 1.2)
+    sky = np.clip(0.85 + (heights - around) / 12, 0.5, 1.2)
     return np.asarray(sky[..., None] * SHADE + sunlit[..., None] * (1 - SHADE), np.float32)
 
 
