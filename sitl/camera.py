@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .display import Display
 from .geometry import (
     Array,
     CameraState,
@@ -47,6 +48,7 @@ class Camera:
     noise: float = 1.5  # standard deviation of the sensor noise, in grey levels of 255
     quality: int = 92  # JPEG quality
     sensor: Sensor = field(default_factory=Sensor)
+    display: Display | None = None  # what stands still in every picture
 
     def gain(self, index: int, rng: np.random.Generator) -> float:
         """Exposure factor of frame number `index`; 1 is nominal."""
@@ -107,8 +109,14 @@ class Scene:
 
     def picture(self, state: CameraState, index: int) -> NDArray[Any]:
         """(height, width, bands), BGR if three: the picture taken in this state; `index` seeds the frame's noise."""
-        rng = self.chance(index)
-        return expose(self.camera, self.light(state), self.camera.gain(index, rng), rng)
+        rng, light, display = self.chance(index), self.light(state), self.camera.display
+        if display:
+            light *= display.passed((light.shape[1], light.shape[0]))[..., None]
+        counts = expose(self.camera, light, self.camera.gain(index, rng), rng)
+        if display:
+            white = self.camera.sensor.counts(np.full(counts.shape[-1], 255, np.float32))
+            display.burn(counts, white, state, index)
+        return counts
 
     def gain(self, index: int) -> float:
         """Exposure factor of a frame."""
