@@ -39,14 +39,15 @@ class Display:
     def passed(self, size: tuple[int, int]) -> Field:
         """(h, w): share of the light that reaches the sensor, of a picture of `size` (width, height)."""
         width, height = size
-        leg, rng = np.ones((height, width), np.float32), np.random.default_rng(LENS)
+        passed, rng = np.ones((height, width), np.float32), np.random.default_rng(LENS)
         if self.leg:
-            cv2.fillPoly(leg, [np.rint(LEG * size).astype(np.int32)], LEG_PASSES, cv2.LINE_AA)
-        passed = np.asarray(cv2.GaussianBlur(leg, (0, 0), height * BLURRED), np.float32)
+            cv2.fillPoly(passed, [np.rint(LEG * size).astype(np.int32)], LEG_PASSES, cv2.LINE_AA)
+            passed = np.asarray(cv2.GaussianBlur(passed, (0, 0), height * BLURRED), np.float32)
         y, x = np.mgrid[0:height, 0:width].astype(np.float32)
         for _ in range(self.specks):
             at_x, at_y, radius = rng.random() * width, rng.random() * height, rng.uniform(*SPECKS) * height
-            passed *= 1 - (1 - SPECK_PASSES) * np.exp(-(((x - at_x) ** 2 + (y - at_y) ** 2) / radius**2).astype(np.float32))
+            away2 = ((x - at_x) ** 2 + (y - at_y) ** 2) / radius**2
+            passed *= np.float32(1) - np.float32(1 - SPECK_PASSES) * np.exp(-away2).astype(np.float32)
         return passed
 
     def burn(self, picture: NDArray[Any], white: NDArray[Any], state: CameraState, index: int) -> None:
@@ -68,13 +69,12 @@ class Display:
 
 def readings(state: CameraState, index: int) -> tuple[tuple[str, float, float], ...]:
     """Lines of writing, and the shares of width and height at which they begin."""
-    seconds, north = divmod(round(state.time), 60), round(np.degrees(state.yaw)) % 360
-    clock = f"{seconds[0]:02}:{seconds[1]:02}"
+    (minutes, seconds), heading = divmod(round(state.time), 60), round(np.degrees(state.yaw)) % 360
     return (
         (f"ALT {state.height:5.1f} M", 0.03, 0.12),
-        (f"HDG {north:03}", 0.03, 0.17),
+        (f"HDG {heading:03}", 0.03, 0.17),
         ("GPS 3D FIX", 0.03, 0.22),
-        (f"REC {clock}", 0.4, 0.12),
+        (f"REC {minutes:02}:{seconds:02}", 0.4, 0.12),
         (f"BAT {max(0, 100 - index // 4)} %  16.1 V", 0.03, 0.92),
         ("ISO 100  1/800  F2.8", 0.4, 0.92),
     )
@@ -99,5 +99,7 @@ def draw_logo(layer: Image) -> None:
     height, width = layer.shape
     middle, radius = (round(0.9 * width), round(0.13 * height)), round(0.05 * height)
     cv2.circle(layer, middle, radius, 255, max(1, radius // 5), cv2.LINE_AA)
-    cv2.line(layer, (middle[0] - radius // 2, middle[1]), (middle[0] + radius // 2, middle[1]), 255, max(1, radius // 4))
+    cv2.line(
+        layer, (middle[0] - radius // 2, middle[1]), (middle[0] + radius // 2, middle[1]), 255, max(1, radius // 4)
+    )
     write(layer, (("SITL CAM", 0.83, 0.23),))

@@ -13,7 +13,10 @@ from .ground.raster import Field
 
 SIDE, TEXEL = 1024, 0.1  # texels of the square that is repeated, and metres per texel
 LARGEST = 16  # texels of the largest clumps
-RISE = 1.3, 0.9  # texture is sheared by so much per metre of height, east and south: what lies above another is different
+RISE = (
+    1.3,
+    0.9,
+)  # texture is sheared by so much per metre of height, east and south: what lies above another is different
 CONTRAST = 0.3  # relative brightness per standard deviation
 
 

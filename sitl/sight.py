@@ -17,7 +17,11 @@ HALVINGS = 4  # bisections of the last step: down to 4 cm
 
 
 def first_met(
-    state: CameraState, rays: Array, height_at: HeightAt, tallest: float, still: StillPlace = lambda x, y, height: (x, y)
+    state: CameraState,
+    rays: Array,
+    height_at: HeightAt,
+    tallest: float,
+    still: StillPlace = lambda x, y, height: (x, y),
 ) -> tuple[Array, Array, Array]:
     """(x, y, height) in metres of the first surface hit by rays (..., 2), NaN for sky; heights are within 0 to `tallest`.
 

@@ -40,7 +40,9 @@ TUFT_EVERY, LOG_EVERY = 2.0, 90.0  # square metres of open floor per tuft, stone
 TUFTS: tuple[Colour, ...] = ((48, 86, 78), (110, 172, 146), (132, 146, 150), (176, 196, 206), (46, 66, 70))
 LOG: Colour = (150, 166, 176)
 SHADOW_STEP, LONGEST_SHADOW = 0.6, 16.0  # metres of height at which the way to the sun is looked at
-TINTS = np.array([[58, 122, 88], [74, 132, 100], [60, 136, 108], [84, 128, 98]], np.float64)  # BGR of four kinds of trees
+TINTS = np.array(
+    [[58, 122, 88], [74, 132, 100], [60, 136, 108], [84, 128, 98]], np.float64
+)  # BGR of four kinds of trees
 
 Owners = NDArray[np.int32]
 
@@ -86,7 +88,9 @@ def stand(rng: np.random.Generator, side: float) -> Iterator[Tree]:
         if glade[row, column] < open_above:
             yield Tree(float(x), float(y), float(rng.uniform(*RADIUS)), height, tint(rng))
             x, y = (place + 0.5 + rng.normal(0, 0.22, 2)) * APART
-            yield Tree(float(x), float(y), float(rng.uniform(*SAPLING_RADIUS)), float(rng.uniform(*SAPLINGS)), tint(rng))
+            yield Tree(
+                float(x), float(y), float(rng.uniform(*SAPLING_RADIUS)), float(rng.uniform(*SAPLINGS)), tint(rng)
+            )
 
 
 def tint(rng: np.random.Generator) -> Colour:
