@@ -57,9 +57,9 @@ class Options(TypedDict, total=False):
     """Optional parameters of a flight.
 
     seed: of the ground, the wind and the noise. cache: folder of painted worlds. ground: one of GROUNDS. relief: scale
-    factor of the heights, 0 for a plane. sway: as of a Scene. camera: its lens keeps focal and k1, its size is overridden. world_size: pixels of
-    0.1 m; default the smallest of WORLD_SIZES that contains the flight. route: frames, height, overlaps; its seed is
-    overridden. crowd: number of people, vehicles and marks.
+    factor of the heights, 0 for a plane. sway: as of a Scene. camera: its lens keeps focal and k1, its size is overridden.
+    world_size: pixels of 0.1 m; default the smallest of WORLD_SIZES that contains the flight. route: frames, height, overlaps;
+    its seed is overridden. crowd: number of people, vehicles and marks.
     """
 
     seed: int

@@ -25,8 +25,8 @@ STONE, BUSH = (108, 112, 116), (58, 76, 84)  # BGR
 def paint_snow(seed: int, size: int, gsd: float) -> Image:
     """-> (size, size, 3) BGR."""
     rng = np.random.default_rng([seed, 23])
-    ridges, drifts = sastrugi(rng, size), fractal(rng, size // 4, coarsest=128, finest=16)
-    drifts = cv2.resize(drifts, (size, size), interpolation=cv2.INTER_LINEAR)
+    ridges, coarse = sastrugi(rng, size), fractal(rng, size // 4, coarsest=128, finest=16)
+    drifts = cv2.resize(coarse, (size, size), interpolation=cv2.INTER_LINEAR)
     picture = np.empty((size, size, 3), np.uint8)
     for rows in strips(size):
         light = 1 + CONTRAST * ridges[rows] + DRIFTS * drifts[rows]
