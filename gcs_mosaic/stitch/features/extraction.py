@@ -24,6 +24,7 @@ from gcs_mosaic.stitch.arrays import (
     FloatImage,
     FloatRows,
     ImageGrey,
+    Mask,
     Points32Nx2,
     Texture,
 )
@@ -33,6 +34,7 @@ from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
 from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
+from gcs_mosaic.stitch.features.still import StillMask, masked
 from gcs_mosaic.stitch.features.texture import texture
 
 REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px
@@ -58,8 +60,9 @@ class Features:
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
     picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `texture`: what the
-    frame looks like as a whole; None if that is not known. `dead`: the excluded border, in full-resolution pixels. The large
-    ones may lie on a shelf.
+    frame looks like as a whole; None if that is not known. `dead`: the excluded border, in full-resolution pixels. `still`: what
+    an overlay covers, where there are no features and the texture is 0; None where nothing is known to. The large ones may lie
+    on a shelf.
     """
 
     kept_points: Points32Nx2 | Shelved
@@ -72,6 +75,7 @@ class Features:
     dead: DeadBorder = NO_BORDER
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
     kept_texture: Texture | Shelved | None = None
+    still: StillMask | None = None
 
     def __len__(self) -> int:
         return self.kept_points.shape[0]
@@ -149,9 +153,21 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
     if dead == NO_BORDER:
         return features
     kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
+    return replace(_chosen(features, kept), dead=dead)
+
+
+def without_overlay(features: Features, still: StillMask) -> Features:
+    """Features whose support touches no overlay, and a texture that is 0 there."""
+    chosen = _chosen(features, ~still.covers(features.points, features.width, features.height))
+    texture = None if features.texture is None else masked(features.texture, still)
+    return replace(chosen, kept_texture=texture, still=still)
+
+
+def _chosen(features: Features, kept: Mask) -> Features:
+    """Some of a frame's features (n,)."""
     ordinary = int(kept[: features.ordinary].sum())
     points, descriptors = features.points[kept], features.descriptors[kept]
-    return replace(features, kept_points=points, kept_descriptors=descriptors, ordinary=ordinary, dead=dead)
+    return replace(features, kept_points=points, kept_descriptors=descriptors, ordinary=ordinary)
 
 
 def reduced_grey(image: Bands, megapixels: float, band: int = 0) -> ImageGrey:

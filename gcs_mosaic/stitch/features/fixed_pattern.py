@@ -1,20 +1,24 @@
-"""Fixed pattern: what stands still in the image while the ground moves (sensor pattern, dirt on the lens).
+"""Fixed pattern: what stands still in the image while the ground moves.
 
-A faint image may show more of it than of the ground, and it matches itself at zero motion. Its mean over many frames is
-subtracted before feature detection, and for nothing else. A frame is averaged only if it differs from the last one averaged:
-over a hovering aircraft the mean would be the ground. A flight has a running mean; an archive, of which all frames are known,
-makes its own of the same parts (`archive.fixed_patterns`).
+An overlay (`still`) covers the ground: features and texture are without it. A sensor's pattern or dirt on the lens is added to
+the ground: a faint image may show more of it than of the ground, and it matches itself at zero motion. Its mean over many
+frames is subtracted before feature detection and from the texture, and for nothing else. A frame is counted only if it differs
+from the last one counted: over a hovering aircraft the mean would be the ground. A flight has a running mean; an archive, of
+which all frames are known, makes its own of the same parts (`archive.fixed_patterns`).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask
-from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined
+from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined, without_overlay
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
+from gcs_mosaic.stitch.features.still import Grounds, StillMask
+from gcs_mosaic.stitch.features.texture import coarse
 from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 
 Kind = tuple[int, int, int | None]  # width and height of a frame, and what carried the camera: each is one camera
@@ -26,18 +30,30 @@ MOST_OF_A_PIXEL = 2.0
 # Correlation of two frames above which they count as the same ground: over cold fields 0.6 and less in nine of ten consecutive
 # frames, 0.97 when hovering; 0.95 when hovering over ground a third as strong as the noise.
 SAME_GROUND = 0.85
+# Correlation of a fifth of the blocks of two textures below which they show different ground, whatever an overlay or a pattern
+# makes of the others: 0.05 and less over different ground with three lines of text or bars, 0.9 when hovering.
+SAME_TEXTURE = 0.2
+QUANTILE = 0.2
+ACROSS, DOWN = 16, 12  # blocks
+LEAST_ENERGY = 0.02  # of the median block's; less is no texture
+FEW = 5  # matches; fewer support no homography
 STILL_PX = 4.0  # px of the feature picture; least motion of a match that is ground and not the pattern
 MOST_PATTERN = 0.25  # of an image's energy; the mean of six different grounds alone has a sixth
-_PICTURES = ("_patterns", "_last")
+_PICTURES = ("_patterns", "_last", "_means", "_squares", "_last_textures")
 
 
 class StillPattern(Kept):
-    """The mean of many faint pictures, for each camera."""
+    """The mean of many faint pictures and of many textures, and what stands still in those, for each camera."""
 
     def __init__(self) -> None:
         self._patterns: dict[Kind, FloatImage] = {}
         self._counts: dict[Kind, int] = {}
         self._last: dict[Kind, FloatImage] = {}  # blurred faint picture of the frame counted last
+        self._means: dict[Kind, FloatImage] = {}  # of textures, see `Grounds`
+        self._squares: dict[Kind, FloatImage] = {}
+        self._grounds: dict[Kind, int] = {}
+        self._last_textures: dict[Kind, Texture] = {}
+        self._still: dict[Kind, StillMask | None] = {}
 
     def saved(self) -> Snapshot:
         """Pictures that are others after the next frame: a file of values to which they were appended would grow with each."""
@@ -49,28 +65,67 @@ class StillPattern(Kept):
         super().load(saved | pictures)
 
     def without(self, features: Features, settings: FeatureSettings, aircraft: int | None = None) -> Features:
-        """A frame's features, detected again without the fixed pattern once that is known; learns from the frame. Once per
-        frame."""
-        faint = features.faint
-        if faint is None:
-            return features
+        """A frame's features, detected again without the fixed pattern once that is known, and without what an overlay covers;
+        learns from the frame. Once per frame."""
         kind = features.width, features.height, aircraft
-        self._learn(kind, faint)
-        if self._counts[kind] < LEAST_FRAMES:
-            return features  # `moving` separates its matches from the pattern's
-        return freed(features, self._patterns[kind], settings)
+        faint, texture = features.faint, features.texture
+        counted = None if faint is None else self._learn(kind, faint)
+        if texture is not None:
+            self._learn_texture(kind, texture, counted)
+        if faint is not None and self._counts[kind] >= LEAST_FRAMES:  # before, `moving` separates its matches
+            features = freed(features, self._patterns[kind], settings)
+            features = without_mean(features, self._means.get(kind))
+        still = self._still.get(kind)
+        return features if still is None else without_overlay(features, still)
 
-    def _learn(self, kind: Kind, faint: FaintImage) -> None:
+    def _learn(self, kind: Kind, faint: FaintImage) -> bool:
+        """Whether the frame was counted."""
         blurred = blurred_faint(faint)
         last = self._last.get(kind)
         if last is not None and same_ground(blurred, last):
-            return
+            return False
         levels = clipped(faint)
         count = self._counts.get(kind, 0)
         pattern = self._patterns.get(kind, levels)
         self._patterns = self._patterns | {kind: pattern + (levels - pattern) * np.float32(1 / min(count + 1, MEMORY))}
         self._counts = self._counts | {kind: count + 1}
         self._last = self._last | {kind: blurred}
+        return True
+
+    def _learn_texture(self, kind: Kind, texture: Texture, counted: bool | None) -> None:
+        """`counted`: whether the frame's faint picture was; None if it has none."""
+        before, last = self._known(kind), self._last_textures.get(kind)
+        if before is not None and before.mean.shape != texture.shape:
+            return  # another camera's
+        if counted is None:
+            counted = last is None or not same_texture(texture, last)
+        if not counted:
+            return
+        grounds = Grounds.of(texture) if before is None else before.after(texture)
+        self._means = self._means | {kind: grounds.mean}
+        self._squares = self._squares | {kind: grounds.square}
+        self._grounds = self._grounds | {kind: grounds.count}
+        self._last_textures = self._last_textures | {kind: texture}
+        self._still = self._still | {kind: grounds.still()}
+
+    def _known(self, kind: Kind) -> Grounds | None:
+        count = self._grounds.get(kind)
+        return None if count is None else Grounds(count, self._means[kind], self._squares[kind])
+
+
+def same_texture(a: Texture, b: Texture) -> bool:
+    """Whether two textures show the same ground at the same place; of two that show none, they do."""
+    one, other = coarse(a), coarse(b)
+    both, of_one, of_other = (_block_means(values) for values in (one * other, one * one, other * other))
+    least = np.minimum(of_one, of_other)
+    seen = least > LEAST_ENERGY * float(np.median(least))
+    if not seen.any():
+        return True
+    return bool(np.quantile(both[seen] / np.sqrt(of_one[seen] * of_other[seen]), QUANTILE) > SAME_TEXTURE)
+
+
+def _block_means(values: FloatImage) -> FloatImage:
+    return np.asarray(cv2.resize(values, (ACROSS, DOWN), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def same_ground(a: FloatImage, b: FloatImage) -> bool:
@@ -96,20 +151,37 @@ def freed(features: Features, pattern: FloatImage, settings: FeatureSettings) ->
     return joined(_ordinary(features), found)
 
 
+def without_mean(features: Features, mean: FloatImage | None) -> Features:
+    """A faint frame's features, its texture freed of the mean (h, w) of many."""
+    texture = features.texture
+    if texture is None or mean is None or texture.shape != mean.shape:
+        return features
+    return replace(features, kept_texture=np.asarray(np.clip(np.rint(_without(texture, mean)), -127, 127), np.int8))
+
+
 def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
-    """Which matches (k, 2) may be ground: all, unless the fixed pattern is still in both frames and they show different ground.
-    Then matches that have not moved are the pattern."""
-    faint_a, faint_b = a.faint, b.faint
-    if faint_a is None or faint_b is None or faint_a.shape != faint_b.shape:
-        return np.ones(len(matches), bool)
-    if same_ground(blurred_faint(faint_a), blurred_faint(faint_b)):
-        return np.ones(len(matches), bool)
+    """Which matches (k, 2) may be ground: all, unless the frames show different ground at the same place. Then matches that have
+    not moved are the fixed pattern or an overlay."""
     apart = np.linalg.norm(a.points[matches[:, 0]] / a.scale - b.points[matches[:, 1]] / b.scale, axis=1)
-    return np.asarray(apart > STILL_PX)
+    moved = np.asarray(apart > STILL_PX)
+    if len(moved) - int(moved.sum()) < FEW or _are_of_same_ground(a, b):
+        return np.ones(len(matches), bool)
+    return moved
 
 
-def _without(faint: FaintImage, pattern: FloatImage) -> FloatImage:
-    """A faint picture minus its projection onto the pattern, whose strength automatic gain changes from frame to frame."""
+def _are_of_same_ground(a: Features, b: Features) -> bool:
+    """Whether two frames show the same ground at the same place, or whether that cannot be told."""
+    faint_a, faint_b = a.faint, b.faint
+    if faint_a is not None and faint_b is not None and faint_a.shape == faint_b.shape:
+        return same_ground(blurred_faint(faint_a), blurred_faint(faint_b))
+    texture_a, texture_b = a.texture, b.texture
+    if texture_a is None or texture_b is None or texture_a.shape != texture_b.shape:
+        return True
+    return same_texture(texture_a, texture_b)
+
+
+def _without(faint: FaintImage | Texture, pattern: FloatImage) -> FloatImage:
+    """A faint picture or texture minus its projection onto the pattern, whose strength automatic gain changes between frames."""
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))
     return np.asarray(levels - np.float32(max(share, 0.0)) * pattern, dtype=np.float32)
