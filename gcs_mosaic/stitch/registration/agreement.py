@@ -20,6 +20,7 @@ from scipy.special import log_ndtr
 
 from gcs_mosaic.stitch.arrays import FloatImage, Matrix3x3, PointsNx2, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.features.fixed_pattern import same_texture
 from gcs_mosaic.stitch.features.texture import coarse, full_from_picture
 
 REACH = (
@@ -98,7 +99,7 @@ class PixelPair:
         found = None if refined is None else self._peak(refined)
         if refined is None or found is None or np.abs(found.shift).max() > 1:
             return None
-        if found.correlation < SAME_GROUND and self._is_still(refined):
+        if self._is_still(refined) and not self._hovers(found.correlation):
             return None
         tries = 1 + math.pi * float(np.hypot(*first.shift)) ** 2 / LEAST_TOGETHER  # shifts as near as this one
         chance = -(log_ndtr(-(found.deviations - OPTIMISM)) / math.log(10)) - math.log10(tries)
@@ -128,6 +129,12 @@ class PixelPair:
         height, width = self._a.shape
         corners = np.array([[0.0, 0.0], [width, 0], [0, height], [width, height]])
         return self._a.shape == self._b.shape and bool(np.abs(_mapped(b_from_a, corners) - corners).max() < STILL)
+
+    def _hovers(self, correlation: float) -> bool:
+        """Whether zero motion is believed: of faint pictures, which share their sensor's pattern, only if they agree nearly."""
+        if correlation >= SAME_GROUND:
+            return True
+        return not (self._a.is_faint or self._b.is_faint) and self._a.shows_ground_of(self._b)
 
     def _coarse_from_full(self, b_from_a: Matrix3x3) -> Matrix3x3:
         return np.asarray(np.linalg.inv(self._b.full_from_coarse) @ b_from_a @ self._a.full_from_coarse)
@@ -207,6 +214,12 @@ class _Side:
     def __init__(self, frame: Features) -> None:
         self._frame = frame
         self.known = frame.kept_texture is not None
+        self.is_faint = frame.kept_faint is not None
+
+    def shows_ground_of(self, other: _Side) -> bool:
+        """Whether both show the same ground at the same place of the picture."""
+        one, another = self._frame.texture, other._frame.texture
+        return one is not None and another is not None and one.shape == another.shape and same_texture(one, another)
 
     @cached_property
     def image(self) -> FloatImage:
@@ -224,11 +237,13 @@ class _Side:
 
     @cached_property
     def mask(self) -> FloatImage:
-        """1 where it shows ground, 0 on its dead border."""
+        """1 where it shows ground, 0 on its dead border and under an overlay."""
         mask, (height, width) = np.ones(self.shape, np.float32), self.shape
         dead = self._frame.dead.scaled(width / self._frame.width)
         mask[: dead.top], mask[height - dead.bottom :] = 0, 0
         mask[:, : dead.left], mask[:, width - dead.right :] = 0, 0
+        if self._frame.still is not None:
+            mask[self._frame.still.pixels(height, width)] = 0
         return mask
 
     @cached_property
