@@ -22,14 +22,13 @@ from gcs_mosaic.stitch.arrays import (
     Descriptors,
     FaintImage,
     FloatImage,
-    FloatRows,
     ImageGrey,
     Points32Nx2,
     Texture,
 )
 from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
-from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
+from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rounded
 from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
@@ -49,6 +48,9 @@ class FeatureSettings:
     # number of features below which an image counts as faint and is searched again with its contrast equalised
     faint_below: int = 300
     band: int = 0  # for frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
+    model: str | None = (
+        None  # ONNX file of learned features, see `learned`, for where the others propose nothing that holds
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,11 +206,6 @@ def root_sift(descriptors: Descriptors) -> NDArray[np.uint8]:
 def signs(descriptors: NDArray[np.uint8]) -> NDArray[np.int8]:
     """Binary descriptors (n, d) bytes as (n, 8 d) of 1 and -1."""
     return np.unpackbits(descriptors, axis=1).astype(np.int8) * np.int8(2) - np.int8(1)
-
-
-def rounded(descriptors: FloatRows) -> NDArray[np.int8]:
-    """Unit-length descriptors (n, d), times 127."""
-    return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
 
 
 COMPARABLE: dict[FeatureKind, Callable[[Descriptors], Descriptors]] = {
