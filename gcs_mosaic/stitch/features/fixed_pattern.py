@@ -89,7 +89,7 @@ def freed(features: Features, pattern: FloatImage, settings: FeatureSettings) ->
     faint = features.faint
     if faint is None:
         return features
-    levels = _without(faint, pattern)
+    levels = picture_without(faint, pattern)
     found = faint_features(levels, features, settings)
     if _energy(levels) < (1 - MOST_PATTERN) * _energy(faint):
         return found  # features of the unfiltered image may belong to the pattern
@@ -108,7 +108,7 @@ def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
     return np.asarray(apart > STILL_PX)
 
 
-def _without(faint: FaintImage, pattern: FloatImage) -> FloatImage:
+def picture_without(faint: FaintImage, pattern: FloatImage) -> FloatImage:
     """A faint picture minus its projection onto the pattern, whose strength automatic gain changes from frame to frame."""
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))

@@ -38,10 +38,10 @@ BORDER = 4  # px inside a picture's border, where all frames of a camera have th
 FORM = (
     f"(1, d, {CELLS[0]}, {CELLS[1]}), (1, {LOGITS}, {CELLS[0]}, {CELLS[1]}) and perhaps (1, 1, {CELLS[0]}, {CELLS[1]})"
 )
-# Of a picture smaller than the input: faint ones of 320 x 256 had 65 inliers (median) as they are, 94 at this, 85 at twice the size.
+# Of a small picture: faint ones of 320 x 256 had 65 inliers (median) as they are, 94 at this, 85 at twice the size.
 MOST_ENLARGED = 1.5
-# Ratio of the distances to the best and second-best match for XFeat: its authors ask for mutual neighbours alone. At 0.95, which is
-# as strict as SIFT's 0.85, a quarter to a half of the inliers is lost.
+# Ratio of the distances to the best and second-best match: XFeat's authors ask for mutual neighbours alone. At 0.95 a quarter to
+# a half of the inliers of faint pictures was lost.
 RATIO = 1.0
 FINE_BLUR = 0.8  # px of a faint picture, see `faint.equalised`: a model bears more noise than SIFT
 REMEDY = "export one as tests/benchmarks/export_xfeat.py does, or leave the setting `model` out"
