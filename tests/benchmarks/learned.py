@@ -108,7 +108,7 @@ def compared(a: Features, b: Features, ratio: float) -> Compared:
         return Compared(len(pairs), 0, 0.0, registered=False, still=False)
     moved = np.linalg.norm(matched_a[inlier] - matched_b[inlier], axis=1)
     size = np.array([a.width, a.height]) / a.scale
-    there, back = _mapped(homography, points_a), _mapped(np.linalg.inv(homography), points_b)
+    there, back = _mapped(homography, points_a), _mapped(np.asarray(np.linalg.inv(homography), np.float64), points_b)
     return Compared(
         matches=len(pairs),
         inliers=int(inlier.sum()),

@@ -26,12 +26,14 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import FloatImage, FloatPlanes, FloatRows, ImageGrey, IndexRows, PointsNx2
 from gcs_mosaic.stitch.features.detectors import Found, rounded
+from gcs_mosaic.stitch.features.onnx_input import declared_inputs, fits
 
 WIDTH, HEIGHT = 640, 480  # px of the input
 CELL = 8  # px
 INPUT = (1, 1, HEIGHT, WIDTH)
 CELLS = (HEIGHT // CELL, WIDTH // CELL)
 LOGITS = CELL * CELL + 1
+MOST = 1e6  # what outputs may be; damaged weights bring more
 LEAST_PROBABILITY = 0.05  # of a keypoint, in its cell; XFeat's own
 APART = 5  # px, side of the square in which a keypoint is the likeliest
 BORDER = 4  # px inside a picture's border, where all frames of a camera have the same corners: its own
@@ -60,6 +62,7 @@ class LearnedDetector:
     def __init__(self, model: bytes, name: str) -> None:
         self.digest = hashlib.blake2b(model, digest_size=16).hexdigest()
         self._lock = Lock()  # a net holds what it computes
+        _check_input(model, name)
         try:
             self._net = cv2.dnn.readNetFromONNX(np.frombuffer(model, np.uint8))
             self._outputs = self._net.getUnconnectedOutLayersNames()
@@ -110,8 +113,8 @@ class LearnedDetector:
             raise UnusableModel(
                 f"{name} gives {', '.join(str(one.shape) for one in maps)}, wanted are {FORM}; {REMEDY}"
             )
-        if not all(np.isfinite(one).all() for one in maps):
-            raise UnusableModel(f"{name} gives numbers that are not finite; {REMEDY}")
+        if not all((np.abs(one) < MOST).all() for one in maps):
+            raise UnusableModel(f"{name} gives numbers beyond {MOST:,.0f}, or none; {REMEDY}")
         return next(int(one.shape[1]) for one in maps if one.shape[1] not in (1, LOGITS))
 
 
@@ -126,6 +129,17 @@ def model_bytes(path: Path) -> bytes:
         return path.read_bytes()
     except OSError as error:
         raise UnusableModel(f"{path} cannot be read ({error.strerror}); {REMEDY}") from None
+
+
+def _check_input(model: bytes, name: str) -> None:
+    """Raises UnusableModel if the file declares another input, or is no ONNX file."""
+    try:
+        declared = declared_inputs(model)
+    except ValueError as error:
+        raise UnusableModel(f"{name} is no ONNX model ({error}); {REMEDY}") from None
+    if len(declared) != 1 or not fits(declared[0], INPUT):
+        given = ", ".join(f"({', '.join('any' if one is None else str(one) for one in shape)})" for shape in declared)
+        raise UnusableModel(f"{name} takes {given or 'nothing'}, wanted is {INPUT}; {REMEDY}")
 
 
 def _has_form(shapes: Sequence[tuple[int, ...]]) -> bool:
