@@ -144,7 +144,7 @@ def freed(features: Features, pattern: FloatImage, settings: FeatureSettings) ->
     faint = features.faint
     if faint is None:
         return features
-    levels = _without(faint, pattern)
+    levels = picture_without(faint, pattern)
     found = faint_features(levels, features, settings)
     if _energy(levels) < (1 - MOST_PATTERN) * _energy(faint):
         return found  # features of the unfiltered image may belong to the pattern
@@ -156,7 +156,9 @@ def without_mean(features: Features, mean: FloatImage | None) -> Features:
     texture = features.texture
     if texture is None or mean is None or texture.shape != mean.shape:
         return features
-    return replace(features, kept_texture=np.asarray(np.clip(np.rint(_without(texture, mean)), -127, 127), np.int8))
+    return replace(
+        features, kept_texture=np.asarray(np.clip(np.rint(picture_without(texture, mean)), -127, 127), np.int8)
+    )
 
 
 def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
@@ -180,7 +182,7 @@ def _are_of_same_ground(a: Features, b: Features) -> bool:
     return same_texture(texture_a, texture_b)
 
 
-def _without(faint: FaintImage | Texture, pattern: FloatImage) -> FloatImage:
+def picture_without(faint: FaintImage | Texture, pattern: FloatImage) -> FloatImage:
     """A faint picture or texture minus its projection onto the pattern, whose strength automatic gain changes between frames."""
     levels = faint.astype(np.float32)
     share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))

@@ -19,6 +19,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, Mask, Matrix3x3, PointsNx2, Vector, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.fixed_pattern import moving
+from gcs_mosaic.stitch.features.learned import RATIO
 from gcs_mosaic.stitch.features.matching import match
 from gcs_mosaic.stitch.registration.a_contrario import (
     SAMPLE,
@@ -188,7 +189,11 @@ def register(
     if borne_out_by_pixels is not None:
         return borne_out_by_pixels
     proposals += [*similarities(pair, settings), *expected]
-    return _by_pixels(pair, pictures, a, b, proposals, settings) or found
+    by_pixels = _by_pixels(pair, pictures, a, b, proposals, settings)
+    if by_pixels is None and a.learned is not None and b.learned is not None:
+        learned = similarities(_matched(a.learned, b.learned, ALL, ALL, RATIO), settings)
+        by_pixels = _by_pixels(pair, pictures, a, b, learned, settings)
+    return by_pixels or found
 
 
 def _looked_at(
