@@ -17,6 +17,7 @@ from types import FrameType
 from typing import NoReturn
 
 from .camera import Camera
+from .display import Display
 from .exposures import recorded, simulated
 from .fleet import craft_of, parts_of, truth_of
 from .flight import Flight, plan
@@ -117,15 +118,16 @@ def streaming(asked: argparse.Namespace) -> Iterator[StreamingCamera | None]:
 
 def simulated_flight(asked: argparse.Namespace) -> Flight:
     say("painting the ground (some seconds the first time)")
-    route = Plan(frames=asked.count, strangers=asked.strangers)
+    route = Plan(frames=asked.count, strangers=asked.strangers, forward=asked.forward, side=asked.side)
     camera = Camera(
         vignetting=asked.vignetting,
         exposure_step=asked.exposure_step,
         step_every=asked.step_every,
         sensor=Sensor(bands=asked.bands, depth=asked.depth),
+        display=Display() if asked.display else None,
     )
     crowd = Crowd(people=asked.people, vehicles=asked.vehicles, marks=asked.marks)
-    looks = {"relief": asked.relief, "ground": asked.ground, "camera": camera, "crowd": crowd}
+    looks = {"relief": asked.relief, "sway": asked.sway, "ground": asked.ground, "camera": camera, "crowd": crowd}
     return plan(asked.scenario, asked.size, seed=asked.seed, cache=world_cache(), route=route, **looks)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .display import Display
 from .geometry import (
     Array,
     CameraState,
@@ -20,14 +21,18 @@ from .geometry import (
 )
 from .glint import shimmer
 from .ground.raster import Field
+from .ground.woods import LOWEST_LEAVES
+from .leaves import leaf_out
 from .sensor import Sensor
-from .sight import first_met
+from .sight import StillPlace, first_met
 from .targets import Target, paint_targets
+from .wind import still_place
 from .world import World
 
 HAZE = np.array([222, 208, 196], np.float32)  # BGR of the haze at the horizon
 ZENITH = np.array([206, 160, 112], np.float32)  # BGR of the sky at the zenith
 CLEAR_AIR = 4000.0  # metres over which 63 % of the light is lost to haze
+SWAY = 0.4  # metres: standard deviation of the tops of the tallest trees
 SHARPNESS = 0.3  # octaves of mip level bias: the mip filter alone is softer than a good lens
 
 
@@ -43,6 +48,7 @@ class Camera:
     noise: float = 1.5  # standard deviation of the sensor noise, in grey levels of 255
     quality: int = 92  # JPEG quality
     sensor: Sensor = field(default_factory=Sensor)
+    display: Display | None = None  # what stands still in every picture
 
     def gain(self, index: int, rng: np.random.Generator) -> float:
         """Exposure factor of frame number `index`; 1 is nominal."""
@@ -52,7 +58,8 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """A camera over a world. relief: scale factor of the world's heights, 0 for a plane.
+    """A camera over a world. relief: scale factor of the world's heights, 0 for a plane. sway: metres that wind moves the tops
+    of the tallest trees (standard deviation), in a world where it moves any; places on crowns are those in still air.
 
     With relief, walls and crowns render correctly within about 40 degrees of nadir; more oblique views smear them. In a
     sheer world rays are traced to their first intersection, so tall objects occlude what is behind them.
@@ -61,6 +68,7 @@ class Scene:
     world: World
     camera: Camera
     relief: float = 0.0
+    sway: float = SWAY
     seed: int = 1
     targets: tuple[Target, ...] = ()
 
@@ -70,14 +78,29 @@ class Scene:
 
     def ground_from_pixels(self, state: CameraState, pixels: Array) -> Array:
         """(n, 2) pixels -> (n, 2) metres: orthographic position of the surface point seen; NaN for sky."""
-        x, y = self.seen(state, rays_from_pixels(self.camera.lens, np.asarray(pixels, np.float64)))
+        x, y, _ = self.seen(state, rays_from_pixels(self.camera.lens, np.asarray(pixels, np.float64)))
         return np.stack([x, y], axis=-1)
 
-    def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array]:
-        """(x, y) in metres of the surface points seen along rays (..., 2); NaN for sky."""
+    def seen(self, state: CameraState, rays: Array) -> tuple[Array, Array, Array]:
+        """(x, y, height) in metres of the surface points seen along rays (..., 2); x, y are NaN for sky. Only in a sheer world
+        has a place seen more than one height."""
         if self.relief and self.world.sheer:
-            return first_met(state, rays, self.surface, self.relief * float(self.world.heights.max()))
-        return ground_of_rays(state, rays, self.surface if self.relief else None)
+            tallest = self.relief * float(self.world.heights.max())
+            return first_met(state, rays, self.surface, tallest, *self.windy(state.time))
+        x, y = ground_of_rays(state, rays, self.surface if self.relief else None)
+        return x, y, self.surface(x, y) if self.relief else np.zeros_like(x)
+
+    def windy(self, time: float) -> tuple[StillPlace, ...]:
+        """What finds the place in still air of what the wind has moved; empty without wind."""
+        if self.world.wind is None or not self.sway:
+            return ()
+        sway = self.world.wind.sway(time) * np.float32(self.sway)
+
+        def still(x: Array, y: Array, height: Array) -> tuple[Array, Array]:
+            column, row = (self.world.cell_of(np.atleast_2d(place), len(sway)) for place in (x, y))
+            return still_place(sway, x, y, height, column, row)
+
+        return (still,)
 
     def pixels_from_ground(self, state: CameraState, ground: Array) -> Array:
         """(n, 2) metres -> (n, 2) pixels of the surface there, occluded or not; NaN behind the camera."""
@@ -86,8 +109,14 @@ class Scene:
 
     def picture(self, state: CameraState, index: int) -> NDArray[Any]:
         """(height, width, bands), BGR if three: the picture taken in this state; `index` seeds the frame's noise."""
-        rng = self.chance(index)
-        return expose(self.camera, self.light(state), self.camera.gain(index, rng), rng)
+        rng, light, display = self.chance(index), self.light(state), self.camera.display
+        if display:
+            light *= display.passed((light.shape[1], light.shape[0]))[..., None]
+        counts = expose(self.camera, light, self.camera.gain(index, rng), rng)
+        if display:
+            white = self.camera.sensor.counts(np.full(counts.shape[-1], 255, np.float32))
+            display.burn(counts, white, state, index)
+        return counts
 
     def gain(self, index: int) -> float:
         """Exposure factor of a frame."""
@@ -100,8 +129,11 @@ class Scene:
         """(height, width, 3): the light before the sensor."""
         rays = rays_of_picture(self.camera.lens)
         east, south, down = sinking_views(state, rays)
-        x, y = self.seen(state, rays)
-        colours = self.world.colours(x, y, octave(self, state, down))
+        x, y, height = self.seen(state, rays)
+        covered = octave(self, state, down)
+        colours = self.world.colours(x, y, covered)
+        if self.world.wind is not None:
+            leaf_out(colours, (x, y, height), LOWEST_LEAVES / 2, float(np.nanmedian(covered)))
         if self.world.water is not None:
             shimmer(colours, self.world.water_at(x, y), state, rays)
         paint_targets(colours, self.targets, state, self.pixels_from_ground)

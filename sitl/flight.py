@@ -11,7 +11,7 @@ from typing import TypedDict, Unpack
 
 import numpy as np
 
-from .camera import Camera, Scene
+from .camera import SWAY, Camera, Scene
 from .geometry import CameraState, Lens, ground_from_pixels
 from .path import SCENARIOS, Plan, fly
 from .targets import Crowd, spread
@@ -57,14 +57,15 @@ class Options(TypedDict, total=False):
     """Optional parameters of a flight.
 
     seed: of the ground, the wind and the noise. cache: folder of painted worlds. ground: one of GROUNDS. relief: scale
-    factor of the heights, 0 for a plane. camera: its lens keeps focal and k1, its size is overridden. world_size: pixels of
-    0.1 m; default the smallest of WORLD_SIZES that contains the flight. route: frames, height, overlaps; its seed is
-    overridden. crowd: number of people, vehicles and marks.
+    factor of the heights, 0 for a plane. sway: as of a Scene. camera: its lens keeps focal and k1, its size is overridden.
+    world_size: pixels of 0.1 m; default the smallest of WORLD_SIZES that contains the flight. route: frames, height, overlaps;
+    its seed is overridden. crowd: number of people, vehicles and marks.
     """
 
     seed: int
     cache: Path | None
     relief: float
+    sway: float
     ground: str
     camera: Camera
     world_size: int
@@ -85,7 +86,8 @@ def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[O
     world_size = options.get("world_size") or world_size_for(states, camera.lens)
     world = make_world(seed, world_size, cache=options.get("cache"), ground=options.get("ground", COUNTRY))
     targets = spread(options.get("crowd", Crowd()), camera.lens, states, route.height, seed)
-    scene = Scene(world=world, camera=camera, relief=options.get("relief", 0.0), seed=seed, targets=targets)
+    air = {"relief": options.get("relief", 0.0), "sway": options.get("sway", SWAY)}
+    scene = Scene(world=world, camera=camera, seed=seed, targets=targets, **air)
     return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states), camera.sensor.suffix)))
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from .camera import SWAY
 from .messages import MANNERS
 from .path import SCENARIOS
 from .world import COUNTRY, GROUNDS
 
 EPILOG = "PROGRAM score TRUTH.json PLACEMENTS.json judges a finished flight in one line."
+MOST_OVERLAP, MOST_SWAY = 0.98, 5.0  # share, metres
 
 
 def parser(program: str) -> argparse.ArgumentParser:
@@ -32,6 +34,11 @@ def what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--size", type=picture_size, default=(1200, 900), metavar="WxH", help="of a picture (1200x900)")
     group.add_argument(
         "--relief", type=share, default=0.0, metavar="R", help="0 a plane, 1 hills, houses and trees (0)"
+    )
+    group.add_argument("--forward", type=overlap, default=0.75, metavar="F", help="overlap along a line (0.75)")
+    group.add_argument("--side", type=overlap, default=0.6, metavar="S", help="overlap of two lines (0.6)")
+    group.add_argument(
+        "--sway", type=length, default=SWAY, metavar="M", help=f"of the tallest tops in 'woods', metres ({SWAY:g})"
     )
     group.add_argument("--strangers", type=int, default=0, metavar="N", help="pictures of elsewhere, in 'lost' (0)")
     group.add_argument("--seed", type=int, default=1, help="of the ground, the wind, the noise and the link (1)")
@@ -60,6 +67,9 @@ def seen(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--vignetting", type=share, default=0.12, metavar="V", help="share of light lost in the corners (0.12)"
+    )
+    group.add_argument(
+        "--display", action="store_true", help="burnt-in readings, a logo, dead borders, a leg and dirt stand still"
     )
 
 
@@ -120,6 +130,20 @@ def share(text: str) -> float:
     value = float(text)
     if not 0 <= value <= 1:
         raise argparse.ArgumentTypeError(f"{text} came where a share from 0 to 1 is wanted")
+    return value
+
+
+def overlap(text: str) -> float:
+    value = share(text)
+    if value > MOST_OVERLAP:
+        raise argparse.ArgumentTypeError(f"{text} came where an overlap from 0 to {MOST_OVERLAP:g} is wanted")
+    return value
+
+
+def length(text: str) -> float:
+    value = float(text)
+    if not 0 <= value <= MOST_SWAY:
+        raise argparse.ArgumentTypeError(f"{text} came where metres from 0 to {MOST_SWAY:g} are wanted")
     return value
 
 

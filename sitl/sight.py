@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import LOWEST_VIEW, Array, CameraState, HeightAt, sinking_views
 
+StillPlace = Callable[[Array, Array, Array], tuple[Array, Array]]
 Mask = NDArray[np.bool_]
 
 STEP = 0.6  # metres of height per step: one cell of the height map at 35 degrees off nadir
 HALVINGS = 4  # bisections of the last step: down to 4 cm
 
 
-def first_met(state: CameraState, rays: Array, height_at: HeightAt, tallest: float) -> tuple[Array, Array]:
-    """(x, y) in metres of the first surface hit by rays (..., 2), NaN for sky; heights are within 0 to `tallest`."""
+def first_met(
+    state: CameraState,
+    rays: Array,
+    height_at: HeightAt,
+    tallest: float,
+    still: StillPlace = lambda x, y, height: (x, y),
+) -> tuple[Array, Array, Array]:
+    """(x, y, height) in metres of the first surface hit by rays (..., 2), NaN for sky; heights are within 0 to `tallest`.
+
+    still: (x, y, height), all of one shape -> where in still air is what the wind has moved there; the result is in still air.
+    """
     east, south, down = sinking_views(state, rays)
     per_metre = np.divide(1, down, out=np.full_like(down, np.nan), where=down > LOWEST_VIEW)
     east, south = east * per_metre, south * per_metre
 
-    def meets(height: Array) -> Mask:
+    def place(height: Array) -> tuple[Array, Array]:
         drop = state.height - height
-        return np.asarray(height_at(state.x + east * drop, state.y + south * drop) >= height)
+        return still(state.x + east * drop, state.y + south * drop, height)
+
+    def meets(height: Array) -> Mask:
+        return np.asarray(height_at(*place(height)) >= height)
 
     above = np.full_like(east, tallest)
     open_still: Mask = np.ones(east.shape, np.bool_)
@@ -34,5 +49,4 @@ def first_met(state: CameraState, rays: Array, height_at: HeightAt, tallest: flo
         middle = (above + below) / 2
         met = meets(middle)
         above, below = np.where(met, above, middle), np.where(met, middle, below)
-    drop = state.height - below
-    return state.x + east * drop, state.y + south * drop
+    return *place(below), below

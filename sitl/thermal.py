@@ -1,6 +1,7 @@
 """Model of a cheap thermal camera: low contrast, and fixed-pattern noise in every frame.
 
-The pattern belongs to the camera: sensor columns and rows, a cold rim, dirt on the window, an overlay.
+The pattern belongs to the camera: sensor columns and rows, a cold rim, dirt on the window, an overlay. What a colour camera has
+of the kind is in display.py.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .display import cross
 from .ground.raster import Field, Image
 from .sensor import LUMINANCE
 
@@ -62,4 +64,4 @@ def write(picture: Image) -> None:
     cv2.putText(picture, "HDG 271  ALT 60", (12, height - 14), cv2.FONT_HERSHEY_SIMPLEX, 0.5, 255, 1, cv2.LINE_AA)
     bar = np.linspace(255, 0, height // 2).astype(np.uint8)[:, None]
     picture[height // 4 : height // 4 + len(bar), width - 26 : width - 14] = bar
-    cv2.drawMarker(picture, (width // 2, height // 2), 255, cv2.MARKER_CROSS, 28, 1)
+    cross(picture)

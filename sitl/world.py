@@ -30,8 +30,11 @@ from .ground.pattern import car_park, crop_rows, paint_pattern
 from .ground.quarter import BARRACKS, QUARTER, raise_blocks
 from .ground.raster import Field, Image
 from .ground.shapes import Land
+from .ground.snow import paint_snow
 from .ground.suburb import raise_suburb
 from .ground.water import paint_water
+from .ground.woods import raise_woods
+from .wind import Wind
 
 PAINT_VERSION = 1  # increment when a seed's picture changes: invalidates cached worlds
 COARSEST = 32  # pixels; side of the coarsest pyramid level
@@ -42,7 +45,7 @@ class World:
     """levels: pictures (size, size, 3) BGR, each half the previous size; heights: metres; gsd: metres per pixel of levels[0].
 
     sheer: objects are so tall that rays must be traced to their first intersection. water: share of each pixel of levels[0]
-    that is water with moving waves, 0 to 1.
+    that is water with moving waves, 0 to 1. wind: what moves in it.
     """
 
     levels: tuple[Image, ...]
@@ -50,6 +53,7 @@ class World:
     gsd: float
     sheer: bool = False
     water: Field | None = None
+    wind: Wind | None = None
 
     @property
     def side(self) -> float:
@@ -63,13 +67,13 @@ class World:
     def height_at(self, x: Array, y: Array, relief: float = 1.0) -> Array:
         """Metres, interpolated bilinearly between cell centres."""
         flat = np.atleast_2d(x)
-        column, row = (self.cell_of(np.atleast_2d(place)) for place in (x, y))
+        column, row = (self.cell_of(np.atleast_2d(place), len(self.heights)) for place in (x, y))
         found = cv2.remap(self.heights, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(found.reshape(flat.shape) * np.float32(relief), x.dtype).reshape(x.shape)
 
-    def cell_of(self, place: Array) -> Field:
-        cell = self.side / len(self.heights)
-        return np.nan_to_num(mirrored(place / cell, len(self.heights))).astype(np.float32)
+    def cell_of(self, place: Array, cells: int) -> Field:
+        """Position along one side in a raster of so many cells."""
+        return np.nan_to_num(mirrored(place / (self.side / cells), cells)).astype(np.float32)
 
     def water_at(self, x: Array, y: Array) -> Field:
         """Share of water at points (h, w), 0 to 1; 0 where not finite."""
@@ -134,6 +138,7 @@ BARE: dict[str, Callable[[int, int, float], Image]] = {
     "maize": lambda seed, size, gsd: paint_drills(MAIZE, seed, size, gsd),
     "berries": lambda seed, size, gsd: paint_drills(BERRIES, seed, size, gsd),
     "vines": lambda seed, size, gsd: paint_drills(VINES, seed, size, gsd),
+    "snow": paint_snow,
 }  # grounds with a picture only, (seed, side in pixels, metres per pixel) -> picture; their heights are hills
 RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
     "orchard": raise_orchard,
@@ -143,7 +148,8 @@ RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
     "suburb": raise_suburb,
 }  # grounds with a picture and the heights of the objects, on a plane
 LAKE = "lake"  # a plane with water and moving waves
-GROUNDS = (COUNTRY, LAKE, *BARE, *RAISED)
+WOODS = "woods"  # crowns on a plane that sway in the wind
+GROUNDS = (COUNTRY, LAKE, WOODS, *BARE, *RAISED)
 
 
 @lru_cache(maxsize=2)
@@ -152,23 +158,31 @@ def make_world(
 ) -> World:
     """The world of this seed, (size, size) pixels of `gsd` metres; with a cache folder it is painted only once.
 
-    ground: one of GROUNDS; "country", "canopy" and "suburb" are realistic; all others are adversarial: repetitive or
-    self-similar.
+    ground: one of GROUNDS; "country", "canopy", "suburb", "woods" and "snow" are realistic; all others are adversarial:
+    repetitive or self-similar.
     """
-    if cache is None and ground in RAISED:
-        picture, heights = RAISED[ground](seed, size, gsd)
-        return World(pyramid(picture), heights, gsd, sheer=True)
-    if cache is None and ground == LAKE:
-        picture, water = paint_lake(seed, size, gsd)
-        return World(pyramid(picture), np.zeros((size // CELL,) * 2, np.float32), gsd, water=water)
     if cache is None:
-        land = lay_out(seed, size * gsd) if ground == COUNTRY else Land(size * gsd)
-        picture = paint(land, seed, size, gsd) if ground == COUNTRY else BARE[ground](seed, size, gsd)
-        return World(pyramid(picture), height_map(seed, land, size, gsd), gsd)
+        return painted(seed, size, gsd, ground)
     folder = cache / f"world-{PAINT_VERSION}-{ground}-{seed}-{size}-{gsd:g}"
     if not folder.is_dir():
-        save(make_world.__wrapped__(seed, size, gsd, ground=ground), folder)
-    return load(folder, gsd, sheer=ground in RAISED)
+        save(painted(seed, size, gsd, ground), folder)
+    return load(folder, gsd, seed, sheer=ground in RAISED or ground == WOODS)
+
+
+def painted(seed: int, size: int, gsd: float, ground: str) -> World:
+    """`make_world` without a cache."""
+    if ground in RAISED:
+        picture, heights = RAISED[ground](seed, size, gsd)
+        return World(pyramid(picture), heights, gsd, sheer=True)
+    if ground == WOODS:
+        wood = raise_woods(seed, size, gsd)
+        return World(pyramid(wood.picture), wood.heights, gsd, sheer=True, wind=Wind(wood.owner, seed))
+    if ground == LAKE:
+        picture, water = paint_lake(seed, size, gsd)
+        return World(pyramid(picture), np.zeros((size // CELL,) * 2, np.float32), gsd, water=water)
+    land = lay_out(seed, size * gsd) if ground == COUNTRY else Land(size * gsd)
+    picture = paint(land, seed, size, gsd) if ground == COUNTRY else BARE[ground](seed, size, gsd)
+    return World(pyramid(picture), height_map(seed, land, size, gsd), gsd)
 
 
 def pyramid(picture: Image) -> tuple[Image, ...]:
@@ -188,13 +202,16 @@ def save(world: World, folder: Path) -> None:
     np.save(beside / "heights.npy", world.heights)
     if world.water is not None:
         np.save(beside / "water.npy", world.water)
+    if world.wind is not None:
+        np.save(beside / "owner.npy", world.wind.owner)
     try:
         beside.rename(folder)
     except OSError:
         shutil.rmtree(beside)
 
 
-def load(folder: Path, gsd: float, *, sheer: bool) -> World:
+def load(folder: Path, gsd: float, seed: int, *, sheer: bool) -> World:
     levels: list[Any] = [np.load(path, mmap_mode="r") for path in sorted(folder.glob("level-*.npy"))]
     water = np.load(folder / "water.npy") if (folder / "water.npy").exists() else None
-    return World(tuple(levels), np.load(folder / "heights.npy"), gsd, sheer, water)
+    wind = Wind(np.load(folder / "owner.npy"), seed) if (folder / "owner.npy").exists() else None
+    return World(tuple(levels), np.load(folder / "heights.npy"), gsd, sheer, water, wind)

@@ -45,21 +45,25 @@ class KnownPairs:
 
 @dataclass(frozen=True, slots=True)
 class StoredRegistration:
-    """A registration without what follows from the features: indices (m, 2) of inliers and (k, 2) of all matches."""
+    """A registration without what follows from the features: indices (m, 2) of inliers and (k, 2) of all matches, and the places
+    (p, 2) of patches."""
 
     features: AnyPairsNx2
     tentative: AnyPairsNx2
+    patches_a: Points32Nx2
+    patches_b: Points32Nx2
     displaced_a: Points32Nx2
     displaced_b: Points32Nx2
     b_from_a: Matrix3x3
     independent_inliers: int
     evidence: float
+    beyond: float
 
     def whole(self, a: Features, b: Features) -> Registration:
         """The registration of these frames."""
         return Registration(
-            pixels_a=_pixels(a, self.features[:, 0]),
-            pixels_b=_pixels(b, self.features[:, 1]),
+            pixels_a=np.concatenate([_pixels(a, self.features[:, 0]), self.patches_a]),
+            pixels_b=np.concatenate([_pixels(b, self.features[:, 1]), self.patches_b]),
             features=self.features.astype(np.intp),
             b_from_a=self.b_from_a,
             independent_inliers=self.independent_inliers,
@@ -67,6 +71,7 @@ class StoredRegistration:
             displaced_a=self.displaced_a.astype(np.float64),
             displaced_b=self.displaced_b.astype(np.float64),
             tentative=self.tentative.astype(np.intp),
+            beyond=self.beyond,
         )
 
 
@@ -125,11 +130,14 @@ def _stored(found: Registration) -> StoredRegistration:
     return StoredRegistration(
         features=_small(found.features),
         tentative=_small(found.tentative),
+        patches_a=found.pixels_a[len(found.features) :].astype(np.float32),
+        patches_b=found.pixels_b[len(found.features) :].astype(np.float32),
         displaced_a=found.displaced_a.astype(np.float32),
         displaced_b=found.displaced_b.astype(np.float32),
         b_from_a=found.b_from_a,
         independent_inliers=found.independent_inliers,
         evidence=found.evidence,
+        beyond=found.beyond,
     )
 
 

@@ -51,7 +51,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def kept(artefacts: Artefacts, number: int, features: Features) -> None:
     places = replace(features, kept_descriptors=features.descriptors[:, :0])
-    artefacts.put(f"frame/{number}", {"places": places, "descriptors": features.descriptors, "faint": None})
+    artefacts.put(
+        f"frame/{number}", {"places": places, "descriptors": features.descriptors, "faint": None, "texture": None}
+    )
 
 
 def compared(artefacts: Artefacts, frames: int, near: int = FRAMES) -> None:

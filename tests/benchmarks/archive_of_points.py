@@ -154,12 +154,16 @@ def _registration(
     pixels_a, pixels_b = a.points[matches[:, 0]].astype(np.float64), b.points[matches[:, 1]].astype(np.float64)
     rng = np.random.default_rng([seed, *pair])
     wrong = rng.integers(0, [len(a), len(b)], (round(WRONG * len(matches)), 2))
+    nothing = np.empty((0, 2), np.float32)
     return StoredRegistration(
         features=matches.astype(np.uint16),
         tentative=np.concatenate([matches, wrong]).astype(np.uint16),
-        displaced_a=np.empty((0, 2), np.float32),
-        displaced_b=np.empty((0, 2), np.float32),
+        patches_a=nothing,
+        patches_b=nothing,
+        displaced_a=nothing,
+        displaced_b=nothing,
         b_from_a=np.asarray(cv2.findHomography(pixels_a, pixels_b, 0)[0], np.float64),
         independent_inliers=independent_count(pixels_a, pixels_b, 16.0),
         evidence=EVIDENCE,
+        beyond=0.0,
     )

@@ -54,3 +54,10 @@ def test_the_same_hall_stands_on_every_land() -> None:
     for seed in (1, 2):
         found = cv2.matchTemplate(BARE["halls"](seed, 1024, GSD), hall, cv2.TM_CCOEFF_NORMED)
         assert (found > 0.999).sum() == 1
+
+
+def test_snow_is_almost_white_and_faint_but_for_what_lies_on_it() -> None:
+    snow = BARE["snow"](1, 1024, GSD).mean(axis=-1)
+    assert np.median(snow) > 225
+    assert np.diff(np.quantile(snow, [0.05, 0.95]))[0] < 25
+    assert 0.0005 < (snow < 150).mean() < 0.02

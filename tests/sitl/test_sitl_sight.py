@@ -26,7 +26,7 @@ def wall(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def test_a_view_ends_at_the_first_thing_it_meets(ground: float, seen: float) -> None:
     """From 40 m above the origin, along the view that would end at `ground` on the plane."""
     state = CameraState(time=0, x=0, y=0, height=40)
-    x, _ = first_met(state, np.array([[[ground / 40, 0.0]]]), wall, WALL_HIGH)
+    x, _, _ = first_met(state, np.array([[[ground / 40, 0.0]]]), wall, WALL_HIGH)
     assert x.item() == pytest.approx(seen, abs=0.1)
 
 

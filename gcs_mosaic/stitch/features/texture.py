@@ -12,7 +12,7 @@ import math
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Band, FloatImage, Texture
+from gcs_mosaic.stitch.arrays import Band, FloatImage, Matrix3x3, Texture
 
 PIXELS = 480 * 360  # of a texture; the area, so that any shape of frame has as many
 AROUND = 16.0  # px, sigma of the local mean that is subtracted
@@ -40,3 +40,10 @@ def coarse(fine: Texture) -> FloatImage:
     size = max(1, fine.shape[1] // 2), max(1, fine.shape[0] // 2)
     half = cv2.resize(fine.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.GaussianBlur(half, (0, 0), COARSE_BLUR), dtype=np.float32)
+
+
+def full_from_picture(width: int, height: int, shape: tuple[int, ...]) -> Matrix3x3:
+    """Pixels of a frame of this size from those of a picture of all of it, of this shape (h, w); centres are whole numbers in
+    both."""
+    x, y = width / shape[1], height / shape[0]
+    return np.array([[x, 0, x / 2 - 0.5], [0, y, y / 2 - 0.5], [0, 0, 1.0]])

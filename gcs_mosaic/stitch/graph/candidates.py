@@ -7,18 +7,20 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gcs_mosaic.stitch.arrays import Mask
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.arrays import Mask, Matrix3x3
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, pixels_from_canvas
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
-from gcs_mosaic.stitch.graph.view_graph import ViewGraph, box_of, centres
+from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.registration import (
     MatchPart,
     NotRegistered,
+    Proposal,
     Registration,
     RegistrationSettings,
     register,
@@ -29,6 +31,10 @@ View = tuple[Pose, Camera]
 # Frames whose overlap is computed, per neighbour wanted; bounding boxes alone mislead where headings differ.
 PER_NEIGHBOUR = 4
 AT_ONCE = 2  # frames matched in parallel
+# Decades by which what else is known speaks for two frames lying as expected, where their pictures agree with it: the chance
+# that a wrong pose leads to pixels that agree, within the tenth of a footprint by which poses may be off; and what one flight
+# line in two gives, where the aircraft did not turn.
+BY_POSE, BY_MOTION = 4.0, 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,13 +92,17 @@ class Search:
     def register(self, frame: int, other: int) -> Registration | None:
         """Register two frames whose relative position is unknown."""
         a, b = self._graph.frames[frame].features, self._graph.frames[other].features
-        parts = (MatchPart(again=self._graph.matched_before(f)) for f in (frame, other))
-        return self._told(frame, other, register(a, b, self._registration, *parts))
+        part_a, part_b = (MatchPart(again=self._graph.matched_before(f)) for f in (frame, other))
+        expected = self._by_last_motion(a, other)
+        return self._told(frame, other, register(a, b, self._registration, part_a, part_b, expected))
 
     def compare(self, name: str, features: Features, other: int) -> Registration | None:
         """Register a frame that is not in the graph yet with one that is; same result as `register` later."""
         part = MatchPart(again=self._graph.matched_before(other))
-        found = register(features, self._graph.frames[other].features, self._registration, part_b=part)
+        expected = self._by_last_motion(features, other)
+        found = register(
+            features, self._graph.frames[other].features, self._registration, part_b=part, expected=expected
+        )
         return self._told_of(name, other, found)
 
     def neighbour_links(
@@ -152,7 +162,23 @@ class Search:
         seen_b = neighbours.seen_by(b.points.astype(np.float64), *view_b, *view_a)
         part_a = MatchPart(seen_a, again)
         part_b = MatchPart(seen_b, graph.matched_before(other))
-        return register(a, b, self._registration, part_a, part_b)
+        expected = homography_between(view_a, view_b)
+        proposals = [] if expected is None else [Proposal(expected, BY_POSE)]
+        return register(a, b, self._registration, part_a, part_b, proposals)
+
+    def _by_last_motion(self, features: Features, other: int) -> list[Proposal]:
+        """Where a frame should lie on the one placed last if the aircraft went on as it did between the two before."""
+        graph = self._graph
+        last, before = graph.last_placed, graph.placed_before
+        if other != last or before is None or graph.islands[before] != graph.islands[last]:
+            return []
+        shapes = {(graph.frames[one].features.width, graph.frames[one].features.height) for one in (last, before)}
+        if shapes != {(features.width, features.height)} or graph.islands[last] == NOWHERE:
+            return []
+        of_last, of_before = ((graph.pose_of(one), graph.camera_of(one)) for one in (last, before))
+        expected = homography_between(of_last, of_before)
+        # Twice as far if a frame in between is missing.
+        return [] if expected is None else [Proposal(expected, BY_MOTION), Proposal(expected @ expected, BY_MOTION)]
 
     def _features_of(self, frame: int) -> Features:
         return self._graph.frames[frame].features
@@ -164,3 +190,18 @@ class Search:
         if self._observer:
             self._observer.registered(name, self._graph.frames[other].name, found)
         return found if isinstance(found, Registration) else None
+
+
+def homography_between(view_a: View, view_b: View) -> Matrix3x3 | None:
+    """The homography (3x3) from frame a to frame b that fits their poses and lenses best; None if they share no ground."""
+    pixels = pixel_grid(view_a[1], 7, 5)
+    there = pixels_from_canvas(*view_b, canvas_from_pixels(*view_a, pixels))
+    with np.errstate(invalid="ignore"):
+        inside = ((there >= 0) & (there < [view_b[1].width, view_b[1].height])).all(axis=1)
+    if inside.sum() < SHARED_POINTS:
+        return None
+    found, _ = cv2.findHomography(pixels[inside], there[inside], 0)
+    return None if found is None or not np.isfinite(found).all() else np.asarray(found, np.float64)
+
+
+SHARED_POINTS = 6  # of a grid of 35

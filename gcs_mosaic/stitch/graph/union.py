@@ -83,6 +83,6 @@ def _add_knowledge(graph: ViewGraph, other: ViewGraph, first: int) -> None:
     graph.waiting.forget_comparisons()
     graph.moved |= set(placed)
     if other.frames:
-        graph.last_placed = other.last_placed + first
+        graph.last_placed, graph.placed_before = other.last_placed + first, None
     graph.cells_expected += other.cells_expected - FIRST_CELLS
     graph.cells_confirmed += other.cells_confirmed - FIRST_CELLS * FIRST_SHARE

@@ -30,7 +30,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
 from gcs_mosaic.stitch.graph.waiting import WaitingFrames
-from gcs_mosaic.stitch.registration.held_out import held_out, held_out_doubtful
+from gcs_mosaic.stitch.registration.held_out import clear_of, held_out, held_out_doubtful
 from gcs_mosaic.stitch.registration.registration import Registration, well_spread
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
@@ -139,6 +139,7 @@ class ViewGraph(Kept):
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex()
         self.last_placed = 0  # where the search for the next frame begins
+        self.placed_before: int | None = None  # if the last frame was placed after this one, without a turn in between
         self.order = -1  # of the last frame examined, in capture order
         self.aircraft: Aircraft = None  # that took it
         # By aircraft and capture order of its earlier frames: the nearest placed frame.
@@ -182,7 +183,7 @@ class ViewGraph(Kept):
             seen = {other: place for (one, other), place in self._seen_at.items() if one == aircraft}
             nearest = min(seen, key=lambda other: (abs(other - order), other), default=None)
             if nearest is not None:  # that of a new aircraft begins where the last frame is
-                self.last_placed = seen[nearest]
+                self.last_placed, self.placed_before = seen[nearest], None
         self.order, self.aircraft = order, aircraft
 
     def found_island(self) -> int:
@@ -244,13 +245,15 @@ class ViewGraph(Kept):
         """Keep the registration of frame a with frame b, thinned to well-spread matches."""
         features = self._as_stored(registration.features, a, b)
         apart = held_out(features)
-        used = np.flatnonzero(~apart)
+        matched, of_patches = np.split(registration.pixels_a, [len(features)])
+        clear = clear_of(of_patches, matched[apart], 2 * self.sizes[self.frames[a].camera].half_diagonal)
+        used = np.flatnonzero(np.concatenate([~apart, clear]))
         chosen = used[well_spread(registration.pixels_a[used], self._matches_per_link)]
         self.unlink(a, b)
         self.links[a, b] = Link(
             pixels_a=registration.pixels_a[chosen],
             pixels_b=registration.pixels_b[chosen],
-            features=features[used],
+            features=features[~apart],
             held_out=features[apart],
             doubtful=self._as_stored(held_out_doubtful(registration.tentative, features), a, b),
         )

@@ -65,7 +65,7 @@ class Covering:
                 compared[keyframe] = self._search.compare(name, features, keyframe)
             link = compared[keyframe]
             if link is not None and self._is_covered(features, keyframe, link):
-                graph.last_placed = keyframe
+                graph.last_placed, graph.placed_before = keyframe, None
                 by_from_frame = link.b_from_a / link.b_from_a[2, 2]
                 return Covered(name, graph.frames[keyframe].name, tuple(map(tuple, by_from_frame.tolist())))
         return compared

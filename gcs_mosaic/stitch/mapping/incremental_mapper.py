@@ -188,7 +188,7 @@ class Assembly:
 
     def _settle(self, frame: int, pose: Pose, island: int) -> None:
         self._graph.put(frame, pose, island)
-        self._graph.last_placed = frame
+        self._graph.placed_before, self._graph.last_placed = self._graph.last_placed, frame
         self._upkeep.grow(island)
         if self._observer:
             self._observer.placed(placement_of(self._graph, frame))

@@ -19,21 +19,22 @@ from scipy.spatial import KDTree
 from gcs_mosaic.stitch.arrays import PointsNx2
 
 SAMPLE = 4  # matches that determine a homography
+SAMPLE_OF_SIMILARITY = 2
 PER_CELL = 12  # features expected in a cell of the overlap: enough for a true overlap to confirm most cells
 LEAST_IN_CELL = 3  # features in either frame below which a cell is ignored
 
 
-def log_evidence(matches: int, inliers: int, chance: float) -> float:
+def log_evidence(matches: int, inliers: int, chance: float, sample: int = SAMPLE) -> float:
     """-log10 of the expected number of chance agreements at least as good as this one between two frames.
 
-    matches: independent tentative matches; inliers: those that agree with one homography; chance: probability that an unrelated
-    match agrees with it. Every sample of four matches is a hypothesis, every subset of inliers could have agreed: NFA = (n - 4)
-    C(n, k) C(k, 4) chance^(k - 4).
+    matches: independent tentative matches; inliers: those that agree with one homography, or whatever `sample` matches
+    determine; chance: probability that an unrelated match agrees with it. Every sample is a hypothesis, every subset of inliers
+    could have agreed: NFA = (n - 4) C(n, k) C(k, 4) chance^(k - 4), for samples of four.
     """
-    if inliers <= SAMPLE:
+    if inliers <= sample:
         return -math.inf
-    false_alarms = math.log10(max(matches - SAMPLE, 1)) + log_choose(matches, inliers) + log_choose(inliers, SAMPLE)
-    return -(false_alarms + (inliers - SAMPLE) * math.log10(chance))
+    false_alarms = math.log10(max(matches - sample, 1)) + log_choose(matches, inliers) + log_choose(inliers, sample)
+    return -(false_alarms + (inliers - sample) * math.log10(chance))
 
 
 def log_choose(n: int, k: int) -> float:

@@ -1,10 +1,16 @@
-"""Pairwise registration: robust homographies, and the evidence that one is not accidental.
+"""Pairwise registration: what may lay one frame on the other, and the evidence that it is neither accident nor look-alike.
 
-MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC). Evidence: `a_contrario`.
+Two witnesses are heard. Keypoints: how many agree with one homography or similarity (`a_contrario`), and whether the rest of the
+overlap confirms it. Pixels: whether the two pictures look alike there (`agreement`), and look alike beyond what matched. Their
+evidence is added, in decades; the pixels are only asked where keypoints alone do not suffice.
+
+MAGSAC++: Barath et al., CVPR 2020 (in OpenCV as USAC_MAGSAC).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -16,6 +22,7 @@ from gcs_mosaic.stitch.features.fixed_pattern import moving
 from gcs_mosaic.stitch.features.matching import match
 from gcs_mosaic.stitch.registration.a_contrario import (
     SAMPLE,
+    SAMPLE_OF_SIMILARITY,
     Confirmed,
     cell_numbers,
     chance_of_agreement,
@@ -23,9 +30,20 @@ from gcs_mosaic.stitch.registration.a_contrario import (
     log_evidence,
     log_odds,
 )
+from gcs_mosaic.stitch.registration.agreement import Agreement, PixelPair
 from gcs_mosaic.stitch.registration.parallax import displaced_by_height
+from gcs_mosaic.stitch.registration.patches import Patches, patches
 
 HYPOTHESES = 3  # homographies tried: a look-alike elsewhere, or burnt-in text, can outnumber the ground's inliers
+UNLIKELY = 1  # homographies tried of matches whose agreement may be chance
+SIMILARITIES = 3  # tried; of few and rough matches two determine one, where four wrong ones make a homography
+SIMILARITY_PX = 2.0  # tolerance of its inliers, in those of a homography: relief, tilt and lens are in it
+SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
+MOST_SLANT = (
+    4.5  # ratio of magnifications of two corners in a proposal: a frame 55 degrees up against one straight down
+)
+NEAR_BY_PIXELS = 3.0  # tolerances by which a match may be off a homography that coarse pictures have told
+FEWEST = 8  # matches and patches in distinct cells that lay one frame on another
 NO_MATCHES = np.empty((0, 2), np.intp)
 NO_PIXELS: PointsNx2 = np.empty((0, 2))
 
@@ -48,11 +66,17 @@ class RegistrationSettings:
     enough_odds_again: float = 1.0
     cell_px: float = 16.0  # inliers closer than this, in pixels of the feature picture, count as one
     largest_zoom: float = 5.0  # largest accepted change of scale between two frames
+    # -log10 of the chance that pixels beyond the matches look as alike as they do: what no look-alike has
+    least_beyond: float = 3.0
+    enough_matches: int = 24  # inliers below which patches are sought as well; what an adjustment uses of a pair
 
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """Two overlapping frames: inlier pixels of each, (m, 2) in full resolution, and b_from_a (3x3)."""
+    """Two overlapping frames: pixels of each that show the same ground, (m + p, 2) in full resolution, and b_from_a (3x3).
+
+    The first m are inliers, with their `features`; the others are patches of the pictures.
+    """
 
     pixels_a: PointsNx2
     pixels_b: PointsNx2
@@ -63,6 +87,7 @@ class Registration:
     displaced_a: PointsNx2 = field(default_factory=lambda: NO_PIXELS)  # matches off the plane, explained by parallax
     displaced_b: PointsNx2 = field(default_factory=lambda: NO_PIXELS)
     tentative: IndexPairsNx2 = field(default_factory=lambda: NO_MATCHES)  # (k, 2) feature indices, inliers or not
+    beyond: float = 0.0  # evidence of the pixels that are not around matches; 0 where they were not asked
 
     def turned(self) -> Registration:
         """The same registration with the frames exchanged."""
@@ -73,7 +98,7 @@ class Registration:
 
     @property
     def agreeing_a(self) -> PointsNx2:
-        """Pixels (m + k, 2) of frame a that were matched, on the plane or off it."""
+        """Pixels (m + p + k, 2) of frame a that were found in b, on the plane or off it."""
         return np.concatenate([self.pixels_a, self.displaced_a])
 
 
@@ -97,6 +122,8 @@ class _Pair:
     all_b: PointsNx2
     size_a: Vector2
     size_b: Vector2
+    scale_a: float  # full-resolution pixels per pixel of the feature picture
+    scale_b: float
     matches: IndexPairsNx2
     features: IndexPairsNx2  # (k, 2) the matches as indices into all features of either frame
     again_a: Mask  # (n,) features matched before, see `register`
@@ -130,14 +157,40 @@ class MatchPart:
 ALL = MatchPart()
 
 
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """How two frames may lie: b_from_a (3x3, full resolution), and the evidence for it, in decades."""
+
+    b_from_a: Matrix3x3
+    evidence: float
+
+
 def register(
-    a: Features, b: Features, settings: RegistrationSettings, part_a: MatchPart = ALL, part_b: MatchPart = ALL
+    a: Features,
+    b: Features,
+    settings: RegistrationSettings,
+    part_a: MatchPart = ALL,
+    part_b: MatchPart = ALL,
+    expected: Sequence[Proposal] = (),
 ) -> Registration | NotRegistered:
-    """Find the overlap of two frames."""
+    """Find the overlap of two frames. `expected`: where it may be by what else is known."""
     pair = _matched(a, b, part_a, part_b, settings.ratio)
+    pictures = PixelPair(a, b)
+    found, proposals = _by_keypoints(pair, pictures, a, b, settings)
+    if isinstance(found, Registration) or not pictures.known:
+        return found
+    proposals += [*similarities(pair, settings), *expected]
+    return _by_pixels(pair, pictures, a, b, proposals, settings) or found
+
+
+def _by_keypoints(
+    pair: _Pair, pictures: PixelPair, a: Features, b: Features, settings: RegistrationSettings
+) -> tuple[Registration | NotRegistered, list[Proposal]]:
+    """The overlap that the matches prove, or else why there is none, and the homographies tried."""
     left = np.ones(len(pair.matches), bool)
     first_doubt: NotRegistered | None = None
     contradicted: Registration | None = None
+    proposals: list[Proposal] = []
     for _ in range(HYPOTHESES):
         homography, inlier = robust_homography_among(pair, left, settings.threshold_px)
         if homography is None:
@@ -149,17 +202,108 @@ def register(
             diagonal = float(np.linalg.norm(pair.size_b))
             displaced = displaced_by_height(_mapped(homography, pair.a), pair.b, inlier, diagonal)
         found = _in_full_resolution(pair, homography, inlier, displaced, independent, evidence, a.scale, b.scale)
-        impossible = _impossible(pair, homography, inlier, evidence, settings)
+        impossible = _impossible(homography, pair.a[inlier], evidence, settings)
         doubt = impossible or _contradicted(pair, homography, pair.a[inlier | displaced], settings)
         if not doubt:
-            return found
+            return _with_patches(found, pictures, a, b, settings), proposals
         first_doubt = first_doubt or NotRegistered(doubt, independent, found.pixels_a, found.pixels_b)
         contradicted = contradicted or (None if impossible else found)
-        if evidence < settings.least_evidence:
-            break  # the best agreement is chance: the remaining matches will not do better
+        proposals.append(Proposal(found.b_from_a, evidence))
+        if evidence < settings.least_evidence and len(proposals) >= UNLIKELY:
+            break  # the best agreement is chance: the remaining matches will hardly do better
         left &= ~inlier
     doubted = first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
-    return replace(doubted, contradicted=contradicted)
+    return replace(doubted, contradicted=contradicted), proposals
+
+
+def _by_pixels(
+    pair: _Pair,
+    pictures: PixelPair,
+    a: Features,
+    b: Features,
+    proposals: Sequence[Proposal],
+    settings: RegistrationSettings,
+) -> Registration | None:
+    """The overlap that keypoints, or what else is known, propose and the pictures prove."""
+    outline = np.array([[0.0, 0.0], [a.width, 0], [0, a.height], [a.width, a.height], [a.width / 2, a.height / 2]])
+    near = SAME_PROPOSAL * math.hypot(b.width, b.height)
+    tried: list[PointsNx2] = []
+    for proposal in sorted(proposals, key=lambda one: -one.evidence):
+        if not _is_plausible(proposal.b_from_a, outline, a.scale / b.scale, settings):
+            continue
+        places = _mapped(proposal.b_from_a, outline)
+        if any(np.linalg.norm(places - other, axis=1).max() < near for other in tried):
+            continue
+        tried.append(places)
+        seen = pictures.agreement(proposal.b_from_a)
+        if seen is None or max(proposal.evidence, 0.0) + seen.evidence < settings.least_evidence:
+            continue
+        found = _laid_by(seen, proposal, pair, a, b, settings)
+        if found is None:
+            continue
+        beyond = pictures.evidence_beyond(seen, found.pixels_a[: len(found.features)])
+        if beyond >= settings.least_beyond:
+            return replace(found, beyond=beyond)
+    return None
+
+
+def _laid_by(
+    seen: Agreement, proposal: Proposal, pair: _Pair, a: Features, b: Features, settings: RegistrationSettings
+) -> Registration | None:
+    """The matches and patches that agree with what the pictures show; None if they are too few to tell a pose."""
+    small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
+    homography = small_from_full_b @ seen.b_from_a @ full_from_small_a
+    off = np.linalg.norm(_mapped(homography, pair.a) - pair.b, axis=1)
+    near = np.flatnonzero(off < NEAR_BY_PIXELS * settings.threshold_px)
+    some = patches(a, b, seen.b_from_a)
+    of_a = np.concatenate([pair.a[near], some.pixels_a / a.scale])
+    of_b = np.concatenate([pair.b[near], some.pixels_b / b.scale])
+    if len(of_a) <= SAMPLE:
+        return None
+    refined, agrees = robust_homography(of_a, of_b, settings.threshold_px)
+    independent = independent_count(of_a[agrees], of_b[agrees], settings.cell_px) if agrees.any() else 0
+    if refined is None or independent < FEWEST or _impossible(refined, of_a[agrees], math.inf, settings):
+        return None
+    inlier = np.zeros(len(pair.matches), bool)
+    inlier[near[agrees[: len(near)]]] = True
+    diagonal = float(np.linalg.norm(pair.size_b))
+    displaced = displaced_by_height(_mapped(refined, pair.a), pair.b, inlier, diagonal)
+    evidence = max(proposal.evidence, 0.0) + seen.evidence
+    found = _in_full_resolution(pair, refined, inlier, displaced, independent, evidence, a.scale, b.scale)
+    return _joined(found, some, agrees[len(near) :])
+
+
+def _with_patches(
+    found: Registration, pictures: PixelPair, a: Features, b: Features, settings: RegistrationSettings
+) -> Registration:
+    """A registration with patches that agree with it, where its inliers are few."""
+    if found.independent_inliers >= settings.enough_matches or not pictures.known:
+        return found
+    some = patches(a, b, found.b_from_a)
+    off = np.linalg.norm(_mapped(found.b_from_a, some.pixels_a) - some.pixels_b, axis=1)
+    return _joined(found, some, off < settings.threshold_px * b.scale)
+
+
+def _joined(found: Registration, some: Patches, agrees: Mask) -> Registration:
+    """With these patches (p,): those that agree with its homography as matches, the others as displaced by their height."""
+    return replace(
+        found,
+        pixels_a=np.concatenate([found.pixels_a, some.pixels_a[agrees]]),
+        pixels_b=np.concatenate([found.pixels_b, some.pixels_b[agrees]]),
+        displaced_a=np.concatenate([found.displaced_a, some.pixels_a[~agrees]]),
+        displaced_b=np.concatenate([found.displaced_b, some.pixels_b[~agrees]]),
+    )
+
+
+def _is_plausible(b_from_a: Matrix3x3, outline: PointsNx2, scale: float, settings: RegistrationSettings) -> bool:
+    """Whether two frames, `scale` times apart in resolution, may look at one ground so: no corner of the first is seen from
+    below, and none is magnified by much more than another."""
+    area = _area_scale(b_from_a, outline) * scale**2
+    if not np.isfinite(area).all() or (area <= 0).any():
+        return False
+    zoom = np.sqrt(area)
+    is_within = zoom.max() <= settings.largest_zoom and zoom.min() >= 1 / settings.largest_zoom
+    return bool(is_within and zoom.max() / zoom.min() <= MOST_SLANT)
 
 
 def borne_out(
@@ -167,6 +311,8 @@ def borne_out(
 ) -> Registration | NotRegistered:
     """A registration made before it was known what of the frames was matched before, contradicted or not, if the overlap bears
     it out; neither frame's descriptors are needed."""
+    if found.beyond >= settings.least_beyond:
+        return found
     pair = _pair(a, b, part_a, part_b, NO_MATCHES)
     small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
     doubt = _contradicted(
@@ -190,6 +336,8 @@ def _pair(a: Features, b: Features, part_a: MatchPart, part_b: MatchPart, matche
         all_b=b.points[chosen_b].astype(np.float64) / b.scale,
         size_a=np.array([a.width, a.height]) / a.scale,
         size_b=np.array([b.width, b.height]) / b.scale,
+        scale_a=a.scale,
+        scale_b=b.scale,
         matches=matches,
         features=np.stack([chosen_a[matches[:, 0]], chosen_b[matches[:, 1]]], axis=1),
         again_a=np.zeros(len(chosen_a), bool) if part_a.again is None else part_a.again[chosen_a],
@@ -216,6 +364,33 @@ def robust_homography(a: PointsNx2, b: PointsNx2, threshold: float) -> tuple[Mat
     return np.asarray(homography, dtype=np.float64), inlier.ravel().astype(bool)
 
 
+def similarities(pair: _Pair, settings: RegistrationSettings) -> list[Proposal]:
+    """Similarities that matches agree with, those of the most first, each without the inliers of those before."""
+    left, found = np.arange(len(pair.matches)), list[Proposal]()
+    tolerance = SIMILARITY_PX * settings.threshold_px
+    full_from_small_b, small_from_full_a = (
+        np.diag([pair.scale_b, pair.scale_b, 1]),
+        np.diag([1 / pair.scale_a, 1 / pair.scale_a, 1]),
+    )
+    for _ in range(SIMILARITIES):
+        if len(left) <= SAMPLE_OF_SIMILARITY:
+            break
+        affine, inlier = cv2.estimateAffinePartial2D(
+            pair.a[left], pair.b[left], method=cv2.RANSAC, ransacReprojThreshold=tolerance, confidence=0.999
+        )  # fmt: skip
+        if affine is None or not np.isfinite(affine).all():
+            break
+        similarity, agrees = np.vstack([affine, [0.0, 0.0, 1.0]]), inlier.ravel().astype(bool)
+        independent = independent_count(pair.a[left[agrees]], pair.b[left[agrees]], settings.cell_px)
+        matches = max(independent, independent_count(pair.a, pair.b, settings.cell_px))
+        area = float(pair.size_b.prod())
+        chance = chance_of_agreement(_mapped(similarity, pair.a), pair.b, tolerance, area)
+        evidence = log_evidence(matches, independent, chance, SAMPLE_OF_SIMILARITY)
+        found.append(Proposal(full_from_small_b @ similarity @ small_from_full_a, evidence))
+        left = left[~agrees]
+    return found
+
+
 def independent_count(a: PointsNx2, b: PointsNx2, cell: float) -> int:
     """Number of inliers in distinct cells, the smaller of the two frames: features pile up on one spot."""
     return min(len(np.unique(cell_numbers(points, cell))) for points in (a, b))
@@ -230,13 +405,11 @@ def _evidence(
     return log_evidence(matches, independent, chance)
 
 
-def _impossible(
-    pair: _Pair, homography: Matrix3x3, inlier: Mask, evidence: float, settings: RegistrationSettings
-) -> str:
-    """Reason why this homography cannot be two views of the same ground, or ""."""
+def _impossible(homography: Matrix3x3, agreeing: PointsNx2, evidence: float, settings: RegistrationSettings) -> str:
+    """Reason why this homography cannot be two views of the same ground, or "". `agreeing`: points (k, 2) of a that agree."""
     if evidence < settings.least_evidence:
         return f"evidence {evidence:.1f}, {settings.least_evidence:.1f} needed"
-    area = _area_scale(homography, pair.a[inlier])
+    area = _area_scale(homography, agreeing)
     if (area <= 0).any():
         return "the ground would be seen from below"
     zoom = np.sqrt(area)
