@@ -134,8 +134,9 @@ def features(
 
 def parts_of(seen: Features) -> dict[str, object]:
     """Of an artefact: features with and without what is large, and the strongest descriptors."""
-    places = replace(seen, kept_descriptors=seen.descriptors[:, :0], kept_faint=None, kept_texture=None)
+    places = replace(seen, kept_descriptors=seen.descriptors[:, :0], kept_faint=None, kept_texture=None, learned=None)
     parts = {"places": places, "descriptors": seen.descriptors, "faint": seen.faint, "texture": seen.texture}
+    parts["learned"] = seen.learned
     return parts | {"strongest": seen.descriptors[:PER_FRAME]}
 
 
@@ -177,7 +178,8 @@ def image_of(file: SourceFile, digest: str, reduction: int, max_pixels: int) -> 
 def whole_features(artefacts: Artefacts, key: str, dead: DeadBorder = NO_BORDER) -> Features:
     """A frame's features without those at a dead border, which is in its full-resolution pixels. Raises Lost."""
     parts = {f"kept_{part}": artefacts.part(key, part) for part in ("descriptors", "faint", "texture")}
-    return without_border(replace(artefacts.part(key, "places"), **parts), dead)
+    learned = artefacts.part(key, "learned")
+    return without_border(replace(artefacts.part(key, "places"), learned=learned, **parts), dead)
 
 
 def places_of(artefacts: Artefacts, key: str, dead: DeadBorder) -> Features:

@@ -84,7 +84,7 @@ def pattern_sum(artefacts: Artefacts, frames: tuple[str, ...], before: str | Non
 
 def freed_features(artefacts: Artefacts, key: str, blocks: tuple[str, ...], settings: FeatureSettings) -> Parts:
     """What `features` makes, of a picture without the mean of these blocks; and the number of features."""
-    found = freed(whole_features(artefacts, key), _mean(artefacts, blocks), None, None, settings)
+    found = freed(whole_features(artefacts, key), _mean(artefacts, blocks), settings)
     return {"summary": len(found), **parts_of(found), "thumbnail": artefacts.part(key, "thumbnail")}
 
 

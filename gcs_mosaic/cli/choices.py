@@ -6,6 +6,7 @@ import argparse
 from dataclasses import replace
 
 from gcs_mosaic.cli.options import overruled
+from gcs_mosaic.config.model_trial import try_model
 from gcs_mosaic.config.tree import Config, load_config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.settings import parse_from
@@ -24,6 +25,8 @@ def config_of(given: argparse.Namespace) -> Config:
         raise UsageError("--debug shows how the default method decides: leave it out with --method paper")
     if not is_available(config.features):
         raise UsageError("SURF features need the package mahotas: pip install 'gcs-mosaic[surf]', or use sift or orb")
+    if config.stitch.features.model is not None and config.method != "paper":
+        try_model(config.stitch.features.model)
     return config
 
 

@@ -1,6 +1,7 @@
 """Frames in, one map out, from pixels alone. The entry point is `mosaic`.
 
-Pure: no clock, no files, no threads except the one in `bundle.worker`. Its rooms; each may import only those before it:
+Pure: no clock, no files but a model's, no threads except the one in `bundle.worker`. Its rooms; each may import only those
+before it:
 
 * `arrays`: names for the shapes of arrays, for annotations.
 * `camera`: a camera over a plane with analytic derivatives; relief displacement; a frame's bands and dead border.

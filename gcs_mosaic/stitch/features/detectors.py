@@ -13,8 +13,9 @@ from typing import Literal
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from gcs_mosaic.stitch.arrays import Descriptors, ImageGrey, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, ImageGrey, PointsNx2, Vector
 
 FeatureKind = Literal["sift", "orb", "surf"]
 
@@ -78,6 +79,11 @@ def _surf(grey: ImageGrey, count: int, contrast: float) -> Rows:
     if not len(found):
         return _nothing(64, np.float32)
     return found[:, 1::-1], found[:, 3], found[:, SURF_DESCRIPTOR:].astype(np.float32)
+
+
+def rounded(descriptors: FloatRows) -> NDArray[np.int8]:
+    """Unit-length descriptors (n, d), times 127."""
+    return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
 
 
 def _nothing(length: int, dtype: type) -> Rows:

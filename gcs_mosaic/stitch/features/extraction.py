@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -22,7 +24,6 @@ from gcs_mosaic.stitch.arrays import (
     Descriptors,
     FaintImage,
     FloatImage,
-    FloatRows,
     ImageGrey,
     Mask,
     Points32Nx2,
@@ -30,8 +31,9 @@ from gcs_mosaic.stitch.arrays import (
 )
 from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
-from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect
-from gcs_mosaic.stitch.features.faint import detect_faint, faint_picture, is_noise
+from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rounded
+from gcs_mosaic.stitch.features.faint import HALF, detect_faint, equalised, faint_picture, is_noise
+from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, read_detector
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 from gcs_mosaic.stitch.features.still import StillMask, masked
@@ -51,6 +53,9 @@ class FeatureSettings:
     # number of features below which an image counts as faint and is searched again with its contrast equalised
     faint_below: int = 300
     band: int = 0  # for frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
+    model: str | None = (
+        None  # ONNX file of learned features, see `learned`, for where the others propose nothing that holds
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +66,7 @@ class Features:
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
     picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `texture`: what the
     frame looks like as a whole; None if that is not known. `dead`: the excluded border, in full-resolution pixels. `still`: what
-    an overlay covers, where there are no features and the texture is 0; None where nothing is known to. The large ones may lie
+    an overlay covers, where the texture is 0 and features are not matched; None where nothing is known to. The large ones may lie
     on a shelf.
     """
 
@@ -76,6 +81,7 @@ class Features:
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
     kept_texture: Texture | Shelved | None = None
     still: StillMask | None = None
+    learned: Features | None = None  # of a model, if one is given: where these propose nothing
 
     def __len__(self) -> int:
         return self.kept_points.shape[0]
@@ -94,12 +100,18 @@ class Features:
 
     @property
     def texture(self) -> Texture | None:
-        return None if self.kept_texture is None else at_hand(self.kept_texture)
+        if self.kept_texture is None:
+            return None
+        whole = at_hand(self.kept_texture)
+        return whole if self.still is None else masked(whole, self.still)
 
     def shelved(self, shelve: Shelve) -> Features:
         """The same, its large arrays on a shelf, but for the points: those of many frames are asked for again and again."""
-        faint, texture = (None if one is None else shelve(one) for one in (self.faint, self.texture))
-        return replace(self, kept_descriptors=shelve(self.descriptors), kept_faint=faint, kept_texture=texture)
+        kept = self.kept_faint, self.kept_texture
+        faint, texture = (None if one is None else shelve(at_hand(one)) for one in kept)
+        learned = None if self.learned is None else self.learned.shelved(shelve)
+        shelved = replace(self, kept_descriptors=shelve(self.descriptors), learned=learned)
+        return replace(shelved, kept_faint=faint, kept_texture=texture)
 
     def __getstate__(self) -> list[object]:
         """What is pickled lies on no shelf. Raises OSError if it is lost."""
@@ -126,10 +138,27 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     features = replace(features, sharpness=sharpness(image), kept_texture=texture(mean))
     least = settings.count if is_noise(small) else min(settings.faint_below, settings.count)
     if settings.kind != "sift" or len(features) >= least:
-        return features
+        return _with_learned(features, small, 1, settings)
     faint = faint_picture(mean)
     both = joined(features, faint_features(faint, features, settings))
-    return replace(both, kept_faint=faint, ordinary=len(features))
+    both = replace(both, kept_faint=faint, ordinary=len(features))
+    return _with_learned(both, equalised(faint, FINE_BLUR), HALF, settings)
+
+
+def _with_learned(frame: Features, picture: ImageGrey, reduced: int, settings: FeatureSettings) -> Features:
+    """With those of a model, if one is given, found in a picture (h, w) that is the feature picture `reduced` times."""
+    if settings.model is None:
+        return frame
+    found = _detector(settings.model).find(picture, settings.count)
+    scale = frame.scale * reduced
+    points = ((found.points + 0.5) * scale - 0.5).astype(np.float32)
+    return replace(frame, learned=Features(points, found.descriptors, frame.width, frame.height, frame.scale))
+
+
+@lru_cache(2)
+def _detector(model: str) -> LearnedDetector:
+    """One for a process: it holds a net."""
+    return read_detector(Path(model))
 
 
 def faint_features(standing_out: Band, frame: Features, settings: FeatureSettings) -> Features:
@@ -159,8 +188,13 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
 def without_overlay(features: Features, still: StillMask) -> Features:
     """Features whose support touches no overlay, and a texture that is 0 there."""
     chosen = _chosen(features, ~still.covers(features.points, features.width, features.height))
-    texture = None if features.texture is None else masked(features.texture, still)
-    return replace(chosen, kept_texture=texture, still=still)
+    return with_overlay(chosen, still)
+
+
+def with_overlay(features: Features, still: StillMask) -> Features:
+    """All the features, of which those that an overlay covers will not be matched; their numbers stay."""
+    learned = None if features.learned is None else replace(features.learned, still=still)
+    return replace(features, still=still, learned=learned)
 
 
 def _chosen(features: Features, kept: Mask) -> Features:
@@ -220,11 +254,6 @@ def root_sift(descriptors: Descriptors) -> NDArray[np.uint8]:
 def signs(descriptors: NDArray[np.uint8]) -> NDArray[np.int8]:
     """Binary descriptors (n, d) bytes as (n, 8 d) of 1 and -1."""
     return np.unpackbits(descriptors, axis=1).astype(np.int8) * np.int8(2) - np.int8(1)
-
-
-def rounded(descriptors: FloatRows) -> NDArray[np.int8]:
-    """Unit-length descriptors (n, d), times 127."""
-    return np.asarray(np.rint(127 * descriptors), dtype=np.int8)
 
 
 COMPARABLE: dict[FeatureKind, Callable[[Descriptors], Descriptors]] = {

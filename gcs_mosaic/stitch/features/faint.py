@@ -36,17 +36,21 @@ def faint_picture(grey: Band) -> FaintImage:
 
 def detect_faint(standing_out: Band, kind: FeatureKind, count: int, contrast: float) -> Found:
     """Features of a faint picture (h, w), with or without its fixed pattern; points in pixels of the feature picture."""
-    blurred = blurred_faint(standing_out)
-    local = np.sqrt(cv2.GaussianBlur(blurred * blurred, (0, 0), LOCAL))
-    least = max(LEAST_LOCAL * float(np.median(local)), 1e-3)
-    grey = np.clip(np.rint(128 + CONTRAST * blurred / np.maximum(local, least)), 0, 255).astype(np.uint8)
-    found = detect(grey, kind, count, contrast)
+    found = detect(equalised(standing_out), kind, count, contrast)
     return Found((found.points + 0.5) * HALF - 0.5, found.descriptors)
 
 
-def blurred_faint(standing_out: Band) -> FloatImage:
+def equalised(standing_out: Band, blur: float = BLUR) -> ImageGrey:
+    """A faint picture (h, w), with or without its fixed pattern, as the image that features are detected in."""
+    blurred = blurred_faint(standing_out, blur)
+    local = np.sqrt(cv2.GaussianBlur(blurred * blurred, (0, 0), LOCAL))
+    least = max(LEAST_LOCAL * float(np.median(local)), 1e-3)
+    return np.clip(np.rint(128 + CONTRAST * blurred / np.maximum(local, least)), 0, 255).astype(np.uint8)
+
+
+def blurred_faint(standing_out: Band, blur: float = BLUR) -> FloatImage:
     """The faint picture without pixel noise and without the local mean that blurring leaves."""
-    blurred = cv2.GaussianBlur(standing_out.astype(np.float32), (0, 0), BLUR)
+    blurred = cv2.GaussianBlur(standing_out.astype(np.float32), (0, 0), blur)
     return np.asarray(blurred - cv2.GaussianBlur(blurred, (0, 0), AROUND), dtype=np.float32)
 
 

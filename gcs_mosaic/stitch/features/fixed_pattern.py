@@ -14,7 +14,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
+from gcs_mosaic.stitch.arrays import AnyPointsNx2, Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined, without_overlay
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
 from gcs_mosaic.stitch.features.still import Grounds, StillMask
@@ -73,9 +73,9 @@ class StillPattern(Kept):
         counted = None if faint is None else self._learn(kind, faint)
         if texture is not None:
             self._learn_texture(kind, texture, counted)
-        if faint is None or self._counts[kind] < LEAST_FRAMES:  # `moving` separates its matches from the pattern's
-            return freed(features, None, self._means.get(kind), self._still.get(kind), settings)
-        return freed(features, self._patterns[kind], self._means.get(kind), self._still.get(kind), settings)
+        known = faint is not None and self._counts[kind] >= LEAST_FRAMES  # else `moving` separates its matches
+        pattern = self._patterns[kind] if known else None
+        return freed(features, pattern, settings, self._means.get(kind), self._still.get(kind))
 
     def _learn(self, kind: Kind, faint: FaintImage) -> bool:
         """Whether the frame was counted."""
@@ -145,9 +145,9 @@ def clipped(faint: FaintImage) -> FloatImage:
 def freed(
     features: Features,
     pattern: FloatImage | None,
-    mean: FloatImage | None,
-    still: StillMask | None,
     settings: FeatureSettings,
+    mean: FloatImage | None = None,
+    still: StillMask | None = None,
 ) -> Features:
     """A frame's features and texture without what is known to stand still: the mean of faint pictures and that of textures, which
     are subtracted if the frame is faint, and what an overlay covers."""
@@ -155,7 +155,7 @@ def freed(
         features = _found_again(features, features.faint, pattern, still, settings)
         texture = features.texture
         if texture is not None and mean is not None and texture.shape == mean.shape:
-            levels = np.clip(np.rint(_without(texture, mean, still)), -127, 127).astype(np.int8)
+            levels = np.clip(np.rint(picture_without(texture, mean, still)), -127, 127).astype(np.int8)
             features = replace(features, kept_texture=levels)
     return features if still is None else without_overlay(features, still)
 
@@ -163,7 +163,7 @@ def freed(
 def _found_again(
     features: Features, faint: FaintImage, pattern: FloatImage, still: StillMask | None, settings: FeatureSettings
 ) -> Features:
-    levels = _without(faint, pattern, still)
+    levels = picture_without(faint, pattern, still)
     found = faint_features(levels, features, settings)
     if _energy(levels) < (1 - MOST_PATTERN) * _energy(_uncovered(faint.astype(np.float32), still)):
         return found  # features of the unfiltered image may belong to the pattern
@@ -171,13 +171,19 @@ def _found_again(
 
 
 def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
-    """Which matches (k, 2) may be ground: all, unless the frames show different ground at the same place. Then matches that have
-    not moved are the fixed pattern or an overlay."""
-    apart = np.linalg.norm(a.points[matches[:, 0]] / a.scale - b.points[matches[:, 1]] / b.scale, axis=1)
-    moved = np.asarray(apart > STILL_PX)
-    if len(moved) - int(moved.sum()) < FEW or _are_of_same_ground(a, b):
-        return np.ones(len(matches), bool)
-    return moved
+    """Which matches (k, 2) may be ground: none on an overlay that became known later; of the others all, unless the frames show
+    different ground at the same place. Then matches that have not moved are the fixed pattern or an overlay."""
+    of_a, of_b = a.points[matches[:, 0]], b.points[matches[:, 1]]
+    open_ground = ~(_covered(a, of_a) | _covered(b, of_b))
+    moved = np.linalg.norm(of_a / a.scale - of_b / b.scale, axis=1) > STILL_PX
+    if np.count_nonzero(open_ground & ~moved) < FEW or _are_of_same_ground(a, b):
+        return open_ground
+    return np.asarray(open_ground & moved)
+
+
+def _covered(frame: Features, points: AnyPointsNx2) -> Mask:
+    """Which points (n, 2) of a frame an overlay covers."""
+    return np.zeros(len(points), bool) if frame.still is None else frame.still.covers(points, frame.width, frame.height)
 
 
 def _are_of_same_ground(a: Features, b: Features) -> bool:
@@ -191,7 +197,7 @@ def _are_of_same_ground(a: Features, b: Features) -> bool:
     return same_texture(texture_a, texture_b)
 
 
-def _without(picture: FaintImage | Texture, pattern: FloatImage, still: StillMask | None) -> FloatImage:
+def picture_without(picture: FaintImage | Texture, pattern: FloatImage, still: StillMask | None = None) -> FloatImage:
     """A faint picture or texture minus its projection onto the pattern, whose strength automatic gain changes between frames;
     0 where an overlay covers the ground, which takes no part in the projection."""
     levels, known = (_uncovered(one.astype(np.float32), still) for one in (picture, pattern))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,6 +17,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph, box_of, centres
+from gcs_mosaic.stitch.registration.agreement import PixelPair
 from gcs_mosaic.stitch.registration.registration import (
     MatchPart,
     NotRegistered,
@@ -35,6 +36,7 @@ AT_ONCE = 2  # frames matched in parallel
 # that a wrong pose leads to pixels that agree, within the tenth of a footprint by which poses may be off; and what one flight
 # line in two gives, where the aircraft did not turn.
 BY_POSE, BY_MOTION = 4.0, 2.0
+LOOKED_AT = 2  # frames beside which one that keypoints do not bear out is looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +118,22 @@ class Search:
         again = self._graph.matched_before(frame)
         found = self._pool.map(lambda other: self._registered_in_place(frame, view, again, other), others)
         return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
+
+    def pixels_bear_out(self, frame: int, pose: Pose, island: int, others: Sequence[int]) -> float:
+        """Evidence, in decades, of the pictures of a frame at this pose and of the one of these that it overlaps most: two
+        places that look alike in part differ in the rest. 0 where they do not agree."""
+        graph = self._graph
+        view = pose, graph.camera_on(island, graph.frames[frame].camera)
+        views = {other: (graph.pose_of(other), graph.camera_of(other)) for other in others}
+        shared = {other: neighbours.overlap(*view, *views[other]) for other in others}
+        most = sorted(others, key=lambda other: (-shared[other], other))[:LOOKED_AT]
+        return max((self._agreement(frame, view, other, views[other]) for other in most), default=0.0)
+
+    def _agreement(self, frame: int, view_a: View, other: int, view_b: View) -> float:
+        pair = PixelPair(self._features_of(frame), self._features_of(other))
+        expected = homography_between(view_a, view_b) if pair.known else None
+        found = None if expected is None else pair.agreement(expected)
+        return 0.0 if found is None else max(found.evidence, 0.0)
 
     @property
     def thorough(self) -> Search:

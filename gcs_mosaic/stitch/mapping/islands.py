@@ -145,6 +145,8 @@ class Bridges:
             around = confirmed_around(graph, witness, pose, stays, list(links), pixels)
             odds.append(log_odds(around, graph.true_share) if around.cells >= TELLING_CELLS else 0.0)
             if odds[-1] < 0:
+                odds[-1] += self._search.pixels_bear_out(witness, pose, stays, list(links))
+            if odds[-1] < 0:
                 break  # refuted, whatever others see
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}
             found += [Bridge(witness, other, link).turned() for other, link in matched.items() if other not in here]

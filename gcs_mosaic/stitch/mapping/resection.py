@@ -85,10 +85,13 @@ class Placing:
     def _borne_out(
         self, frame: int, pose: Pose, island: int, others: list[int], matched: list[Registration]
     ) -> Pose | Disbelief:
-        """The pose, if the frame confirms what the other frames see around it."""
+        """The pose, if the frame confirms what the other frames see around it, by keypoints or by pixels."""
         graph = self._graph
         found = confirmed_around(graph, frame, pose, island, others, [link.agreeing_a for link in matched])
-        if log_odds(found, graph.true_share) < self._plausibility.least_log_odds:
+        odds = log_odds(found, graph.true_share)
+        if odds < self._plausibility.least_log_odds:
+            odds += self._search.pixels_bear_out(frame, pose, island, others)
+        if odds < self._plausibility.least_log_odds:
             return Disbelief(f"only {found.share:.0%} of what it should show was found in it")
         graph.note_believed(found.cells, found.share)
         return pose

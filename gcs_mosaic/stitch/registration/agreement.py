@@ -38,7 +38,7 @@ OPTIMISM = 2.0  # standard deviations by which refinement raises what chance giv
 PROMISING = 3.0  # standard deviations of a peak below which no refinement is tried
 MOST = 12.0  # decades; more is not to be told from a tail that is only known to three
 # px of the coarse texture around a match that look alike because it matches: what the frames show besides is beyond.
-AROUND_A_MATCH = 10.0
+AROUND_A_MATCH = 6.0
 # What stands still in the picture - a sensor's pattern, a burnt-in display - agrees at zero motion whatever the ground does.
 # px of the coarse texture, of the corner that moves most; and the correlation of a hover: 0.6 and less between frames of
 # different cold fields that share a pattern, 0.97 when hovering over them.

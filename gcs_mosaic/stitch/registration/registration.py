@@ -19,6 +19,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, Mask, Matrix3x3, PointsNx2, Vector, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.fixed_pattern import moving
+from gcs_mosaic.stitch.features.learned import RATIO
 from gcs_mosaic.stitch.features.matching import match
 from gcs_mosaic.stitch.registration.a_contrario import (
     SAMPLE,
@@ -38,6 +39,8 @@ HYPOTHESES = 3  # homographies tried: a look-alike elsewhere, or burnt-in text, 
 UNLIKELY = 1  # homographies tried of matches whose agreement may be chance
 SIMILARITIES = 3  # tried; of few and rough matches two determine one, where four wrong ones make a homography
 SIMILARITY_PX = 2.0  # tolerance of its inliers, in those of a homography: relief, tilt and lens are in it
+# Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
+SAME_PLACE = 0.12
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
 MOST_SLANT = (
     4.5  # ratio of magnifications of two corners in a proposal: a frame 55 degrees up against one straight down
@@ -67,7 +70,10 @@ class RegistrationSettings:
     cell_px: float = 16.0  # inliers closer than this, in pixels of the feature picture, count as one
     largest_zoom: float = 5.0  # largest accepted change of scale between two frames
     # -log10 of the chance that pixels beyond the matches look as alike as they do: what no look-alike has
-    least_beyond: float = 3.0
+    least_beyond: float = 2.0
+    least_alone: float = (
+        1.0  # -log10 of the chance that another shift than the matches' is the right one, as pixels see it
+    )
     enough_matches: int = 24  # inliers below which patches are sought as well; what an adjustment uses of a pair
 
 
@@ -179,8 +185,37 @@ def register(
     found, proposals = _by_keypoints(pair, pictures, a, b, settings)
     if isinstance(found, Registration) or not pictures.known:
         return found
+    borne_out_by_pixels = _looked_at(found.contradicted, pictures, a, b, settings)
+    if borne_out_by_pixels is not None:
+        return borne_out_by_pixels
     proposals += [*similarities(pair, settings), *expected]
-    return _by_pixels(pair, pictures, a, b, proposals, settings) or found
+    by_pixels = _by_pixels(pair, pictures, a, b, proposals, settings)
+    if by_pixels is None and a.learned is not None and b.learned is not None:
+        learned = similarities(_matched(a.learned, b.learned, ALL, ALL, RATIO), settings)
+        by_pixels = _by_pixels(pair, pictures, a, b, learned, settings)
+    return by_pixels or found
+
+
+def _looked_at(
+    found: Registration | None, pictures: PixelPair, a: Features, b: Features, settings: RegistrationSettings
+) -> Registration | None:
+    """A registration whose keypoints are no accident but confirm little of the overlap, if the pictures do."""
+    seen = None if found is None else pictures.agreement(found.b_from_a)
+    if found is None or seen is None or seen.evidence < settings.least_alone:
+        return None
+    if not _is_same(seen.b_from_a, found.b_from_a, a, b):
+        return None
+    beyond = pictures.evidence_beyond(seen, found.pixels_a)
+    if beyond < settings.least_beyond:
+        return None
+    return replace(_with_patches(found, pictures, a, b, settings, always=True), beyond=beyond)
+
+
+def _is_same(one: Matrix3x3, other: Matrix3x3, a: Features, b: Features) -> bool:
+    """Whether two homographies lay the middle of a frame in about the same place: one of the ground and one of the crowns do."""
+    middle = np.array([[a.width / 2, a.height / 2]])
+    apart = np.linalg.norm(_mapped(one, middle) - _mapped(other, middle))
+    return bool(apart < SAME_PLACE * math.hypot(b.width, b.height))
 
 
 def _by_keypoints(
@@ -242,7 +277,7 @@ def _by_pixels(
         if found is None:
             continue
         beyond = pictures.evidence_beyond(seen, found.pixels_a[: len(found.features)])
-        if beyond >= settings.least_beyond:
+        if beyond >= settings.least_beyond and seen.evidence >= settings.least_alone:
             return replace(found, beyond=beyond)
     return None
 
@@ -274,10 +309,15 @@ def _laid_by(
 
 
 def _with_patches(
-    found: Registration, pictures: PixelPair, a: Features, b: Features, settings: RegistrationSettings
+    found: Registration,
+    pictures: PixelPair,
+    a: Features,
+    b: Features,
+    settings: RegistrationSettings,
+    always: bool = False,
 ) -> Registration:
     """A registration with patches that agree with it, where its inliers are few."""
-    if found.independent_inliers >= settings.enough_matches or not pictures.known:
+    if not pictures.known or (found.independent_inliers >= settings.enough_matches and not always):
         return found
     some = patches(a, b, found.b_from_a)
     off = np.linalg.norm(_mapped(found.b_from_a, some.pixels_a) - some.pixels_b, axis=1)
