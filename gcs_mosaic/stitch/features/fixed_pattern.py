@@ -201,7 +201,9 @@ def picture_without(picture: FaintImage | Texture, pattern: FloatImage, still: S
     """A faint picture or texture minus its projection onto the pattern, whose strength automatic gain changes between frames;
     0 where an overlay covers the ground, which takes no part in the projection."""
     levels, known = (_uncovered(one.astype(np.float32), still) for one in (picture, pattern))
-    share = float((levels * known).sum() / max(float((known * known).sum()), 1e-9))
+    # What exceeds the pattern's range, an overlay not known yet, says nothing of its strength.
+    within = np.clip(levels, known.min(), known.max())
+    share = float((within * known).sum() / max(float((known * known).sum()), 1e-9))
     return np.asarray(levels - np.float32(max(share, 0.0)) * known, dtype=np.float32)
 
 
