@@ -7,7 +7,7 @@ ground: that is masked with it. What has no texture in any frame (the inside of 
 it stands still.
 
 A flight along a straight shore, road or row of a field holds that still too, as long as heading and offset stay the same to some
-pixels over 8 frames: the mask is made anew with each frame and loses it when the aircraft turns.
+pixels over some frames: the mask is made anew with each frame and loses it when the aircraft turns.
 """
 
 from __future__ import annotations
@@ -21,12 +21,16 @@ from gcs_mosaic.stitch.arrays import AnyPointsNx2, FloatImage, Mask, Texture
 from gcs_mosaic.stitch.features.texture import PER_DEVIATION
 
 BLOCK = 4  # px of a texture; below the width of a letter
-LEAST_GROUNDS = 8  # frames of different ground before anything counts as still
+LEAST_GROUNDS = (
+    3  # frames of different ground before anything counts as still: a block's variance is that of many pixels
+)
 MEMORY = 64  # frames; an overlay may be switched off or moved, sensors drift and recalibrate
 # Least energy of the mean relative to the variance. Over different ground 1.1 and less after 8 frames (the 99.9th percentile of a
 # frame's blocks), 0.6 after 16; dirt 2 and more, a display over rich ground 3 and more, over poor ground hundreds.
 LEAST_ODDS = 1.0
-LEAST_ODDS_TIMES_FRAMES = 32.0  # the same for few frames, whose mean still has some of each one's ground
+# The same for few frames, whose mean still has some of each one's ground: this leaves 0.0 to 0.3 % of the blocks of frames
+# without overlay after 3, over a river along the flight 1.6 %.
+LEAST_ODDS_TIMES_FRAMES = 32.0
 # Relative to the median of the frame's blocks, which is 0.35 with a sensor pattern and 0.02 without: its rim has 38 times as much
 # at most, text on it 350. Around such a place all of that counts that has as much as a rim.
 OVER_PATTERN, BESIDE = 40.0, 6.0
