@@ -21,9 +21,10 @@ from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import Worker
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
-from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, with_overlay
+from gcs_mosaic.stitch.features.fixed_pattern import MEMORY, StillPattern
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
+from gcs_mosaic.stitch.features.still import StillMask
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of
@@ -90,6 +91,8 @@ class Mosaic(Kept):
         self._covering = Covering(self._graph, self._search, self.settings.cover)
         self._covered: list[Covered] = []
         self._still = StillPattern()
+        # By camera, the frames of the graph from before it was known what an overlay covers; the latest of them.
+        self._uncovered: dict[int, tuple[int, ...]] = {}
         self._tearing = Tearing(self._graph, adjustment.relief)
 
     @property
@@ -114,7 +117,18 @@ class Mosaic(Kept):
                 self._covered.append(compared)
                 return compared
             frame = self._graph.append(name, features)
+            self._cover_earlier(frame, features.still)
             return placement_of(self._graph, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
+
+    def _cover_earlier(self, frame: int, still: StillMask | None) -> None:
+        """Tell a camera's earlier frames what an overlay covers, once that is known."""
+        camera = self._graph.frames[frame].camera
+        earlier = self._uncovered.get(camera, ())
+        if still is None:
+            self._uncovered[camera] = (*earlier, frame)[-MEMORY:]
+            return
+        for other in self._uncovered.pop(camera, ()):
+            self._graph.note(other, features=with_overlay(self._graph.frames[other].features, still))
 
     def take_over(self, other: Mosaic, renamed: Renamed) -> None:
         """Add what another flight has found; `connect_some` and `adjust` then join what overlaps. `other` is used up."""

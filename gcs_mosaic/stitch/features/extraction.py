@@ -66,7 +66,7 @@ class Features:
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
     picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `texture`: what the
     frame looks like as a whole; None if that is not known. `dead`: the excluded border, in full-resolution pixels. `still`: what
-    an overlay covers, where there are no features and the texture is 0; None where nothing is known to. The large ones may lie
+    an overlay covers, where the texture is 0 and features are not matched; None where nothing is known to. The large ones may lie
     on a shelf.
     """
 
@@ -100,11 +100,15 @@ class Features:
 
     @property
     def texture(self) -> Texture | None:
-        return None if self.kept_texture is None else at_hand(self.kept_texture)
+        if self.kept_texture is None:
+            return None
+        whole = at_hand(self.kept_texture)
+        return whole if self.still is None else masked(whole, self.still)
 
     def shelved(self, shelve: Shelve) -> Features:
         """The same, its large arrays on a shelf, but for the points: those of many frames are asked for again and again."""
-        faint, texture = (None if one is None else shelve(one) for one in (self.faint, self.texture))
+        kept = self.kept_faint, self.kept_texture
+        faint, texture = (None if one is None else shelve(at_hand(one)) for one in kept)
         learned = None if self.learned is None else self.learned.shelved(shelve)
         shelved = replace(self, kept_descriptors=shelve(self.descriptors), learned=learned)
         return replace(shelved, kept_faint=faint, kept_texture=texture)
@@ -184,8 +188,13 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
 def without_overlay(features: Features, still: StillMask) -> Features:
     """Features whose support touches no overlay, and a texture that is 0 there."""
     chosen = _chosen(features, ~still.covers(features.points, features.width, features.height))
-    texture = None if features.texture is None else masked(features.texture, still)
-    return replace(chosen, kept_texture=texture, still=still)
+    return with_overlay(chosen, still)
+
+
+def with_overlay(features: Features, still: StillMask) -> Features:
+    """All the features, of which those that an overlay covers will not be matched; their numbers stay."""
+    learned = None if features.learned is None else replace(features.learned, still=still)
+    return replace(features, still=still, learned=learned)
 
 
 def _chosen(features: Features, kept: Mask) -> Features:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
+from gcs_mosaic.stitch.arrays import AnyPointsNx2, Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined, without_overlay
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
 from gcs_mosaic.stitch.features.still import Grounds, StillMask
@@ -27,13 +27,14 @@ LEAST_FRAMES = 6  # different frames before the mean is used: a sixth of each on
 MEMORY = 64  # frames; sensors drift and recalibrate during a flight
 # Deviations at which a pixel is clipped: a bright roof in one frame must not leave a ghost in all later ones.
 MOST_OF_A_PIXEL = 2.0
-# Correlation of two frames above which they count as the same ground: over cold fields 0.6 and less in nine of ten consecutive
-# frames, 0.97 when hovering; 0.95 when hovering over ground a third as strong as the noise.
-SAME_GROUND = 0.85
-# Correlation of a fifth of the blocks of two textures below which they show different ground, whatever an overlay or a pattern
-# makes of the others: 0.05 and less over different ground with three lines of text or bars, 0.9 when hovering.
-SAME_TEXTURE = 0.2
+# Two frames show the same ground at the same place, like those of a hovering aircraft, if all but a fifth of their blocks
+# correlate at least so: an overlay or dirt makes any of the others agree, and they may have most of the energy. Of faint
+# pictures, which share the sensor's pattern: 0.87 and more when hovering, down to ground a third as strong as the noise; 0.5 and
+# less over other ground with a pattern twice as strong as the ground.
 QUANTILE = 0.2
+SAME_GROUND = 0.8
+# Of textures: 0.05 and less over other ground with a display and bars, 0.9 when hovering, less where woods sway.
+SAME_TEXTURE = 0.2
 ACROSS, DOWN = 16, 12  # blocks
 LEAST_ENERGY = 0.02  # of the median block's; less is no texture
 FEW = 5  # matches; fewer support no homography
@@ -72,11 +73,9 @@ class StillPattern(Kept):
         counted = None if faint is None else self._learn(kind, faint)
         if texture is not None:
             self._learn_texture(kind, texture, counted)
-        if faint is not None and self._counts[kind] >= LEAST_FRAMES:  # before, `moving` separates its matches
-            features = freed(features, self._patterns[kind], settings)
-            features = without_mean(features, self._means.get(kind))
-        still = self._still.get(kind)
-        return features if still is None else without_overlay(features, still)
+        known = faint is not None and self._counts[kind] >= LEAST_FRAMES  # else `moving` separates its matches
+        pattern = self._patterns[kind] if known else None
+        return freed(features, pattern, settings, self._means.get(kind), self._still.get(kind))
 
     def _learn(self, kind: Kind, faint: FaintImage) -> bool:
         """Whether the frame was counted."""
@@ -115,13 +114,17 @@ class StillPattern(Kept):
 
 def same_texture(a: Texture, b: Texture) -> bool:
     """Whether two textures show the same ground at the same place; of two that show none, they do."""
-    one, other = coarse(a), coarse(b)
+    return _least_correlation(coarse(a), coarse(b)) > SAME_TEXTURE
+
+
+def _least_correlation(one: FloatImage, other: FloatImage) -> float:
+    """Correlation that all but `QUANTILE` of the blocks of two pictures reach; 1 if neither shows anything."""
     both, of_one, of_other = (_block_means(values) for values in (one * other, one * one, other * other))
     least = np.minimum(of_one, of_other)
     seen = least > LEAST_ENERGY * float(np.median(least))
     if not seen.any():
-        return True
-    return bool(np.quantile(both[seen] / np.sqrt(of_one[seen] * of_other[seen]), QUANTILE) > SAME_TEXTURE)
+        return 1.0
+    return float(np.quantile(both[seen] / np.sqrt(of_one[seen] * of_other[seen]), QUANTILE))
 
 
 def _block_means(values: FloatImage) -> FloatImage:
@@ -129,8 +132,8 @@ def _block_means(values: FloatImage) -> FloatImage:
 
 
 def same_ground(a: FloatImage, b: FloatImage) -> bool:
-    """Whether two blurred faint pictures show the same ground, such as those of a hovering aircraft."""
-    return _correlation(a, b) > SAME_GROUND
+    """Whether two blurred faint pictures show the same ground at the same place."""
+    return _least_correlation(a, b) > SAME_GROUND
 
 
 def clipped(faint: FaintImage) -> FloatImage:
@@ -139,36 +142,48 @@ def clipped(faint: FaintImage) -> FloatImage:
     return np.clip(faint.astype(np.float32), -bound, bound)
 
 
-def freed(features: Features, pattern: FloatImage, settings: FeatureSettings) -> Features:
-    """A frame's features, detected again without this fixed pattern; the same features if its picture is not faint."""
-    faint = features.faint
-    if faint is None:
-        return features
-    levels = picture_without(faint, pattern)
+def freed(
+    features: Features,
+    pattern: FloatImage | None,
+    settings: FeatureSettings,
+    mean: FloatImage | None = None,
+    still: StillMask | None = None,
+) -> Features:
+    """A frame's features and texture without what is known to stand still: the mean of faint pictures and that of textures, which
+    are subtracted if the frame is faint, and what an overlay covers."""
+    if pattern is not None and features.faint is not None:
+        features = _found_again(features, features.faint, pattern, still, settings)
+        texture = features.texture
+        if texture is not None and mean is not None and texture.shape == mean.shape:
+            levels = np.clip(np.rint(picture_without(texture, mean, still)), -127, 127).astype(np.int8)
+            features = replace(features, kept_texture=levels)
+    return features if still is None else without_overlay(features, still)
+
+
+def _found_again(
+    features: Features, faint: FaintImage, pattern: FloatImage, still: StillMask | None, settings: FeatureSettings
+) -> Features:
+    levels = picture_without(faint, pattern, still)
     found = faint_features(levels, features, settings)
-    if _energy(levels) < (1 - MOST_PATTERN) * _energy(faint):
+    if _energy(levels) < (1 - MOST_PATTERN) * _energy(_uncovered(faint.astype(np.float32), still)):
         return found  # features of the unfiltered image may belong to the pattern
     return joined(_ordinary(features), found)
 
 
-def without_mean(features: Features, mean: FloatImage | None) -> Features:
-    """A faint frame's features, its texture freed of the mean (h, w) of many."""
-    texture = features.texture
-    if texture is None or mean is None or texture.shape != mean.shape:
-        return features
-    return replace(
-        features, kept_texture=np.asarray(np.clip(np.rint(picture_without(texture, mean)), -127, 127), np.int8)
-    )
-
-
 def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
-    """Which matches (k, 2) may be ground: all, unless the frames show different ground at the same place. Then matches that have
-    not moved are the fixed pattern or an overlay."""
-    apart = np.linalg.norm(a.points[matches[:, 0]] / a.scale - b.points[matches[:, 1]] / b.scale, axis=1)
-    moved = np.asarray(apart > STILL_PX)
-    if len(moved) - int(moved.sum()) < FEW or _are_of_same_ground(a, b):
-        return np.ones(len(matches), bool)
-    return moved
+    """Which matches (k, 2) may be ground: none on an overlay that became known later; of the others all, unless the frames show
+    different ground at the same place. Then matches that have not moved are the fixed pattern or an overlay."""
+    of_a, of_b = a.points[matches[:, 0]], b.points[matches[:, 1]]
+    open_ground = ~(_covered(a, of_a) | _covered(b, of_b))
+    moved = np.linalg.norm(of_a / a.scale - of_b / b.scale, axis=1) > STILL_PX
+    if np.count_nonzero(open_ground & ~moved) < FEW or _are_of_same_ground(a, b):
+        return open_ground
+    return np.asarray(open_ground & moved)
+
+
+def _covered(frame: Features, points: AnyPointsNx2) -> Mask:
+    """Which points (n, 2) of a frame an overlay covers."""
+    return np.zeros(len(points), bool) if frame.still is None else frame.still.covers(points, frame.width, frame.height)
 
 
 def _are_of_same_ground(a: Features, b: Features) -> bool:
@@ -182,11 +197,21 @@ def _are_of_same_ground(a: Features, b: Features) -> bool:
     return same_texture(texture_a, texture_b)
 
 
-def picture_without(faint: FaintImage | Texture, pattern: FloatImage) -> FloatImage:
-    """A faint picture or texture minus its projection onto the pattern, whose strength automatic gain changes between frames."""
-    levels = faint.astype(np.float32)
-    share = float((levels * pattern).sum() / max(float((pattern * pattern).sum()), 1e-9))
-    return np.asarray(levels - np.float32(max(share, 0.0)) * pattern, dtype=np.float32)
+def picture_without(picture: FaintImage | Texture, pattern: FloatImage, still: StillMask | None = None) -> FloatImage:
+    """A faint picture or texture minus its projection onto the pattern, whose strength automatic gain changes between frames;
+    0 where an overlay covers the ground, which takes no part in the projection."""
+    levels, known = (_uncovered(one.astype(np.float32), still) for one in (picture, pattern))
+    # What exceeds the pattern's range, an overlay not known yet, says nothing of its strength.
+    within = np.clip(levels, known.min(), known.max())
+    share = float((within * known).sum() / max(float((known * known).sum()), 1e-9))
+    return np.asarray(levels - np.float32(max(share, 0.0)) * known, dtype=np.float32)
+
+
+def _uncovered(levels: FloatImage, still: StillMask | None) -> FloatImage:
+    if still is None:
+        return levels
+    height, width = levels.shape
+    return np.where(still.pixels(height, width), np.float32(0), levels)
 
 
 def _ordinary(features: Features) -> Features:
@@ -198,7 +223,3 @@ def _ordinary(features: Features) -> Features:
 
 def _energy(levels: Band) -> float:
     return float(np.square(levels.astype(np.float32)).sum())
-
-
-def _correlation(a: FloatImage, b: FloatImage) -> float:
-    return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-9))
