@@ -16,11 +16,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, Matrix, PairValues, PosesNx6, Vector
-from gcs_mosaic.stitch.bundle.lens import believable
+from gcs_mosaic.stitch.arrays import (
+    Array,
+    Indices,
+    LensesNx5,
+    Mask,
+    Matrices,
+    Matrix,
+    PairValues,
+    PosesNx6,
+    Vector,
+)
+from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, weighed
+from gcs_mosaic.stitch.bundle.self_calibration import LensEvidence, lens_evidence
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
@@ -50,19 +61,115 @@ class Solution:
     residuals_px: PairValues  # the larger of both directions, pixels of the feature picture; NaN without a match
     normal: Normal  # of the free unknowns
     steps: int
+    # (c, 5, 5) of the free lenses' terms, whatever their errors have in common; None if the matches leave one open
+    lens_covariances: Matrices | None
+    refused: Mask  # (c,) lenses that matches pulled to the limits of what a lens can be: some terms were held at the prior
 
 
 def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> Solution:
     """Best poses and lenses for the matches and the priors; `run` as in `solve`.
 
-    Model errors of more than a pixel (woods, rolling shutters) are correlated within a pair's matches, and a lens would follow
-    them: the larger the final residuals, the firmer the lens prior, and everything is adjusted once more.
+    Model errors (relief, woods, rolling shutters) are correlated within the matches of a pair and of a frame, and a lens would
+    follow them: the more they pull one way, see `self_calibration`, and the larger the final residuals, the firmer the lens
+    prior, and everything is adjusted once more.
     """
     state = _converged(_first_state(problem, settings), settings, run)
-    excess = _excess(state)
-    if problem.lens_free and excess > 1:
-        state = _converged(_with_firmer_lens_prior(state, settings, excess), settings, run)
-    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, state.steps)
+    if not problem.lens_free:
+        return _solution(state, None, np.zeros(len(problem.lenses), bool))
+    evidence = _evidence(state, settings, run)
+    if evidence is not None and _pulls_much(state, evidence):
+        state = _converged(_held(state, settings, evidence.prior_weights), settings, run)
+        evidence = _evidence(state, settings, run)
+    state, refused = _within_limits(state, settings, run)
+    if evidence is not None and refused.any():
+        evidence = _evidence(state, settings, run)
+    covariances = None if evidence is None else _lens_covariances(state, evidence, settings)
+    return _solution(state, covariances, refused)
+
+
+def _solution(state: _State, lens_covariances: Matrices | None, refused: Mask) -> Solution:
+    problem = state.problem
+    return Solution(
+        problem.poses, problem.lenses, state.residuals_px, state.normal, state.steps, lens_covariances, refused
+    )
+
+
+def _evidence(state: _State, settings: AdjustmentSettings, run: Run) -> LensEvidence | None:
+    """Evidence of the lenses, doubted at least as the residuals tell: the more, the larger they are."""
+    assert state.problem.lens_prior is not None, "the first state fills it in"
+    batches = zip(parts(state.problem), state.discounts, strict=True)
+    slopes = (weighed(part, discounts, settings.loss_px).slopes for part, discounts in batches)
+    sigma = state.problem.lens_prior[1]
+    found = lens_evidence(state.problem, state.normal, slopes, state.residuals_px / settings.loss_px, sigma, run)
+    return None if found is None else replace(found, doubt=np.maximum(found.doubt, _excess(state)))
+
+
+def _pulls_much(state: _State, evidence: LensEvidence) -> bool:
+    """Whether firmer priors would move a lens by more than a tenth of its deviation."""
+    problem = state.problem
+    assert problem.lens_prior is not None, "the first state fills it in"
+    assert problem.lens_weights is not None, "the first state fills them in"
+    mean, sigma = problem.lens_prior
+    firmer = evidence.prior_weights
+    covariances = evidence.covariance(firmer, sigma)
+    pull = ((firmer - problem.lens_weights) @ (mean - problem.lenses)[:, :, None])[:, :, 0]
+    moved = np.linalg.solve(evidence.of_matches + firmer, pull[:, :, None])[:, :, 0]
+    return bool(((moved[:, None] @ np.linalg.solve(covariances, moved[:, :, None])) > LITTLE_MOVED**2).any())
+
+
+def _held(state: _State, settings: AdjustmentSettings, lens_weights: Matrices) -> _State:
+    """The same with other inverse covariances (c, 5, 5) of the lens priors."""
+    problem = replace(state.problem, lens_weights=lens_weights)
+    return replace(_evaluate(problem, settings, state.discounts, state.normal.layout), steps=state.steps)
+
+
+def _within_limits(state: _State, settings: AdjustmentSettings, run: Run) -> tuple[_State, Mask]:
+    """The state without lenses that matches pull to the limits of what a lens can be, and which those were, (c,).
+
+    No such lens is believed: the terms that flat ground leaves open, focal length and principal point, then stay at the prior,
+    and the distortion as well if it still leaves the limits.
+    """
+    refused = np.zeros(len(state.problem.lenses), bool)
+    for terms in (UNDETERMINED_ON_FLAT_GROUND, np.arange(LENS_TERMS)):
+        beyond = state.stopped_lenses
+        if not beyond.any():
+            break
+        refused |= beyond
+        state = _converged(_at_prior(state, settings, beyond, terms), settings, run)
+    return state, refused
+
+
+def _at_prior(state: _State, settings: AdjustmentSettings, cameras: Mask, terms: Indices) -> _State:
+    """The state with these terms of the lenses of `cameras` (c,) at their prior and held there.
+
+    What matches determine on flat ground is tilt over focal length, so tilts change with it.
+    """
+    problem = state.problem
+    assert problem.lens_prior is not None, "the first state fills it in"
+    assert problem.lens_weights is not None, "the first state fills them in"
+    lenses, weights, poses = problem.lenses.copy(), problem.lens_weights.copy(), problem.poses.copy()
+    chosen = np.flatnonzero(cameras)
+    lenses[chosen[:, None], terms] = problem.lens_prior[0][chosen[:, None], terms]
+    lenses = believable(lenses)
+    weights[chosen[:, None], terms, terms] += (HELD / problem.lens_prior[1][chosen[:, None], terms]) ** 2
+    scale = np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera]
+    poses[problem.free, 4:] *= scale[problem.free, None]
+    problem = replace(problem, poses=poses, lenses=lenses, lens_weights=weights)
+    return replace(_evaluate(problem, settings, state.discounts, state.normal.layout), steps=state.steps)
+
+
+def _lens_covariances(state: _State, evidence: LensEvidence, settings: AdjustmentSettings) -> Matrices:
+    problem = state.problem
+    assert problem.lens_prior is not None, "the first state fills it in"
+    assert problem.lens_weights is not None, "the first state fills them in"
+    spread = problem.lens_prior[1].copy()
+    spread[:, 0] = focal_spread(spread[:, 0], settings.focal_prior_log_sigma)
+    return evidence.covariance(problem.lens_weights, spread)
+
+
+LITTLE_MOVED = 0.1  # standard deviations of a lens; half or twice as much gives the same map
+UNDETERMINED_ON_FLAT_GROUND = np.array([0, 3, 4])  # log focal, shift_x and shift_y of a lens
+HELD = 1e3  # a term that is held keeps to the prior within its deviation over this
 
 
 def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
@@ -72,13 +179,13 @@ def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
     stall. So the poses then continue alone.
     """
     state = _descended(state, settings, run)
-    if not state.stopped_lens:
+    if not state.stopped_lenses.any():
         return state
     problem = replace(state.problem, lens_free=False)
     held = _evaluate(problem, settings, state.discounts, layout_of(problem))
     held = _descended(replace(held, steps=state.steps), settings, run)
     found = _evaluate(replace(held.problem, lens_free=True), settings, state.discounts, state.normal.layout)
-    return replace(found, steps=held.steps)
+    return replace(found, steps=held.steps, stopped_lenses=state.stopped_lenses)
 
 
 def _descended(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
@@ -104,6 +211,9 @@ def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
     if problem.lens_prior is None:
         mean, sigma = (np.tile(row, (len(problem.lenses), 1)) for row in any_lens(settings))
         problem = replace(problem, lens_prior=np.stack([mean, sigma]))
+    if problem.lens_weights is None:
+        assert problem.lens_prior is not None, "just filled in"
+        problem = replace(problem, lens_weights=np.eye(LENS_TERMS) / problem.lens_prior[1][:, None] ** 2)
     return _evaluate(problem, settings, [discounts_of(part) for part in parts(problem)], layout_of(problem))
 
 
@@ -111,13 +221,6 @@ def _excess(state: _State) -> float:
     """Median squared residual relative to that of one-pixel noise."""
     size2 = state.residuals_px[np.isfinite(state.residuals_px)] ** 2
     return min(float(np.median(size2)) / EXPECTED_SIZE2, MOST_EXCESS) if len(size2) else 1.0
-
-
-def _with_firmer_lens_prior(state: _State, settings: AdjustmentSettings, excess: float) -> _State:
-    assert state.problem.lens_prior is not None, "the first state fills it in"
-    mean, sigma = state.problem.lens_prior
-    firmer = replace(state.problem, lens_prior=np.stack([mean, sigma / math.sqrt(excess)]))
-    return replace(_evaluate(firmer, settings, state.discounts, state.normal.layout), steps=state.steps)
 
 
 EXPECTED_SIZE2 = 2 * math.log(2)  # median squared norm of a residual with one pixel deviation per component
@@ -133,23 +236,24 @@ class _State:
     gradient: Matrix  # (v, BLOCK), by vertex
     residuals_px: PairValues
     steps: int = 0  # number of steps so far
-    stopped_lens: bool = False  # whether the last step, or those rejected since, left the lens limits
+    # (c,) whether the last step, or those rejected since, left the limits of a lens
+    stopped_lenses: Mask = field(default_factory=lambda: np.zeros(1, bool))
 
 
 def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: Run) -> tuple[_State, float]:
     """The state after one accepted step, or unchanged if no step lowers the cost, and the next damping."""
-    stopped = False
+    stopped = np.zeros(len(state.problem.lenses), bool)
     for _ in range(6):
         step = solve(state.normal, state.gradient, damping, run)
         if step is not None:
             problem = _stepped(state.problem, state.normal.layout, step)
             lenses = _lenses_after(state.problem, state.normal.layout, step)
-            stopped |= not np.array_equal(problem.lenses, lenses)
+            stopped |= (problem.lenses != lenses).any(axis=1)
             candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
             if candidate.cost < state.cost:
-                return replace(candidate, steps=state.steps + 1, stopped_lens=stopped), max(damping / 5, 1e-9)
+                return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
         damping *= 8
-    return replace(state, stopped_lens=stopped), damping
+    return replace(state, stopped_lenses=stopped), damping
 
 
 def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
@@ -180,22 +284,43 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Arra
 
 def _add_priors(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
     """Add the priors to normal matrix and gradient: nearly level flight, an ordinary lens. Returns their cost."""
-    frames, lenses = normal.layout.frames[problem.free], normal.layout.lenses
-    tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
+    cost = _add_tilt_prior(problem, settings, normal, gradient)
+    return cost + _add_lens_prior(problem, normal, gradient) if problem.lens_free else cost
+
+
+def _add_tilt_prior(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
+    """The prior of nearly level flight.
+
+    Near-nadir views of flat ground determine each tilt over the focal length, hardly either. A prior of the tilts alone would,
+    with the number of frames, pull the focal length down ever more strongly; so their deviation follows the focal length.
+    """
+    layout, camera = normal.layout, problem.camera[problem.free]
+    frames, lenses = layout.frames[problem.free], layout.lenses[camera]
+    sigma = settings.tilt_prior_sigma * np.exp(problem.lenses[camera, 0]) / settings.focal_prior
+    tilt = problem.poses[problem.free, 4:] / sigma[:, None]
     # Cauchy again: a truly oblique frame must be possible.
     tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
-    tilt_weight = 1 / (1 + tilt_size2[:, None])
-    normal.blocks[frames[:, None], TILT, TILT] += tilt_weight / settings.tilt_prior_sigma**2
-    gradient[frames[:, None], TILT] += tilt_weight * tilt / settings.tilt_prior_sigma
-    cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
+    weight = 1 / (1 + tilt_size2)
+    normal.blocks[frames[:, None], TILT, TILT] += (weight / sigma**2)[:, None]
+    gradient[frames[:, None], TILT] += weight[:, None] * tilt / sigma[:, None]
     if problem.lens_free:
-        assert problem.lens_prior is not None, "the first state fills it in"
-        mean, sigma = problem.lens_prior
-        lens, terms = (problem.lenses - mean) / sigma, np.arange(LENS_TERMS)
-        normal.blocks[lenses[:, None], terms, terms] += 1 / sigma**2
-        gradient[lenses[:, None], terms] += lens / sigma
-        cost += (lens**2).sum()
-    return float(cost)
+        along = weight * (tilt**2).sum(axis=1)
+        np.add.at(normal.blocks, (lenses, 0, 0), along)
+        np.add.at(gradient, (lenses, 0), -along)
+        normal.blocks[layout.edges_between(frames, lenses)[:, None], TILT, 0] -= (
+            weight[:, None] * tilt / sigma[:, None]
+        )
+    return float(TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum())
+
+
+def _add_lens_prior(problem: Problem, normal: Normal, gradient: Matrix) -> float:
+    assert problem.lens_prior is not None, "the first state fills it in"
+    assert problem.lens_weights is not None, "the first state fills them in"
+    lenses, terms, off = normal.layout.lenses, np.arange(LENS_TERMS), problem.lenses - problem.lens_prior[0]
+    slope = (problem.lens_weights @ off[:, :, None])[:, :, 0]
+    normal.blocks[lenses[:, None, None], terms[:, None], terms] += problem.lens_weights
+    gradient[lenses[:, None], terms] += slope
+    return float((off * slope).sum())
 
 
 TILT = np.array([4, 5])  # places of pitch and roll in a pose
