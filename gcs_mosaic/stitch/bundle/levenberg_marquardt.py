@@ -30,8 +30,8 @@ from gcs_mosaic.stitch.arrays import (
 from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
-from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, weighed
-from gcs_mosaic.stitch.bundle.self_calibration import LensEvidence, lens_evidence
+from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, slopes_by_unmodelled, weighed
+from gcs_mosaic.stitch.bundle.self_calibration import LensEvidence, Slopes, lens_evidence
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
@@ -77,9 +77,12 @@ def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> So
     if not problem.lens_free:
         return _solution(state, None, np.zeros(len(problem.lenses), bool))
     evidence = _evidence(state, settings, run)
-    if evidence is not None and _pulls_much(state, evidence):
-        state = _converged(_held(state, settings, evidence.prior_weights), settings, run)
-        evidence = _evidence(state, settings, run)
+    if evidence is not None:
+        state, evidence = _held(state, evidence, evidence.prior_weights, settings, run)
+    if evidence is not None:  # elsewhere more may be open
+        assert state.problem.lens_weights is not None, "the first state fills them in"
+        weights = state.problem.lens_weights + evidence.holding_weights
+        state, evidence = _held(state, evidence, weights, settings, run)
     state, refused = _within_limits(state, settings, run)
     if evidence is not None and refused.any():
         evidence = _evidence(state, settings, run)
@@ -98,29 +101,33 @@ def _evidence(state: _State, settings: AdjustmentSettings, run: Run) -> LensEvid
     """Evidence of the lenses, doubted at least as the residuals tell: the more, the larger they are."""
     assert state.problem.lens_prior is not None, "the first state fills it in"
     batches = zip(parts(state.problem), state.discounts, strict=True)
-    slopes = (weighed(part, discounts, settings.loss_px).slopes for part, discounts in batches)
+    slopes = (_slopes(part, discounts, settings.loss_px) for part, discounts in batches)
     sigma = state.problem.lens_prior[1]
     found = lens_evidence(state.problem, state.normal, slopes, state.residuals_px / settings.loss_px, sigma, run)
     return None if found is None else replace(found, doubt=np.maximum(found.doubt, _excess(state)))
 
 
-def _pulls_much(state: _State, evidence: LensEvidence) -> bool:
-    """Whether firmer priors would move a lens by more than a tenth of its deviation."""
+def _slopes(part: Problem, discounts: Array, loss_px: float) -> Slopes:
+    return Slopes(weighed(part, discounts, loss_px).slopes, slopes_by_unmodelled(part, discounts, loss_px))
+
+
+def _held(
+    state: _State, evidence: LensEvidence, weights: Matrices, settings: AdjustmentSettings, run: Run
+) -> tuple[_State, LensEvidence | None]:
+    """The state adjusted with lens priors of these inverse covariances (c, 5, 5), and its evidence, unless that moves no lens by
+    more than a tenth of its deviation."""
     problem = state.problem
     assert problem.lens_prior is not None, "the first state fills it in"
     assert problem.lens_weights is not None, "the first state fills them in"
     mean, sigma = problem.lens_prior
-    firmer = evidence.prior_weights
-    covariances = evidence.covariance(firmer, sigma)
-    pull = ((firmer - problem.lens_weights) @ (mean - problem.lenses)[:, :, None])[:, :, 0]
-    moved = np.linalg.solve(evidence.of_matches + firmer, pull[:, :, None])[:, :, 0]
-    return bool(((moved[:, None] @ np.linalg.solve(covariances, moved[:, :, None])) > LITTLE_MOVED**2).any())
-
-
-def _held(state: _State, settings: AdjustmentSettings, lens_weights: Matrices) -> _State:
-    """The same with other inverse covariances (c, 5, 5) of the lens priors."""
-    problem = replace(state.problem, lens_weights=lens_weights)
-    return replace(_evaluate(problem, settings, state.discounts, state.normal.layout), steps=state.steps)
+    pull = (weights - problem.lens_weights) @ (mean - problem.lenses)[:, :, None]
+    moved = np.linalg.solve(evidence.of_matches + weights, pull)
+    if (moved.transpose(0, 2, 1) @ np.linalg.solve(evidence.covariance(weights, sigma), moved) < LITTLE_MOVED**2).all():
+        return state, evidence
+    firmer = replace(problem, lens_weights=weights)
+    firmer_state = replace(_evaluate(firmer, settings, state.discounts, state.normal.layout), steps=state.steps)
+    found = _converged(firmer_state, settings, run)
+    return found, _evidence(found, settings, run)
 
 
 def _within_limits(state: _State, settings: AdjustmentSettings, run: Run) -> tuple[_State, Mask]:

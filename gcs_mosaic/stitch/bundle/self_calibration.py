@@ -5,7 +5,8 @@ down does not: relief, a rolling shutter and wrong matches pull, frame by frame,
 that comes about is that of the cost's slopes summed by frame, between the two sides of the inverse normal matrix: the
 cluster-robust or sandwich estimate (Huber 1967; Liang and Zeger, Biometrika 73(1), 1986). A pair belongs to both its frames
 (Aronow, Samii and Assenova, Political Analysis 23(4), 2015); their sums over frames alone are taken, which state too much rather
-than too little.
+than too little. What all frames have in common shows in no residuals: effects that the lens model leaves out are considered, not
+estimated (consider covariance: Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, chapter 8).
 """
 
 from __future__ import annotations
@@ -15,11 +16,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, Matrices, Matrix, PairValues
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, PairValues
 from gcs_mosaic.stitch.bundle.elimination import BLOCK
 from gcs_mosaic.stitch.bundle.normal_equations import ENDS, PLACES, Normal, Run, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Slopes of the cost of p pairs: `of_matches` (p, COLUMNS), and what effects outside the model add, (p, COLUMNS, e)."""
+
+    of_matches: Matrix
+    of_effects: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +46,20 @@ class LensEvidence:
     doubt: Matrix
 
     @property
+    def undetermined(self) -> Mask:
+        """(c, 5) directions of which the matches say less than the prior."""
+        return self.information < LEAST_KNOWN * self.doubt
+
+    @property
     def prior_weights(self) -> Matrices:
-        """(c, 5, 5) inverse covariances of priors that hold against the cost as the given ones against independent matches."""
-        return self._along(self.doubt)
+        """(c, 5, 5) inverse covariances of priors that hold against the cost as the given ones against independent matches, and
+        hold whatever is not determined."""
+        return self._along(np.where(self.undetermined, HELD, self.doubt))
+
+    @property
+    def holding_weights(self) -> Matrices:
+        """(c, 5, 5) weights that only hold what is not determined."""
+        return self._along(np.where(self.undetermined, HELD, 0.0))
 
     @property
     def of_matches(self) -> Matrices:
@@ -62,11 +82,11 @@ class LensEvidence:
 
 
 def lens_evidence(
-    problem: Problem, normal: Normal, slopes: Iterable[Matrix], residuals: PairValues, sigma: LensesNx5, run: Run = map
+    problem: Problem, normal: Normal, slopes: Iterable[Slopes], residuals: PairValues, sigma: LensesNx5, run: Run = map
 ) -> LensEvidence | None:
     """Evidence at the end of an adjustment with free lenses and priors `problem.lens_weights`; None if its matrix is singular.
 
-    `slopes`: (p, COLUMNS) of batches of pairs, in order, as in `residuals.Weighed`; `residuals` (p, k): relative to the loss scale, NaN without a match;
+    `slopes` of batches of pairs, in order; `residuals` (p, k): relative to the loss scale, NaN without a match;
     `sigma` (c, 5): the priors' deviations.
     """
     assert problem.lens_weights is not None, "the first state fills them in"
@@ -85,6 +105,9 @@ def lens_evidence(
     return LensEvidence(sigma, directions, information, np.maximum(variance / information, 1.0))
 
 
+# Information in doubt, relative to the prior's, below which a direction is held at the prior: the matches know it less well.
+LEAST_KNOWN = 1.0
+HELD = 1e6  # weight of a prior that holds, relative to the prior's own
 LEAST_INFORMATION = 1e-6  # relative to the prior's: none, whatever rounding makes of it
 
 
@@ -102,22 +125,23 @@ def _columns_of_inverse(normal: Normal, run: Run) -> Array | None:
     return columns
 
 
-def _pulls(problem: Problem, normal: Normal, columns: Array, slopes: Iterable[Matrix]) -> Array:
-    """By how much the matches of each frame move each lens (n, c, 5), from the slopes of their cost."""
+def _pulls(problem: Problem, normal: Normal, columns: Array, slopes: Iterable[Slopes]) -> Array:
+    """How far the matches of each frame, and each effect that the lens model leaves out, move the lenses: (n + effects, c, 5)."""
     layout, first = normal.layout, 0
     padded = np.concatenate([columns, np.zeros_like(columns[:1])])  # the last is of vertex -1, what is fixed
     lenses = layout.lenses[problem.camera]
-    pulls = np.zeros((len(problem.poses), *columns.shape[2:]))
+    of_frames = np.zeros((len(problem.poses), *columns.shape[2:]))
+    of_effects: Array | float = 0.0
     for some in slopes:
-        pairs = problem.pairs[first : first + len(some)]
-        first += len(some)
-        wide = np.zeros((len(some), ENDS * BLOCK))
-        wide[:, PLACES] = some
-        ends = np.concatenate([layout.frames[pairs], lenses[pairs]], axis=1)
-        of_pair = np.einsum("peb,pebck->pck", wide.reshape(-1, ENDS, BLOCK), padded[ends])
+        pairs = problem.pairs[first : first + len(some.of_matches)]
+        first += len(pairs)
+        ends = padded[np.concatenate([layout.frames[pairs], lenses[pairs]], axis=1)]
+        by_slope = ends.reshape(len(pairs), ENDS * BLOCK, *columns.shape[2:])[:, PLACES]
+        of_pair = np.einsum("psck,ps->pck", by_slope, some.of_matches)
         for side in (0, 1):
-            np.add.at(pulls, pairs[:, side], of_pair)
-    return pulls
+            np.add.at(of_frames, pairs[:, side], of_pair)
+        of_effects = of_effects + np.einsum("psck,pse->eck", by_slope, some.of_effects)
+    return np.concatenate([of_frames, np.asarray(of_effects)])
 
 
 def _stiffness(residuals: PairValues) -> float:
