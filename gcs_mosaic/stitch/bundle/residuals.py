@@ -92,9 +92,9 @@ def slopes_by_unmodelled(problem: Problem, discounts: Array, loss_px: float) -> 
         unit = problem.unit_px[problem.camera[frames[:, 1]]][:, None, None]
         by_effect = there * unit - product(passage.by_place, product(passage.down_by_pixel, seen))
         effects[:, :, way] = whitened(discounts[way], by_effect).reshape(p, k, 2, -1)
-    effects = effects.reshape(p, 2 * k, 2, -1)
-    effects[~valid] = 0
-    rows, columns = (values.reshape(p, 4 * k, -1) for values in (effects * weight[:, :, None, None], jacobian))
+    weighted = effects.reshape(p, 2 * k, 2, -1) * weight[:, :, None, None]
+    weighted[~valid] = 0  # NaN or infinity where nothing is visible
+    rows, columns = (values.reshape(p, 4 * k, -1) for values in (weighted, jacobian))
     return np.asarray(columns.transpose(0, 2, 1) @ rows)
 
 

@@ -37,13 +37,15 @@ class LensEvidence:
 
     `directions` (c, 5, 5): in columns, combinations of the terms as multiples of their prior deviations, in which the matches'
     information is diagonal; `information` (c, 5): by direction, relative to the prior's, as the cost has it; `doubt` (c, 5): the
-    variance of the cost's slope over that information, 1 if errors are as the cost expects, and never less.
+    variance of the cost's slope over that information, 1 if errors are as the cost expects, and never less; `unmodelled`
+    (c, 5, 5): the covariance of the slope by effects that the lens model leaves out.
     """
 
     sigma: LensesNx5
     directions: Matrices
     information: Matrix
     doubt: Matrix
+    unmodelled: Matrices
 
     @property
     def undetermined(self) -> Mask:
@@ -71,7 +73,8 @@ class LensEvidence:
 
         The prior's mean is off as well: by `spread` (c, 5), standard deviations of lenses about it.
         """
-        pulls = self._along(self.information * self.doubt) + weights * (spread**2)[:, None, :] @ weights
+        of_prior = weights * (spread**2)[:, None, :] @ weights
+        pulls = self._along(self.information * self.doubt) + self.unmodelled + of_prior
         inverse = np.linalg.inv(self.of_matches + weights)
         return np.asarray(inverse @ pulls @ inverse)
 
@@ -96,13 +99,13 @@ def lens_evidence(
     own = normal.layout.lenses
     marginal = np.linalg.inv(columns[own, :LENS_TERMS, np.arange(len(own))])
     pulls = _pulls(problem, normal, columns, slopes)
-    scores = marginal @ np.einsum("fci,fcj->cij", pulls, pulls) @ marginal
+    scores, unmodelled = (marginal @ np.einsum("fci,fcj->cij", some, some) @ marginal for some in pulls)
     of_matches = (marginal - problem.lens_weights) * _stiffness(residuals)
     scale = sigma[:, :, None] * sigma[:, None, :]
     information, directions = np.linalg.eigh(_symmetric(of_matches * scale))
     information = np.maximum(information, LEAST_INFORMATION)
     variance = np.einsum("cik,cij,cjk->ck", directions, scores * scale, directions)
-    return LensEvidence(sigma, directions, information, np.maximum(variance / information, 1.0))
+    return LensEvidence(sigma, directions, information, np.maximum(variance / information, 1.0), unmodelled)
 
 
 # Information in doubt, relative to the prior's, below which a direction is held at the prior: the matches know it less well.
@@ -125,8 +128,8 @@ def _columns_of_inverse(normal: Normal, run: Run) -> Array | None:
     return columns
 
 
-def _pulls(problem: Problem, normal: Normal, columns: Array, slopes: Iterable[Slopes]) -> Array:
-    """How far the matches of each frame, and each effect that the lens model leaves out, move the lenses: (n + effects, c, 5)."""
+def _pulls(problem: Problem, normal: Normal, columns: Array, slopes: Iterable[Slopes]) -> tuple[Array, Array]:
+    """How far the matches of each frame move the lenses, (n, c, 5), and each effect that the model leaves out, (e, c, 5)."""
     layout, first = normal.layout, 0
     padded = np.concatenate([columns, np.zeros_like(columns[:1])])  # the last is of vertex -1, what is fixed
     lenses = layout.lenses[problem.camera]
@@ -141,7 +144,7 @@ def _pulls(problem: Problem, normal: Normal, columns: Array, slopes: Iterable[Sl
         for side in (0, 1):
             np.add.at(of_frames, pairs[:, side], of_pair)
         of_effects = of_effects + np.einsum("psck,pse->eck", by_slope, some.of_effects)
-    return np.concatenate([of_frames, np.asarray(of_effects)])
+    return of_frames, np.asarray(of_effects)
 
 
 def _stiffness(residuals: PairValues) -> float:
