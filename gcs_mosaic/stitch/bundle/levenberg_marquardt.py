@@ -31,7 +31,7 @@ from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, slopes_by_unmodelled, weighed
-from gcs_mosaic.stitch.bundle.self_calibration import LensEvidence, Slopes, lens_evidence
+from gcs_mosaic.stitch.bundle.self_calibration import HELD, LensEvidence, Slopes, lens_evidence
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
@@ -63,7 +63,9 @@ class Solution:
     steps: int
     # (c, 5, 5) of the free lenses' terms, whatever their errors have in common; None if the matches leave one open
     lens_covariances: Matrices | None
-    refused: Mask  # (c,) lenses that matches pulled to the limits of what a lens can be: some terms were held at the prior
+    refused: (
+        Mask  # (c,) lenses that matches pulled to the limits of what a lens can be: some terms were held at the prior
+    )
 
 
 def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> Solution:
@@ -80,14 +82,16 @@ def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> So
     if evidence is not None:
         state, evidence = _held(state, evidence, evidence.prior_weights, settings, run)
     if evidence is not None:  # elsewhere more may be open
-        assert state.problem.lens_weights is not None, "the first state fills them in"
-        weights = state.problem.lens_weights + evidence.holding_weights
+        weights = _lens_weights(state) + evidence.holding_weights
         state, evidence = _held(state, evidence, weights, settings, run)
     state, refused = _within_limits(state, settings, run)
-    if evidence is not None and refused.any():
+    evidence = evidence if evidence is None or not refused.any() else _evidence(state, settings, run)
+    doubtful = _doubtful(state, evidence, settings)
+    if doubtful.any():
+        state = _converged(_at_prior(state, settings, doubtful), settings, run)
         evidence = _evidence(state, settings, run)
     covariances = None if evidence is None else _lens_covariances(state, evidence, settings)
-    return _solution(state, covariances, refused)
+    return _solution(state, covariances, refused | doubtful.any(axis=1))
 
 
 def _solution(state: _State, lens_covariances: Matrices | None, refused: Mask) -> Solution:
@@ -99,10 +103,9 @@ def _solution(state: _State, lens_covariances: Matrices | None, refused: Mask) -
 
 def _evidence(state: _State, settings: AdjustmentSettings, run: Run) -> LensEvidence | None:
     """Evidence of the lenses, doubted at least as the residuals tell: the more, the larger they are."""
-    assert state.problem.lens_prior is not None, "the first state fills it in"
     batches = zip(parts(state.problem), state.discounts, strict=True)
     slopes = (_slopes(part, discounts, settings.loss_px) for part, discounts in batches)
-    sigma = state.problem.lens_prior[1]
+    sigma = _lens_prior(state)[1]
     found = lens_evidence(state.problem, state.normal, slopes, state.residuals_px / settings.loss_px, sigma, run)
     return None if found is None else replace(found, doubt=np.maximum(found.doubt, _excess(state)))
 
@@ -116,11 +119,8 @@ def _held(
 ) -> tuple[_State, LensEvidence | None]:
     """The state adjusted with lens priors of these inverse covariances (c, 5, 5), and its evidence, unless that moves no lens by
     more than a tenth of its deviation."""
-    problem = state.problem
-    assert problem.lens_prior is not None, "the first state fills it in"
-    assert problem.lens_weights is not None, "the first state fills them in"
-    mean, sigma = problem.lens_prior
-    pull = (weights - problem.lens_weights) @ (mean - problem.lenses)[:, :, None]
+    problem, (mean, sigma) = state.problem, _lens_prior(state)
+    pull = (weights - _lens_weights(state)) @ (mean - problem.lenses)[:, :, None]
     moved = np.linalg.solve(evidence.of_matches + weights, pull)
     if (moved.transpose(0, 2, 1) @ np.linalg.solve(evidence.covariance(weights, sigma), moved) < LITTLE_MOVED**2).all():
         return state, evidence
@@ -133,50 +133,63 @@ def _held(
 def _within_limits(state: _State, settings: AdjustmentSettings, run: Run) -> tuple[_State, Mask]:
     """The state without lenses that matches pull to the limits of what a lens can be, and which those were, (c,).
 
-    No such lens is believed: the terms that flat ground leaves open, focal length and principal point, then stay at the prior,
-    and the distortion as well if it still leaves the limits.
+    No such lens is believed: the terms that flat ground leaves open then stay at the prior, and the distortion as well if it
+    still leaves the limits.
     """
     refused = np.zeros(len(state.problem.lenses), bool)
-    for terms in (UNDETERMINED_ON_FLAT_GROUND, np.arange(LENS_TERMS)):
+    for terms in (OPEN_ON_FLAT_GROUND, np.ones(LENS_TERMS, bool)):
         beyond = state.stopped_lenses
         if not beyond.any():
             break
         refused |= beyond
-        state = _converged(_at_prior(state, settings, beyond, terms), settings, run)
+        state = _converged(_at_prior(state, settings, beyond[:, None] & terms), settings, run)
     return state, refused
 
 
-def _at_prior(state: _State, settings: AdjustmentSettings, cameras: Mask, terms: Indices) -> _State:
-    """The state with these terms of the lenses of `cameras` (c,) at their prior and held there.
+def _doubtful(state: _State, evidence: LensEvidence | None, settings: AdjustmentSettings) -> Mask:
+    """Terms (c, 5) far from the prior though less well known than by it: what pulls there is no lens."""
+    mean, sigma = _lens_prior(state)
+    if evidence is None:
+        return np.zeros(mean.shape, bool)
+    deviation = np.sqrt(np.diagonal(_lens_covariances(state, evidence, settings), axis1=1, axis2=2))
+    far = abs(state.problem.lenses - mean) > FAR * sigma
+    return np.asarray(OPEN_ON_FLAT_GROUND & far & (deviation > sigma))
+
+
+def _at_prior(state: _State, settings: AdjustmentSettings, terms: Mask) -> _State:
+    """The state with these terms (c, 5) of the lenses at their prior and held there.
 
     What matches determine on flat ground is tilt over focal length, so tilts change with it.
     """
-    problem = state.problem
-    assert problem.lens_prior is not None, "the first state fills it in"
-    assert problem.lens_weights is not None, "the first state fills them in"
-    lenses, weights, poses = problem.lenses.copy(), problem.lens_weights.copy(), problem.poses.copy()
-    chosen = np.flatnonzero(cameras)
-    lenses[chosen[:, None], terms] = problem.lens_prior[0][chosen[:, None], terms]
-    lenses = believable(lenses)
-    weights[chosen[:, None], terms, terms] += (HELD / problem.lens_prior[1][chosen[:, None], terms]) ** 2
-    scale = np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera]
-    poses[problem.free, 4:] *= scale[problem.free, None]
+    problem, (mean, sigma) = state.problem, _lens_prior(state)
+    lenses = believable(np.where(terms, mean, problem.lenses))
+    weights = _lens_weights(state) + np.eye(LENS_TERMS) * np.where(terms, HELD / sigma**2, 0.0)[:, None]
+    poses = problem.poses.copy()
+    poses[problem.free, 4:] *= np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera[problem.free], None]
     problem = replace(problem, poses=poses, lenses=lenses, lens_weights=weights)
     return replace(_evaluate(problem, settings, state.discounts, state.normal.layout), steps=state.steps)
 
 
 def _lens_covariances(state: _State, evidence: LensEvidence, settings: AdjustmentSettings) -> Matrices:
-    problem = state.problem
-    assert problem.lens_prior is not None, "the first state fills it in"
-    assert problem.lens_weights is not None, "the first state fills them in"
-    spread = problem.lens_prior[1].copy()
+    """Covariances (c, 5, 5) of the lenses' terms: from what the matches and the prior leave open."""
+    spread = _lens_prior(state)[1].copy()
     spread[:, 0] = focal_spread(spread[:, 0], settings.focal_prior_log_sigma)
-    return evidence.covariance(problem.lens_weights, spread)
+    return evidence.covariance(_lens_weights(state), spread)
+
+
+def _lens_prior(state: _State) -> Array:
+    assert state.problem.lens_prior is not None, "the first state fills it in"
+    return state.problem.lens_prior
+
+
+def _lens_weights(state: _State) -> Matrices:
+    assert state.problem.lens_weights is not None, "the first state fills them in"
+    return state.problem.lens_weights
 
 
 LITTLE_MOVED = 0.1  # standard deviations of a lens; half or twice as much gives the same map
-UNDETERMINED_ON_FLAT_GROUND = np.array([0, 3, 4])  # log focal, shift_x and shift_y of a lens
-HELD = 1e3  # a term that is held keeps to the prior within its deviation over this
+OPEN_ON_FLAT_GROUND = np.array([True, False, False, True, True])  # of a lens' terms: focal length and principal point
+FAR = 2.0  # standard deviations of the prior
 
 
 def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
@@ -314,9 +327,7 @@ def _add_tilt_prior(problem: Problem, settings: AdjustmentSettings, normal: Norm
         along = weight * (tilt**2).sum(axis=1)
         np.add.at(normal.blocks, (lenses, 0, 0), along)
         np.add.at(gradient, (lenses, 0), -along)
-        normal.blocks[layout.edges_between(frames, lenses)[:, None], TILT, 0] -= (
-            weight[:, None] * tilt / sigma[:, None]
-        )
+        normal.blocks[layout.edges_between(frames, lenses)[:, None], TILT, 0] -= weight[:, None] * tilt / sigma[:, None]
     return float(TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum())
 
 
