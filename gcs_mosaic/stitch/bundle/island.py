@@ -136,7 +136,7 @@ def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:
     if (graph.islands[members] != task.island).any():
         return False
     before = {f: (graph.pose_of(f), graph.camera_of(f)) for f in members}
-    lenses = _lenses(task, found)
+    lenses = adjusted_lenses(task, found)
     poses = [Pose(*pose) for pose in found.poses.tolist()]
     cameras = [lenses[graph.frames[f].camera].camera for f in members]
     _tell_refused(graph, task.island, lenses)
@@ -264,7 +264,8 @@ def _matches(
     return pixels, present
 
 
-def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
+def adjusted_lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
+    """The lenses of a task's cameras, in their order, by its result."""
     information = [None] * len(task.numbers) if found.lens_information is None else list(found.lens_information)
     cameras = (with_lens(camera, row) for camera, row in zip(task.cameras, found.lenses, strict=True))
     known = zip(cameras, information, found.lens_refused.tolist(), strict=True)

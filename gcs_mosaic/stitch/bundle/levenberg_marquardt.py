@@ -18,7 +18,6 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import (
     Array,
-    Indices,
     LensesNx5,
     Mask,
     Matrices,
@@ -325,8 +324,9 @@ def _add_tilt_prior(problem: Problem, settings: AdjustmentSettings, normal: Norm
     gradient[frames[:, None], TILT] += weight[:, None] * tilt / sigma[:, None]
     if problem.lens_free:
         along = weight * (tilt**2).sum(axis=1)
-        np.add.at(normal.blocks, (lenses, 0, 0), along)
-        np.add.at(gradient, (lenses, 0), -along)
+        of_lenses = np.bincount(camera, along, len(problem.lenses))
+        normal.blocks[layout.lenses, 0, 0] += of_lenses
+        gradient[layout.lenses, 0] -= of_lenses
         normal.blocks[layout.edges_between(frames, lenses)[:, None], TILT, 0] -= weight[:, None] * tilt / sigma[:, None]
     return float(TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum())
 

@@ -101,7 +101,7 @@ def slopes_by_unmodelled(problem: Problem, discounts: Array, loss_px: float) -> 
 def _unmodelled(problem: Problem, frames: Indices, pixels: PairPoints) -> Matrices:
     """Shifts (m, 2, UNMODELLED) of pixels (p, k, 2) of these frames (m,), half-diagonals."""
     x, y = pixels.reshape(-1, 2).T
-    r2, zero = x**2 + y**2, np.zeros_like(x)
+    r2 = x**2 + y**2
     shifts = np.array([[2 * x * y, r2 + 2 * x**2, x / 2, y / 2], [r2 + 2 * y**2, 2 * x * y, -y / 2, x / 2]])
     return np.asarray((shifts * UNMODELLED[:, None]).transpose(2, 0, 1))
 

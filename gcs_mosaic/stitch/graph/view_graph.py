@@ -109,7 +109,7 @@ class Lens:
     refused: bool = False
 
     @property
-    def focal_deviation(self) -> float | None:
+    def focal_log_deviation(self) -> float | None:
         """Standard deviation of the log of the focal length: nearly a share of it. None while not estimated."""
         return None if self.information is None else math.sqrt(np.linalg.inv(self.information)[0, 0])
 
