@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.lenses [--frames N] [--flights N]
 
-Surveys at one height whose matches are computed, not seen: every lens from 0.6 to 4 half-diagonals, at several spreads of tilt, over
-flat ground and over a village. The village has houses, low hills, wrong matches, a rolling shutter and a lens that is a little
+Surveys at one height whose matches are computed, not seen: every lens from 0.6 to 4 half-diagonals, at several spreads of tilt,
+over flat ground and over a village. The village has houses, low hills, wrong matches, a rolling shutter and a lens that is a little
 off its axis: all that pulls at a lens and is not modelled. Rows: the median error of the focal length, the largest error in
 stated deviations, the median stated deviation, and how many lenses were refused, over some flights each.
 """
@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.arrays import Array, Indices
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.camera.projection import rotations
@@ -141,7 +141,8 @@ def _poses(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Array
     """True poses (n, 6), lengths in flying heights."""
     n, tilt = len(route), math.radians(flight.tilt)
     shaken = rng.normal(0, 1, (n, 6)) * [0.03 / flight.focal, 0.03 / flight.focal, 0.005, 0.05, tilt, tilt]
-    return np.c_[route[:, :2], np.zeros(n), route[:, 2], np.zeros((n, 2))] + shaken
+    level = np.c_[route[:, :2], np.zeros(n), route[:, 2], np.zeros((n, 2))]
+    return np.asarray(level + shaken, np.float64)
 
 
 def _ground(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Array:
@@ -153,13 +154,13 @@ def _ground(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Arra
     hills = flight.hills * math.sqrt(2 / 6) * np.sin(places @ waves[0] + waves[1]).sum(axis=1)
     block = np.floor(places / 0.1).astype(int) @ [7919, 104729] % 9973
     roofs = rng.uniform(0.3, 1.0, 9973)[block] * flight.roofs * (rng.random(len(places)) < flight.houses)
-    return np.c_[places, hills + roofs]
+    return np.asarray(np.c_[places, hills + roofs], np.float64)
 
 
 def _seen(
     flight: NadirFlight, pose: Array, course: float, ground: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Numbers of the points that a frame shows, and where it does, half-diagonals from its middle."""
+) -> tuple[Indices, Array]:
+    """Numbers (n,) of the points that a frame shows, and where it does, half-diagonals from its middle."""
     reach = np.linalg.norm(_footprint(flight)) * 0.75
     near = np.flatnonzero((abs(ground[:, :2] - pose[:2]) < reach).all(axis=1))
     turned = rng.normal(0, flight.shaking, 3)
@@ -173,7 +174,7 @@ def _seen(
         time = np.clip(pixels[:, 1:] / SIDES[1] / 2, -1, 1)
     pixels = pixels + rng.normal(0, flight.noise_px * SCALE / HALF, pixels.shape)
     inside = (abs(pixels) < SIDES).all(axis=1)
-    return near[inside], pixels[inside]
+    return near[inside], np.asarray(pixels[inside], np.float64)
 
 
 def _lens(flight: NadirFlight, rays: Array) -> Array:
