@@ -201,6 +201,10 @@ class LookUp(Search):
             return known
         return known | self._thorough.neighbour_links(frame, pose, island, WITNESSES)
 
+    def pixels_bear_out(self, frame: int, pose: Pose, island: int, links: Mapping[int, Registration | None]) -> float:
+        """By the frames' pictures, which are read for it."""
+        return self._thorough.pixels_bear_out(frame, pose, island, links)
+
     def _overlapping(self, frame: int, *view: object) -> list[int]:
         """Only frames that were compared: nothing can be said of the others."""
         others = super()._overlapping(frame, *view)  # type: ignore[arg-type]

@@ -53,9 +53,8 @@ class FeatureSettings:
     # number of features below which an image counts as faint and is searched again with its contrast equalised
     faint_below: int = 300
     band: int = 0  # for frames that are not in colour, counted from 1; 0: the mean of all, each at its own contrast
-    model: str | None = (
-        None  # ONNX file of learned features, see `learned`, for where the others propose nothing that holds
-    )
+    # ONNX file of learned features, see `learned`, for where the others propose nothing that holds
+    model: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

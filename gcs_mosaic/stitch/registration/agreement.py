@@ -85,11 +85,6 @@ class PixelPair:
         """Whether both frames have pictures."""
         return self._a.known and self._b.known
 
-    def correlation(self, b_from_a: Matrix3x3) -> tuple[float, int]:
-        """Of the textures at this homography (full resolution), and the pixels it is over; (0, 0) with too few."""
-        laid, mask = self._laid(self._coarse_from_full(b_from_a))
-        return _correlation(laid, self._b.image, mask)
-
     def agreement(self, b_from_a: Matrix3x3) -> Agreement | None:
         """How well the textures agree around this homography (full resolution); None if they do no better than chance."""
         proposed = self._coarse_from_full(b_from_a)
@@ -194,9 +189,9 @@ class PixelPair:
 
     def _refined(self, b_from_a: Matrix3x3) -> Matrix3x3 | None:
         """The homography to which ECC converges from this one."""
-        start = np.linalg.inv(b_from_a)
         criteria = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ECC_STEPS, ECC_TOLERANCE
         try:
+            start = np.linalg.inv(b_from_a)
             _, a_from_b = cv2.findTransformECC(
                 self._b.image,
                 self._a.image,
@@ -206,9 +201,10 @@ class PixelPair:
                 self._a.mask8,
                 1,
             )  # fmt: skip
-        except cv2.error:  # it says so where it does not converge
+            refined = np.linalg.inv(a_from_b.astype(np.float64))
+        except (cv2.error, np.linalg.LinAlgError):  # it says so where it does not converge
             return None
-        return np.linalg.inv(a_from_b.astype(np.float64))
+        return np.asarray(refined, np.float64) if np.isfinite(refined).all() else None
 
 
 class _Side:

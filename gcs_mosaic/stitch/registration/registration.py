@@ -36,7 +36,6 @@ from gcs_mosaic.stitch.registration.parallax import displaced_by_height
 from gcs_mosaic.stitch.registration.patches import Patches, patches
 
 HYPOTHESES = 3  # homographies tried: a look-alike elsewhere, or burnt-in text, can outnumber the ground's inliers
-UNLIKELY = 1  # homographies tried of matches whose agreement may be chance
 SIMILARITIES = 3  # tried; of few and rough matches two determine one, where four wrong ones make a homography
 SIMILARITY_PX = 2.0  # tolerance of its inliers, in those of a homography: relief, tilt and lens are in it
 # Correlation of the finest details above which keypoints, which are made of them, would match again: over woods and cold fields,
@@ -48,9 +47,8 @@ BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much h
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
-MOST_SLANT = (
-    4.5  # ratio of magnifications of two corners in a proposal: a frame 55 degrees up against one straight down
-)
+# Ratio of magnifications of two corners in a proposal: a frame 55 degrees up against one straight down.
+MOST_SLANT = 4.5
 NEAR_BY_PIXELS = 3.0  # tolerances by which a match may be off a homography that coarse pictures have told
 FEWEST = 8  # matches and patches in distinct cells that lay one frame on another
 NO_MATCHES = np.empty((0, 2), np.intp)
@@ -77,9 +75,8 @@ class RegistrationSettings:
     largest_zoom: float = 5.0  # largest accepted change of scale between two frames
     # -log10 of the chance that pixels beyond the matches look as alike as they do: what no look-alike has
     least_beyond: float = 2.0
-    least_alone: float = (
-        1.0  # -log10 of the chance that another shift than the matches' is the right one, as pixels see it
-    )
+    # -log10 of the chance that another shift than the matches' is the right one, as pixels see it
+    least_alone: float = 1.0
     enough_matches: int = 24  # inliers below which patches are sought as well; what an adjustment uses of a pair
 
 
@@ -148,6 +145,14 @@ class _Pair:
     @property
     def b(self) -> PointsNx2:
         return self.all_b[self.matches[:, 1]]
+
+    def reduced(self, b_from_a: Matrix3x3) -> Matrix3x3:
+        """A homography between full-resolution pixels as one between pixels of the feature pictures."""
+        return np.diag([1 / self.scale_b, 1 / self.scale_b, 1]) @ b_from_a @ np.diag([self.scale_a, self.scale_a, 1])
+
+    def enlarged(self, b_from_a: Matrix3x3) -> Matrix3x3:
+        """The inverse of `reduced`."""
+        return np.diag([self.scale_b, self.scale_b, 1]) @ b_from_a @ np.diag([1 / self.scale_a, 1 / self.scale_a, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,10 +231,8 @@ def _looked_at(
 
 def _unless_contradicted(found: Registration, pair: _Pair, settings: RegistrationSettings) -> Registration | None:
     """A registration that pixels speak for, unless features that were matched before speak against it more."""
-    small_from_full_b = np.diag([1 / pair.scale_b, 1 / pair.scale_b, 1])
-    homography = small_from_full_b @ found.b_from_a @ np.diag([pair.scale_a, pair.scale_a, 1])
     agreeing = found.agreeing_a / pair.scale_a
-    return None if _contradicted(pair, homography, agreeing, settings, found.beyond) else found
+    return None if _contradicted(pair, pair.reduced(found.b_from_a), agreeing, settings, found.beyond) else found
 
 
 def _should_have_matched(seen: Agreement, pictures: PixelPair, a: Features, b: Features) -> bool:
@@ -267,7 +270,7 @@ def _by_keypoints(
         if evidence >= settings.least_evidence:
             diagonal = float(np.linalg.norm(pair.size_b))
             displaced = displaced_by_height(_mapped(homography, pair.a), pair.b, inlier, diagonal)
-        found = _in_full_resolution(pair, homography, inlier, displaced, independent, evidence, a.scale, b.scale)
+        found = _in_full_resolution(pair, homography, inlier, displaced, independent, evidence)
         impossible = _impossible(homography, pair.a[inlier], evidence, settings)
         doubt = impossible or _contradicted(pair, homography, pair.a[inlier | displaced], settings)
         if not doubt:
@@ -275,8 +278,8 @@ def _by_keypoints(
         first_doubt = first_doubt or NotRegistered(doubt, independent, found.pixels_a, found.pixels_b)
         contradicted = contradicted or (None if impossible else found)
         proposals.append(Proposal(found.b_from_a, evidence))
-        if evidence < settings.least_evidence and len(proposals) >= UNLIKELY:
-            break  # the best agreement is chance: the remaining matches will hardly do better
+        if evidence < settings.least_evidence:
+            break  # the best agreement is chance: the remaining matches will not do better
         left &= ~inlier
     doubted = first_doubt or NotRegistered("no common homography", 0, np.empty((0, 2)), np.empty((0, 2)))
     return replace(doubted, contradicted=contradicted), proposals
@@ -320,9 +323,7 @@ def _laid_by(
     seen: Agreement, proposal: Proposal, pair: _Pair, a: Features, b: Features, settings: RegistrationSettings
 ) -> Registration | None:
     """The matches and patches that agree with what the pictures show; None if they are too few to tell a pose."""
-    small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
-    homography = small_from_full_b @ seen.b_from_a @ full_from_small_a
-    off = np.linalg.norm(_mapped(homography, pair.a) - pair.b, axis=1)
+    off = np.linalg.norm(_mapped(pair.reduced(seen.b_from_a), pair.a) - pair.b, axis=1)
     near = np.flatnonzero(off < NEAR_BY_PIXELS * settings.threshold_px)
     some = patches(a, b, seen.b_from_a)
     of_a = np.concatenate([pair.a[near], some.pixels_a / a.scale])
@@ -338,7 +339,7 @@ def _laid_by(
     diagonal = float(np.linalg.norm(pair.size_b))
     displaced = displaced_by_height(_mapped(refined, pair.a), pair.b, inlier, diagonal)
     evidence = max(proposal.evidence, 0.0) + seen.evidence
-    found = _in_full_resolution(pair, refined, inlier, displaced, independent, evidence, a.scale, b.scale)
+    found = _in_full_resolution(pair, refined, inlier, displaced, independent, evidence)
     return _joined(found, some, agrees[len(near) :])
 
 
@@ -386,9 +387,7 @@ def borne_out(
     """A registration made before it was known what of the frames was matched before, contradicted or not, if the overlap bears
     it out; neither frame's descriptors are needed."""
     pair = _pair(a, b, part_a, part_b, NO_MATCHES)
-    small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
-    homography = small_from_full_b @ found.b_from_a @ full_from_small_a
-    doubt = _contradicted(pair, homography, found.agreeing_a / a.scale, settings, found.beyond)
+    doubt = _contradicted(pair, pair.reduced(found.b_from_a), found.agreeing_a / a.scale, settings, found.beyond)
     return NotRegistered(doubt, found.independent_inliers, found.pixels_a, found.pixels_b) if doubt else found
 
 
@@ -439,10 +438,6 @@ def similarities(pair: _Pair, settings: RegistrationSettings) -> list[Proposal]:
     """Similarities that matches agree with, those of the most first, each without the inliers of those before."""
     left, found = np.arange(len(pair.matches)), list[Proposal]()
     tolerance = SIMILARITY_PX * settings.threshold_px
-    full_from_small_b, small_from_full_a = (
-        np.diag([pair.scale_b, pair.scale_b, 1]),
-        np.diag([1 / pair.scale_a, 1 / pair.scale_a, 1]),
-    )
     for _ in range(SIMILARITIES):
         if len(left) <= SAMPLE_OF_SIMILARITY:
             break
@@ -457,7 +452,7 @@ def similarities(pair: _Pair, settings: RegistrationSettings) -> list[Proposal]:
         area = float(pair.size_b.prod())
         chance = chance_of_agreement(_mapped(similarity, pair.a), pair.b, tolerance, area)
         evidence = log_evidence(matches, independent, chance, SAMPLE_OF_SIMILARITY)
-        found.append(Proposal(full_from_small_b @ similarity @ small_from_full_a, evidence))
+        found.append(Proposal(pair.enlarged(similarity), evidence))
         left = left[~agrees]
     return found
 
@@ -557,19 +552,16 @@ def _in_full_resolution(
     displaced: Mask,
     independent: int,
     evidence: float,
-    scale_a: float,
-    scale_b: float,
 ) -> Registration:
-    small_from_full_a, full_from_small_b = np.diag([1 / scale_a, 1 / scale_a, 1]), np.diag([scale_b, scale_b, 1])
     return Registration(
-        pixels_a=pair.a[inlier] * scale_a,
-        pixels_b=pair.b[inlier] * scale_b,
+        pixels_a=pair.a[inlier] * pair.scale_a,
+        pixels_b=pair.b[inlier] * pair.scale_b,
         features=pair.features[inlier],
-        b_from_a=full_from_small_b @ homography @ small_from_full_a,
+        b_from_a=pair.enlarged(homography),
         independent_inliers=independent,
         evidence=evidence,
-        displaced_a=pair.a[displaced] * scale_a,
-        displaced_b=pair.b[displaced] * scale_b,
+        displaced_a=pair.a[displaced] * pair.scale_a,
+        displaced_b=pair.b[displaced] * pair.scale_b,
         tentative=pair.features,
     )
 
