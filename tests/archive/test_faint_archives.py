@@ -63,7 +63,7 @@ def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None
     artefacts.put(blocks[1], pattern_sum(artefacts, keys[7:], keys[6]))
     assert [artefacts.part(key, "summary") for key in blocks] == [7, 5]
     for key in keys[5:7]:
-        artefacts.put(f"freed/{key}", freed_features(artefacts, key, blocks, SETTINGS))
+        artefacts.put(f"freed/{key}", freed_features(artefacts, key, blocks, (), SETTINGS))
     a, b = (whole_features(artefacts, f"freed/{key}") for key in keys[5:7])
     assert motion(a, b) == pytest.approx([-STEP, -STEP / 4], abs=1.5)
     assert a.faint is None
