@@ -12,7 +12,7 @@ from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.islands import CHUNK, Assembled
 from gcs_mosaic.archive.tasks import Parts, task
-from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted
+from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, adjusted_lenses
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.camera.projection import with_lens
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -68,6 +68,7 @@ def placed(one: IslandTask, found: AdjustedIsland, before: Sequence[Placement]) 
     scales = one.problem.half_diagonal / one.problem.unit_px  # of a camera
     numbers = one.problem.camera.tolist()
     hops = _hops(before, before[one.root].name)
+    deviations = [lens.focal_log_deviation for lens in adjusted_lenses(one, found).values()]
     return [
         replace(
             placement,
@@ -77,6 +78,7 @@ def placed(one: IslandTask, found: AdjustedIsland, before: Sequence[Placement]) 
             residual_px=float(found.residuals[row] * scales[numbers[row]]),
             hops=hops[placement.name],
             corner_deviation_px=float(found.deviations_px[row]),
+            focal_log_deviation=deviations[numbers[row]],
         )
         for row, placement in enumerate(before)
     ]

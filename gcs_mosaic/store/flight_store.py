@@ -483,4 +483,5 @@ def estimate_of_placement(placement: Placement, vehicle: int | None = None) -> E
         corner_deviation_px=finite(placement.corner_deviation_px),
         homography=placement.homography,
         vehicle=vehicle,
+        focal_log_deviation=None if placement.focal_log_deviation is None else finite(placement.focal_log_deviation),
     )

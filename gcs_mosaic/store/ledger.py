@@ -192,12 +192,13 @@ class Ledger(LedgerFile):
 
     def record_estimates(self, estimates: Iterable[Estimate]) -> None:
         """Record the newest estimates of some frames in one transaction."""
-        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}, homography"
+        columns = f"frame, island, camera, {POSE_COLUMNS}, {SUPPORT_COLUMNS}, {RELIEF_COLUMNS}"
+        columns += ", homography, focal_log_deviation"
         with self.transaction():
             for one in estimates:
                 head = (self._frame_id(one.name), int(one.island), self._camera_id(one.camera))
                 values = (*head, *pose_row(one.pose), *support_row(one), *relief_row(one.relief))
-                values = (*values, homography_row(one.homography))
+                values = (*values, homography_row(one.homography), one.focal_log_deviation)
                 self.write(f"INSERT OR REPLACE INTO estimates ({columns}) VALUES ({marks(values)})", *values)
 
     def estimates(self) -> list[Estimate]:

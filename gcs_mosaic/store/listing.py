@@ -112,6 +112,7 @@ def frame_entry(estimate: Estimate) -> Document:
         "neighbours": estimate.neighbours,
         "hops": estimate.hops,
         "corner_deviation_px": None if deviation is None else finite(deviation),
+        "focal_log_deviation": estimate.focal_log_deviation,
     }
 
 

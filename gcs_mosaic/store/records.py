@@ -91,6 +91,9 @@ class Estimate:
     )  # standard deviation of its least certain corner; None if the matches leave it undetermined
     homography: Homography | None = None  # placed by a free homography, which then overrides the pose
     vehicle: int | None = None  # as in `FrameRecord`
+    focal_log_deviation: float | None = (
+        None  # standard deviation of the log of the focal length; None while not estimated
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -280,4 +280,5 @@ def estimate_of(row: sqlite3.Row) -> Estimate:
         corner_deviation_px=row["corner_deviation_px"],
         homography=homography_of(row),
         vehicle=vehicle_of(row),
+        focal_log_deviation=row["focal_log_deviation"] if "focal_log_deviation" in row.keys() else None,  # noqa: SIM118
     )

@@ -11,7 +11,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
-VERSION = 11  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 12  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -115,7 +115,8 @@ CREATE TABLE estimates (
     hops INTEGER NOT NULL,
     corner_deviation_px,
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB,
-    homography BLOB
+    homography BLOB,
+    focal_log_deviation
 );
 {COVERED}CREATE TABLE notices (
     id INTEGER PRIMARY KEY,
@@ -153,6 +154,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     8: NEW_FRAMES,
     9: "ALTER TABLE frames ADD COLUMN sharpness;",
     10: "ALTER TABLE frames ADD COLUMN vehicle INTEGER;",
+    11: "ALTER TABLE estimates ADD COLUMN focal_log_deviation;",
 }
 
 

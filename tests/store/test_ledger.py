@@ -3,7 +3,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import threading
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -296,3 +296,12 @@ def fill(ledger: Ledger) -> None:
         with ledger.transaction():
             ledger.record_frame(a_frame(f"{n}.jpg"))
             ledger.record_notice(Notice(source="test", level="info", text="x" * 1000), utc=0.0)
+
+
+@pytest.mark.parametrize("deviation", [None, 0.05])
+def test_what_is_known_of_the_focal_length_is_kept(ledger: Ledger, deviation: float | None) -> None:
+    estimate = replace(an_estimate(Pose(1, 0)), focal_log_deviation=deviation)
+    ledger.record_island(0)
+    ledger.record_frame(a_frame("a.jpg"))
+    ledger.record_estimates([estimate])
+    assert ledger.estimates() == [estimate]

@@ -40,6 +40,7 @@ def test_placement_is_the_homography_of_the_estimate() -> None:
     assert (frame["name"], frame["island"], frame["width"], frame["height"]) == ("a.jpg", 0, 40, 30)
     assert (frame["inliers"], frame["residual_px"]) == (9, 0.5)
     assert (frame["neighbours"], frame["hops"], frame["corner_deviation_px"]) == (2, 1, 1.5)
+    assert frame["focal_log_deviation"] is None
 
 
 def test_a_free_homography_is_told_as_it_is() -> None:

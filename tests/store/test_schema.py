@@ -57,6 +57,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old.executescript("ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;")
     old.executescript("ALTER TABLE painted DROP COLUMN gain; ALTER TABLE painted DROP COLUMN vignetting;")
     old.executescript("ALTER TABLE painted DROP COLUMN dead_border; DROP TABLE covered;")
+    old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
     old.execute("ALTER TABLE frames DROP COLUMN sharpness")
     old.execute("PRAGMA user_version = 2")
@@ -91,6 +92,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
             ledger.record_frame(a_frame(name))
         ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame="b.jpg")
     old = sqlite3.connect(path)
+    old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
     old.executescript("DROP TABLE covered; ALTER TABLE frames DROP COLUMN sharpness; PRAGMA writable_schema = ON;")
     old.execute("UPDATE sqlite_schema SET sql = replace(sql, ?, '') WHERE name = 'frames'", ["'covered', "])
@@ -115,6 +117,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    12: "ALTER TABLE estimates DROP COLUMN focal_log_deviation;",
     11: "ALTER TABLE frames DROP COLUMN vehicle;",
     10: "ALTER TABLE frames DROP COLUMN sharpness;",
     9: """PRAGMA writable_schema = ON;

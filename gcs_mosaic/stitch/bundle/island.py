@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +23,8 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, 
 from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
+
+logger = logging.getLogger(__name__)
 
 Key = tuple[int, int]
 View = tuple[Pose, Camera]
@@ -79,6 +82,7 @@ class AdjustedIsland:
     poses: PosesNx6  # (n, 6)
     lenses: LensesNx5  # (c, 5)
     lens_information: Matrices | None  # (c, 5, 5), None if the matches leave a degree of freedom open
+    lens_refused: Mask  # (c,) as in `Solution.refused`
     residuals: Vector  # (n,) median over a frame's matches
     deviations_px: Vector  # (n,) of the least certain corner, full-resolution pixels
     reliefs: list[ReliefDisplacement | None]
@@ -107,6 +111,7 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
         poses=solution.poses,
         lenses=solution.lenses,
         lens_information=certainty.lens_information,
+        lens_refused=solution.refused,
         residuals=_residuals_by_frame(task.problem, solution.residuals_px),
         deviations_px=certainty.deviations_px,
         reliefs=_reliefs(task, solution),
@@ -131,9 +136,10 @@ def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:
     if (graph.islands[members] != task.island).any():
         return False
     before = {f: (graph.pose_of(f), graph.camera_of(f)) for f in members}
-    lenses = _lenses(task, found)
+    lenses = adjusted_lenses(task, found)
     poses = [Pose(*pose) for pose in found.poses.tolist()]
     cameras = [lenses[graph.frames[f].camera].camera for f in members]
+    _tell_refused(graph, task.island, lenses)
     aligned = _aligned_to_drawn(graph, members, poses, cameras)
     graph.put_all(members, aligned, task.island, lenses)
     _carry_along(graph, before, task)
@@ -258,10 +264,23 @@ def _matches(
     return pixels, present
 
 
-def _lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
+def adjusted_lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
+    """The lenses of a task's cameras, in their order, by its result."""
     information = [None] * len(task.numbers) if found.lens_information is None else list(found.lens_information)
     cameras = (with_lens(camera, row) for camera, row in zip(task.cameras, found.lenses, strict=True))
-    return dict(zip(task.numbers, (Lens(*known) for known in zip(cameras, information, strict=True)), strict=True))
+    known = zip(cameras, information, found.lens_refused.tolist(), strict=True)
+    return dict(zip(task.numbers, (Lens(*one) for one in known), strict=True))
+
+
+def _tell_refused(graph: ViewGraph, island: int, lenses: dict[CameraNumber, Lens]) -> None:
+    """Log lenses that are refused and were not before."""
+    for number, lens in lenses.items():
+        if lens.refused and not ((island, number) in graph.lenses and graph.lenses[island, number].refused):
+            logger.warning(
+                "island %d: the matches do not determine the lens of its frames of %d x %d px and pull it to where it is not "
+                "believed; it is refused, and an ordinary one is used, with a focal length of %.2f half-diagonals",
+                *(island, lens.camera.width, lens.camera.height, lens.camera.focal),
+            )
 
 
 def _aligned_to_drawn(graph: ViewGraph, members: list[int], poses: list[Pose], cameras: list[Camera]) -> list[Pose]:

@@ -49,3 +49,14 @@ def expected(
     sigma = np.maximum(DOUBT * formal, LEAST_SIGMA)
     weight, general = 1 / sigma**2, 1 / general_sigma**2
     return (weight * found + general * general_mean) / (weight + general), np.sqrt(1 / (weight + general))
+
+
+def focal_spread(sigma: Vector, general_sigma: float) -> Vector:
+    """Standard deviation (c,) of log focal about its prior mean, of any lens or as far as another island's estimate goes.
+
+    The prior's own, `general_sigma`, is that of common cameras. What is stated must hold for all: any focal length within the
+    limits, uniform in its log. `sigma` (c,): of the priors, as `expected` combines them with an estimate.
+    """
+    of_estimate = np.maximum(1 / sigma**2 - 1 / general_sigma**2, 0.0)
+    of_any = np.log(LONGEST_FOCAL / SHORTEST_FOCAL) / np.sqrt(12)
+    return np.asarray(1 / np.sqrt(of_estimate + 1 / of_any**2))

@@ -16,11 +16,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, Matrix, PairValues, PosesNx6, Vector
-from gcs_mosaic.stitch.bundle.lens import believable
+from gcs_mosaic.stitch.arrays import (
+    Array,
+    LensesNx5,
+    Mask,
+    Matrices,
+    Matrix,
+    PairValues,
+    PosesNx6,
+    Vector,
+)
+from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
-from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, weighed
+from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, slopes_by_unmodelled, weighed
+from gcs_mosaic.stitch.bundle.self_calibration import HELD, LensEvidence, Slopes, lens_evidence
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
@@ -50,19 +60,135 @@ class Solution:
     residuals_px: PairValues  # the larger of both directions, pixels of the feature picture; NaN without a match
     normal: Normal  # of the free unknowns
     steps: int
+    # (c, 5, 5) of the free lenses' terms, whatever their errors have in common; None if the matches leave one open
+    lens_covariances: Matrices | None
+    refused: (
+        Mask  # (c,) lenses that matches pulled to the limits of what a lens can be: some terms were held at the prior
+    )
 
 
 def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> Solution:
     """Best poses and lenses for the matches and the priors; `run` as in `solve`.
 
-    Model errors of more than a pixel (woods, rolling shutters) are correlated within a pair's matches, and a lens would follow
-    them: the larger the final residuals, the firmer the lens prior, and everything is adjusted once more.
+    Model errors (relief, woods, rolling shutters) are correlated within the matches of a pair and of a frame, and a lens would
+    follow them: the more they pull one way, see `self_calibration`, and the larger the final residuals, the firmer the lens
+    prior, and everything is adjusted once more.
     """
     state = _converged(_first_state(problem, settings), settings, run)
-    excess = _excess(state)
-    if problem.lens_free and excess > 1:
-        state = _converged(_with_firmer_lens_prior(state, settings, excess), settings, run)
-    return Solution(state.problem.poses, state.problem.lenses, state.residuals_px, state.normal, state.steps)
+    if not problem.lens_free:
+        return _solution(state, None, np.zeros(len(problem.lenses), bool))
+    evidence = _evidence(state, settings, run)
+    if evidence is not None:
+        state, evidence = _held(state, evidence, evidence.prior_weights, settings, run)
+    if evidence is not None:  # elsewhere more may be open
+        weights = _lens_weights(state) + evidence.holding_weights
+        state, evidence = _held(state, evidence, weights, settings, run)
+    state, refused = _within_limits(state, settings, run)
+    evidence = evidence if evidence is None or not refused.any() else _evidence(state, settings, run)
+    doubtful = _doubtful(state, evidence, settings)
+    if doubtful.any():
+        state = _converged(_at_prior(state, settings, doubtful), settings, run)
+        evidence = _evidence(state, settings, run)
+    covariances = None if evidence is None else _lens_covariances(state, evidence, settings)
+    return _solution(state, covariances, refused | doubtful.any(axis=1))
+
+
+def _solution(state: _State, lens_covariances: Matrices | None, refused: Mask) -> Solution:
+    problem = state.problem
+    return Solution(
+        problem.poses, problem.lenses, state.residuals_px, state.normal, state.steps, lens_covariances, refused
+    )
+
+
+def _evidence(state: _State, settings: AdjustmentSettings, run: Run) -> LensEvidence | None:
+    """Evidence of the lenses, doubted at least as the residuals tell: the more, the larger they are."""
+    batches = zip(parts(state.problem), state.discounts, strict=True)
+    slopes = (_slopes(part, discounts, settings.loss_px) for part, discounts in batches)
+    sigma = _lens_prior(state)[1]
+    found = lens_evidence(state.problem, state.normal, slopes, state.residuals_px / settings.loss_px, sigma, run)
+    return None if found is None else replace(found, doubt=np.maximum(found.doubt, _excess(state)))
+
+
+def _slopes(part: Problem, discounts: Array, loss_px: float) -> Slopes:
+    return Slopes(weighed(part, discounts, loss_px).slopes, slopes_by_unmodelled(part, discounts, loss_px))
+
+
+def _held(
+    state: _State, evidence: LensEvidence, weights: Matrices, settings: AdjustmentSettings, run: Run
+) -> tuple[_State, LensEvidence | None]:
+    """The state adjusted with lens priors of these inverse covariances (c, 5, 5), and its evidence, unless that moves no lens by
+    more than a tenth of its deviation."""
+    problem, (mean, sigma) = state.problem, _lens_prior(state)
+    pull = (weights - _lens_weights(state)) @ (mean - problem.lenses)[:, :, None]
+    moved = np.linalg.solve(evidence.of_matches + weights, pull)
+    if (moved.transpose(0, 2, 1) @ np.linalg.solve(evidence.covariance(weights, sigma), moved) < LITTLE_MOVED**2).all():
+        return state, evidence
+    firmer = replace(problem, lens_weights=weights)
+    firmer_state = replace(_evaluate(firmer, settings, state.discounts, state.normal.layout), steps=state.steps)
+    found = _converged(firmer_state, settings, run)
+    return found, _evidence(found, settings, run)
+
+
+def _within_limits(state: _State, settings: AdjustmentSettings, run: Run) -> tuple[_State, Mask]:
+    """The state without lenses that matches pull to the limits of what a lens can be, and which those were, (c,).
+
+    No such lens is believed: the terms that flat ground leaves open then stay at the prior, and the distortion as well if it
+    still leaves the limits.
+    """
+    refused = np.zeros(len(state.problem.lenses), bool)
+    for terms in (OPEN_ON_FLAT_GROUND, np.ones(LENS_TERMS, bool)):
+        beyond = state.stopped_lenses
+        if not beyond.any():
+            break
+        refused |= beyond
+        state = _converged(_at_prior(state, settings, beyond[:, None] & terms), settings, run)
+    return state, refused
+
+
+def _doubtful(state: _State, evidence: LensEvidence | None, settings: AdjustmentSettings) -> Mask:
+    """Terms (c, 5) far from the prior though less well known than by it: what pulls there is no lens."""
+    mean, sigma = _lens_prior(state)
+    if evidence is None:
+        return np.zeros(mean.shape, bool)
+    deviation = np.sqrt(np.diagonal(_lens_covariances(state, evidence, settings), axis1=1, axis2=2))
+    far = abs(state.problem.lenses - mean) > FAR * sigma
+    return np.asarray(OPEN_ON_FLAT_GROUND & far & (deviation > sigma))
+
+
+def _at_prior(state: _State, settings: AdjustmentSettings, terms: Mask) -> _State:
+    """The state with these terms (c, 5) of the lenses at their prior and held there.
+
+    What matches determine on flat ground is tilt over focal length, so tilts change with it.
+    """
+    problem, (mean, sigma) = state.problem, _lens_prior(state)
+    lenses = believable(np.where(terms, mean, problem.lenses))
+    weights = _lens_weights(state) + np.eye(LENS_TERMS) * np.where(terms, HELD / sigma**2, 0.0)[:, None]
+    poses = problem.poses.copy()
+    poses[problem.free, 4:] *= np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera[problem.free], None]
+    problem = replace(problem, poses=poses, lenses=lenses, lens_weights=weights)
+    return replace(_evaluate(problem, settings, state.discounts, state.normal.layout), steps=state.steps)
+
+
+def _lens_covariances(state: _State, evidence: LensEvidence, settings: AdjustmentSettings) -> Matrices:
+    """Covariances (c, 5, 5) of the lenses' terms: from what the matches and the prior leave open."""
+    spread = _lens_prior(state)[1].copy()
+    spread[:, 0] = focal_spread(spread[:, 0], settings.focal_prior_log_sigma)
+    return evidence.covariance(_lens_weights(state), spread)
+
+
+def _lens_prior(state: _State) -> Array:
+    assert state.problem.lens_prior is not None, "the first state fills it in"
+    return state.problem.lens_prior
+
+
+def _lens_weights(state: _State) -> Matrices:
+    assert state.problem.lens_weights is not None, "the first state fills them in"
+    return state.problem.lens_weights
+
+
+LITTLE_MOVED = 0.1  # standard deviations of a lens; half or twice as much gives the same map
+OPEN_ON_FLAT_GROUND = np.array([True, False, False, True, True])  # of a lens' terms: focal length and principal point
+FAR = 2.0  # standard deviations of the prior
 
 
 def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
@@ -72,13 +198,13 @@ def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
     stall. So the poses then continue alone.
     """
     state = _descended(state, settings, run)
-    if not state.stopped_lens:
+    if not state.stopped_lenses.any():
         return state
     problem = replace(state.problem, lens_free=False)
     held = _evaluate(problem, settings, state.discounts, layout_of(problem))
     held = _descended(replace(held, steps=state.steps), settings, run)
     found = _evaluate(replace(held.problem, lens_free=True), settings, state.discounts, state.normal.layout)
-    return replace(found, steps=held.steps)
+    return replace(found, steps=held.steps, stopped_lenses=state.stopped_lenses)
 
 
 def _descended(state: _State, settings: AdjustmentSettings, run: Run) -> _State:
@@ -104,6 +230,9 @@ def _first_state(problem: Problem, settings: AdjustmentSettings) -> _State:
     if problem.lens_prior is None:
         mean, sigma = (np.tile(row, (len(problem.lenses), 1)) for row in any_lens(settings))
         problem = replace(problem, lens_prior=np.stack([mean, sigma]))
+    if problem.lens_weights is None:
+        assert problem.lens_prior is not None, "just filled in"
+        problem = replace(problem, lens_weights=np.eye(LENS_TERMS) / problem.lens_prior[1][:, None] ** 2)
     return _evaluate(problem, settings, [discounts_of(part) for part in parts(problem)], layout_of(problem))
 
 
@@ -111,13 +240,6 @@ def _excess(state: _State) -> float:
     """Median squared residual relative to that of one-pixel noise."""
     size2 = state.residuals_px[np.isfinite(state.residuals_px)] ** 2
     return min(float(np.median(size2)) / EXPECTED_SIZE2, MOST_EXCESS) if len(size2) else 1.0
-
-
-def _with_firmer_lens_prior(state: _State, settings: AdjustmentSettings, excess: float) -> _State:
-    assert state.problem.lens_prior is not None, "the first state fills it in"
-    mean, sigma = state.problem.lens_prior
-    firmer = replace(state.problem, lens_prior=np.stack([mean, sigma / math.sqrt(excess)]))
-    return replace(_evaluate(firmer, settings, state.discounts, state.normal.layout), steps=state.steps)
 
 
 EXPECTED_SIZE2 = 2 * math.log(2)  # median squared norm of a residual with one pixel deviation per component
@@ -133,23 +255,24 @@ class _State:
     gradient: Matrix  # (v, BLOCK), by vertex
     residuals_px: PairValues
     steps: int = 0  # number of steps so far
-    stopped_lens: bool = False  # whether the last step, or those rejected since, left the lens limits
+    # (c,) whether the last step, or those rejected since, left the limits of a lens
+    stopped_lenses: Mask = field(default_factory=lambda: np.zeros(1, bool))
 
 
 def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: Run) -> tuple[_State, float]:
     """The state after one accepted step, or unchanged if no step lowers the cost, and the next damping."""
-    stopped = False
+    stopped = np.zeros(len(state.problem.lenses), bool)
     for _ in range(6):
         step = solve(state.normal, state.gradient, damping, run)
         if step is not None:
             problem = _stepped(state.problem, state.normal.layout, step)
             lenses = _lenses_after(state.problem, state.normal.layout, step)
-            stopped |= not np.array_equal(problem.lenses, lenses)
+            stopped |= (problem.lenses != lenses).any(axis=1)
             candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
             if candidate.cost < state.cost:
-                return replace(candidate, steps=state.steps + 1, stopped_lens=stopped), max(damping / 5, 1e-9)
+                return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
         damping *= 8
-    return replace(state, stopped_lens=stopped), damping
+    return replace(state, stopped_lenses=stopped), damping
 
 
 def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
@@ -180,22 +303,42 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Arra
 
 def _add_priors(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
     """Add the priors to normal matrix and gradient: nearly level flight, an ordinary lens. Returns their cost."""
-    frames, lenses = normal.layout.frames[problem.free], normal.layout.lenses
-    tilt = problem.poses[problem.free, 4:] / settings.tilt_prior_sigma
+    cost = _add_tilt_prior(problem, settings, normal, gradient)
+    return cost + _add_lens_prior(problem, normal, gradient) if problem.lens_free else cost
+
+
+def _add_tilt_prior(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
+    """The prior of nearly level flight.
+
+    Near-nadir views of flat ground determine each tilt over the focal length, hardly either. A prior of the tilts alone would,
+    with the number of frames, pull the focal length down ever more strongly; so their deviation follows the focal length.
+    """
+    layout, camera = normal.layout, problem.camera[problem.free]
+    frames, lenses = layout.frames[problem.free], layout.lenses[camera]
+    sigma = settings.tilt_prior_sigma * np.exp(problem.lenses[camera, 0]) / settings.focal_prior
+    tilt = problem.poses[problem.free, 4:] / sigma[:, None]
     # Cauchy again: a truly oblique frame must be possible.
     tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
-    tilt_weight = 1 / (1 + tilt_size2[:, None])
-    normal.blocks[frames[:, None], TILT, TILT] += tilt_weight / settings.tilt_prior_sigma**2
-    gradient[frames[:, None], TILT] += tilt_weight * tilt / settings.tilt_prior_sigma
-    cost = TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum()
+    weight = 1 / (1 + tilt_size2)
+    normal.blocks[frames[:, None], TILT, TILT] += (weight / sigma**2)[:, None]
+    gradient[frames[:, None], TILT] += weight[:, None] * tilt / sigma[:, None]
     if problem.lens_free:
-        assert problem.lens_prior is not None, "the first state fills it in"
-        mean, sigma = problem.lens_prior
-        lens, terms = (problem.lenses - mean) / sigma, np.arange(LENS_TERMS)
-        normal.blocks[lenses[:, None], terms, terms] += 1 / sigma**2
-        gradient[lenses[:, None], terms] += lens / sigma
-        cost += (lens**2).sum()
-    return float(cost)
+        along = weight * (tilt**2).sum(axis=1)
+        of_lenses = np.bincount(camera, along, len(problem.lenses))
+        normal.blocks[layout.lenses, 0, 0] += of_lenses
+        gradient[layout.lenses, 0] -= of_lenses
+        normal.blocks[layout.edges_between(frames, lenses)[:, None], TILT, 0] -= weight[:, None] * tilt / sigma[:, None]
+    return float(TILT_PRIOR_REACH**2 * np.log1p(tilt_size2).sum())
+
+
+def _add_lens_prior(problem: Problem, normal: Normal, gradient: Matrix) -> float:
+    assert problem.lens_prior is not None, "the first state fills it in"
+    assert problem.lens_weights is not None, "the first state fills them in"
+    lenses, terms, off = normal.layout.lenses, np.arange(LENS_TERMS), problem.lenses - problem.lens_prior[0]
+    slope = (problem.lens_weights @ off[:, :, None])[:, :, 0]
+    normal.blocks[lenses[:, None, None], terms[:, None], terms] += problem.lens_weights
+    gradient[lenses[:, None], terms] += slope
+    return float((off * slope).sum())
 
 
 TILT = np.array([4, 5])  # places of pitch and roll in a pose

@@ -48,6 +48,11 @@ class EquationLayout:
     def unknowns(self) -> int:
         return int(POSE * (self.frames >= 0).sum() + LENS_TERMS * (self.lenses >= 0).sum())
 
+    def edges_between(self, first: Indices, second: Indices) -> Indices:
+        """Where the blocks of these pairs of vertices (k,) are in a `Normal`; each pair must be an edge, in its order."""
+        keys = self.edges @ np.array([self.vertices, 1])
+        return self.vertices + np.searchsorted(keys, first * self.vertices + second)
+
 
 def layout_of(problem: Problem) -> EquationLayout:
     """Layout by the places of a problem's frames and by its pairs."""

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gcs_mosaic.stitch.arrays import Array, IndexPairsNx2, Indices, LensesNx5, Mask, PairPoints, PosesNx6, Vector
+from gcs_mosaic.stitch.arrays import (
+    Array,
+    IndexPairsNx2,
+    Indices,
+    LensesNx5,
+    Mask,
+    Matrices,
+    PairPoints,
+    PosesNx6,
+    Vector,
+)
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 
 POSE = 6  # unknowns per frame
@@ -32,3 +42,5 @@ class Problem:
     lens_free: bool = True
     # (2, c, 5): prior mean and standard deviation of the lenses; None: those of any lens
     lens_prior: Array | None = None
+    # (c, 5, 5): inverse covariances that the prior is held with; None: by its deviations
+    lens_weights: Matrices | None = None

@@ -19,6 +19,7 @@ from gcs_mosaic.stitch.arrays import (
     Mask,
     Matrices,
     Matrix,
+    PairPoints,
     PairValues,
     PointsNx2,
     PosesNx6,
@@ -73,6 +74,43 @@ def weighed(problem: Problem, discounts: Array, loss_px: float) -> Weighed:
     return Weighed(float(cost), blocks, slopes, size)
 
 
+def slopes_by_unmodelled(problem: Problem, discounts: Array, loss_px: float) -> Array:
+    """What lens effects that the model leaves out add to the slopes of p pairs' cost, (p, COLUMNS, UNMODELLED).
+
+    One standard deviation of each, in all frames: two tangential terms (Brown 1971), another scale along x than along y, and a
+    shear; a rolling shutter over which the camera moves along or across its lines makes the last two.
+    """
+    residual, jacobian, valid = _residuals(problem, discounts)
+    weight = np.where(valid, 1 / (1 + (residual**2).sum(axis=2) / loss_px**2), 0.0)
+    p, k = problem.present.shape
+    effects = np.zeros((p, k, 2, 2, len(UNMODELLED)))
+    for way, (source, target) in enumerate(((0, 1), (1, 0))):
+        passage = _passage(problem, source, target)
+        frames = problem.pairs[:, (source, target)].repeat(k, axis=0)
+        sides = (problem.pixels_a, problem.pixels_b)
+        seen, there = (_unmodelled(problem, frames[:, n], sides[side]) for n, side in enumerate((source, target)))
+        unit = problem.unit_px[problem.camera[frames[:, 1]]][:, None, None]
+        by_effect = there * unit - product(passage.by_place, product(passage.down_by_pixel, seen))
+        effects[:, :, way] = whitened(discounts[way], by_effect).reshape(p, k, 2, -1)
+    weighted = effects.reshape(p, 2 * k, 2, -1) * weight[:, :, None, None]
+    weighted[~valid] = 0  # NaN or infinity where nothing is visible
+    rows, columns = (values.reshape(p, 4 * k, -1) for values in (weighted, jacobian))
+    return np.asarray(columns.transpose(0, 2, 1) @ rows)
+
+
+def _unmodelled(problem: Problem, frames: Indices, pixels: PairPoints) -> Matrices:
+    """Shifts (m, 2, UNMODELLED) of pixels (p, k, 2) of these frames (m,), half-diagonals."""
+    x, y = pixels.reshape(-1, 2).T
+    r2 = x**2 + y**2
+    shifts = np.array([[2 * x * y, r2 + 2 * x**2, x / 2, y / 2], [r2 + 2 * y**2, 2 * x * y, -y / 2, x / 2]])
+    return np.asarray((shifts * UNMODELLED[:, None]).transpose(2, 0, 1))
+
+
+# Standard deviations: tangential terms of a lens that was mounted a little off its axis, at the corner, half-diagonals; and what
+# a rolling shutter of 30 ms makes of 7 m/s over a footprint of 100 m.
+UNMODELLED = np.array([5e-4, 5e-4, 2e-3, 2e-3])
+
+
 def discounts_of(problem: Problem) -> Array:
     """What whitens all match residuals in either direction, (2, m, 2), from the parallax at the present poses.
 
@@ -106,6 +144,8 @@ class _Passage:
 
     residual: PointsNx2  # (m, 2)
     by_height: PointsNx2  # (m, 2), by height of the ground above the plane, per canvas unit
+    by_place: Matrices  # (m, 2, 2), by place on the plane,
+    down_by_pixel: Matrices  # (m, 2, 2), and of that place by the pixel of the first side
     derivatives: list[tuple[slice, Matrices]]  # (m, 2, ...) by pose and lens of either side, with their columns
     valid: Mask
 
@@ -121,6 +161,8 @@ def _passage(problem: Problem, source: int, target: int) -> _Passage:
     return _Passage(
         residual=(up.points - pixels[target]) * unit,
         by_height=product(by_place, down.by_height[:, :, None])[:, :, 0] + up.by_height * unit,
+        by_place=by_place,
+        down_by_pixel=down.by_point,
         derivatives=[
             (poses[source], product(by_place, down.by_pose)),
             (lenses[source], product(by_place, down.by_lens)),

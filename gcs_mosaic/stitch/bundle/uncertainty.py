@@ -2,7 +2,8 @@
 
 They are relative to the island's first frame, its root: position, heading and scale of the root's image are fixed (a choice of
 gauge, which the matches do not determine; see Triggs et al., "Bundle Adjustment - A Modern Synthesis", 2000, section 9). They
-propagate match noise. Errors outside the model, relief above all, enter only as far as they show in the residuals.
+propagate match noise. Errors outside the model, relief above all, enter only as far as they show in the residuals; those of
+lenses are stated with what such errors have in common, see `self_calibration`.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ WAYS = 2  # a match enters the normal matrix in both directions, a to b and b to
 class IslandCertainty:
     """Uncertainty of n adjusted frames: `deviations_px` (n,), standard deviation of each frame's least certain corner in pixels
     of the frame, infinite where the matches do not determine the frame, and everywhere if the normal matrix is singular;
-    `lens_information` (c, 5, 5), inverse covariance of each camera's lens terms, None in that case."""
+    `lens_information` (c, 5, 5), inverse covariance of each camera's lens terms, None in that case or if they were fixed."""
 
     deviations_px: Vector
     lens_information: Matrices | None = None
@@ -58,8 +59,8 @@ def island_certainty(
     of_pose_and_lens = _joint(found, layout.frames, lenses, terms)
     of_pose_and_lens[root] = dependence @ of_pose_and_lens[root] @ dependence.T
     deviations_px = math.sqrt(factor) * worst_corner(shifts, of_pose_and_lens) * problem.half_diagonal[problem.camera]
-    of_lenses = factor * found.own[layout.lenses, :terms, :terms]
-    return IslandCertainty(deviations_px, np.asarray(np.linalg.pinv(of_lenses, hermitian=True), dtype=np.float64))
+    of_lenses = solution.lens_covariances
+    return IslandCertainty(deviations_px, None if of_lenses is None else np.asarray(np.linalg.inv(of_lenses)))
 
 
 def resected_deviation(problem: Problem, solution: Solution, cameras: Sequence[Camera], factor: float) -> float:

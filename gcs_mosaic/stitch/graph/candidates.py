@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -19,6 +19,7 @@ from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.agreement import PixelPair
 from gcs_mosaic.stitch.registration.registration import (
+    NO_PIXELS,
     MatchPart,
     NotRegistered,
     Proposal,
@@ -119,21 +120,26 @@ class Search:
         found = self._pool.map(lambda other: self._registered_in_place(frame, view, again, other), others)
         return {other: self._told(frame, other, one) for other, one in zip(others, found, strict=True)}
 
-    def pixels_bear_out(self, frame: int, pose: Pose, island: int, others: Sequence[int]) -> float:
-        """Evidence, in decades, of the pictures of a frame at this pose and of the one of these that it overlaps most: two
-        places that look alike in part differ in the rest. 0 where they do not agree."""
+    def pixels_bear_out(self, frame: int, pose: Pose, island: int, links: Mapping[int, Registration | None]) -> float:
+        """Evidence, in decades, of the pictures of a frame at this pose and of those that it overlaps most, beyond what was
+        matched: two places that have something in common differ in the rest. 0 where they do not agree."""
         graph = self._graph
         view = pose, graph.camera_on(island, graph.frames[frame].camera)
-        views = {other: (graph.pose_of(other), graph.camera_of(other)) for other in others}
-        shared = {other: neighbours.overlap(*view, *views[other]) for other in others}
-        most = sorted(others, key=lambda other: (-shared[other], other))[:LOOKED_AT]
-        return max((self._agreement(frame, view, other, views[other]) for other in most), default=0.0)
+        views = {other: (graph.pose_of(other), graph.camera_of(other)) for other in links}
+        shared = {other: neighbours.overlap(*view, *views[other]) for other in links}
+        most = sorted(links, key=lambda other: (-shared[other], other))[:LOOKED_AT]
+        found = [self._agreement(frame, view, other, views[other], links[other]) for other in most]
+        return min(found, default=0.0)
 
-    def _agreement(self, frame: int, view_a: View, other: int, view_b: View) -> float:
+    def _agreement(self, frame: int, view_a: View, other: int, view_b: View, link: Registration | None) -> float:
         pair = PixelPair(self._features_of(frame), self._features_of(other))
         expected = homography_between(view_a, view_b) if pair.known else None
         found = None if expected is None else pair.agreement(expected)
-        return 0.0 if found is None else max(found.evidence, 0.0)
+        if found is None:
+            return 0.0
+        return max(
+            min(found.evidence, pair.evidence_beyond(found, NO_PIXELS if link is None else link.agreeing_a)), 0.0
+        )
 
     @property
     def thorough(self) -> Search:

@@ -34,6 +34,9 @@ class Placement:
     # For a frame placed by a free homography (`--method paper`); `pose` is then only the nearest level pose.
     homography: Homography | None = None
     aircraft: int | None = None  # that carried the camera, where several are told apart
+    focal_log_deviation: float | None = (
+        None  # standard deviation of the log of its focal length; None while not estimated
+    )
 
     @property
     def canvas_from_frame(self) -> Matrix3x3:
@@ -90,4 +93,5 @@ def placement_of(graph: ViewGraph, frame: int) -> Placement:
         hops=state.hops,
         corner_deviation_px=state.corner_deviation_px,
         aircraft=graph.aircraft_of[state.camera],
+        focal_log_deviation=graph.lenses[graph.island_of(frame), state.camera].focal_log_deviation,
     )

@@ -101,10 +101,17 @@ class Bridge:
 @dataclass(frozen=True, slots=True)
 class Lens:
     """What an island's frames have shown of a camera: `information` (5, 5), the inverse covariance of its terms as in
-    `projection.lens_row`; None while not estimated."""
+    `projection.lens_row`; None while not estimated. `refused`: the matches pulled it to where no lens is believed, and some of
+    its terms are those of an ordinary one."""
 
     camera: Camera
     information: SquareMatrix | None = None
+    refused: bool = False
+
+    @property
+    def focal_log_deviation(self) -> float | None:
+        """Standard deviation of the log of the focal length: nearly a share of it. None while not estimated."""
+        return None if self.information is None else math.sqrt(np.linalg.inv(self.information)[0, 0])
 
 
 class ViewGraph(Kept):

@@ -145,7 +145,7 @@ class Bridges:
             around = confirmed_around(graph, witness, pose, stays, list(links), pixels)
             odds.append(log_odds(around, graph.true_share) if around.cells >= TELLING_CELLS else 0.0)
             if odds[-1] < 0:
-                odds[-1] += self._search.pixels_bear_out(witness, pose, stays, list(links))
+                odds[-1] += self._search.pixels_bear_out(witness, pose, stays, links)
             if odds[-1] < 0:
                 break  # refuted, whatever others see
             here = {bridge.frame_a for bridge in known if bridge.frame_b == witness}

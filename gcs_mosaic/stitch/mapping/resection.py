@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,17 +81,17 @@ class Placing:
         found = self._believable_pose(frame, [found], island)
         if isinstance(found, Disbelief):
             return found
-        return self._borne_out(frame, found, island, list(links), list(matched.values()))
+        return self._borne_out(frame, found, island, links)
 
     def _borne_out(
-        self, frame: int, pose: Pose, island: int, others: list[int], matched: list[Registration]
+        self, frame: int, pose: Pose, island: int, links: Mapping[int, Registration | None]
     ) -> Pose | Disbelief:
         """The pose, if the frame confirms what the other frames see around it, by keypoints or by pixels."""
-        graph = self._graph
-        found = confirmed_around(graph, frame, pose, island, others, [link.agreeing_a for link in matched])
+        graph, matched = self._graph, [link.agreeing_a for link in links.values() if link is not None]
+        found = confirmed_around(graph, frame, pose, island, list(links), matched)
         odds = log_odds(found, graph.true_share)
         if odds < self._plausibility.least_log_odds:
-            odds += self._search.pixels_bear_out(frame, pose, island, others)
+            odds += self._search.pixels_bear_out(frame, pose, island, links)
         if odds < self._plausibility.least_log_odds:
             return Disbelief(f"only {found.share:.0%} of what it should show was found in it")
         graph.note_believed(found.cells, found.share)

@@ -20,12 +20,10 @@ from scipy.special import log_ndtr
 
 from gcs_mosaic.stitch.arrays import FloatImage, Matrix3x3, PointsNx2, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.features.fixed_pattern import same_texture
 from gcs_mosaic.stitch.features.texture import coarse, full_from_picture
 
-REACH = (
-    32  # px of the coarse texture, an eighth of its width: shifts that are compared, and by which a proposal may be off
-)
+REACH = 64  # px of the coarse texture, a quarter of its width: shifts compared, so that what repeats itself is found
+DRAWN = 32  # px of it by which a proposal may be off
 NEAR = 8  # px around a peak that belong to it
 LEAST_OVERLAP = 1500  # px, a thirtieth of a coarse texture: less shows too little to tell
 COMPARABLE = 0.5  # of the overlap: shifts that leave less are not compared
@@ -39,6 +37,7 @@ PROMISING = 3.0  # standard deviations of a peak below which no refinement is tr
 MOST = 12.0  # decades; more is not to be told from a tail that is only known to three
 # px of the coarse texture around a match that look alike because it matches: what the frames show besides is beyond.
 AROUND_A_MATCH = 6.0
+FINEST = 2.0  # px of the texture, sigma: what keypoints of the usual size are made of
 # What stands still in the picture - a sensor's pattern, a burnt-in display - agrees at zero motion whatever the ground does.
 # px of the coarse texture, of the corner that moves most; and the correlation of a hover: 0.6 and less between frames of
 # different cold fields that share a pattern, 0.97 when hovering over them.
@@ -99,7 +98,7 @@ class PixelPair:
         found = None if refined is None else self._peak(refined)
         if refined is None or found is None or np.abs(found.shift).max() > 1:
             return None
-        if self._is_still(refined) and not self._hovers(found.correlation):
+        if found.correlation < SAME_GROUND and self._is_still(refined):
             return None
         tries = 1 + math.pi * float(np.hypot(*first.shift)) ** 2 / LEAST_TOGETHER  # shifts as near as this one
         chance = -(log_ndtr(-(found.deviations - OPTIMISM)) / math.log(10)) - math.log10(tries)
@@ -125,16 +124,18 @@ class PixelPair:
         deviations = correlation * math.sqrt(pixels / found.together) - OPTIMISM
         return float(min(-log_ndtr(-deviations) / math.log(10), MOST)) if pixels else 0.0
 
+    def finest(self, found: Agreement) -> float:
+        """Correlation of the finest details of the textures: of what is left of them without what is wider than some px."""
+        one, other = (self._a.details, self._b.details)
+        full_a, full_b = (full_from_picture(side.width, side.height, side.details.shape) for side in (self._a, self._b))
+        b_from_a = np.linalg.inv(full_b) @ found.b_from_a @ full_a
+        laid, mask = _laid(one, np.ones_like(one), b_from_a, other.shape)
+        return _correlation(laid, other, mask)[0]
+
     def _is_still(self, b_from_a: Matrix3x3) -> bool:
         height, width = self._a.shape
         corners = np.array([[0.0, 0.0], [width, 0], [0, height], [width, height]])
         return self._a.shape == self._b.shape and bool(np.abs(_mapped(b_from_a, corners) - corners).max() < STILL)
-
-    def _hovers(self, correlation: float) -> bool:
-        """Whether zero motion is believed: of faint pictures, which share their sensor's pattern, only if they agree nearly."""
-        if correlation >= SAME_GROUND:
-            return True
-        return not (self._a.is_faint or self._b.is_faint) and self._a.shows_ground_of(self._b)
 
     def _coarse_from_full(self, b_from_a: Matrix3x3) -> Matrix3x3:
         return np.asarray(np.linalg.inv(self._b.full_from_coarse) @ b_from_a @ self._a.full_from_coarse)
@@ -145,10 +146,7 @@ class PixelPair:
 
     def _laid(self, b_from_a: Matrix3x3) -> tuple[FloatImage, FloatImage]:
         """Texture a as b sees it, and a mask of where both are seen."""
-        size = self._b.image.shape[::-1]
-        laid = cv2.warpPerspective(self._a.image, b_from_a, size, flags=cv2.INTER_LINEAR)
-        mask = cv2.warpPerspective(self._a.mask, b_from_a, size, flags=cv2.INTER_LINEAR)
-        return np.asarray(laid, np.float32), (mask > 0.99).astype(np.float32)
+        return _laid(self._a.image, self._a.mask, b_from_a, self._b.image.shape)
 
     def _peak(self, b_from_a: Matrix3x3) -> _Peak | None:
         """The best shift of one texture over the other, beside all others."""
@@ -163,9 +161,10 @@ class PixelPair:
         correlations = products / math.sqrt(max(energy, 1e-12))
         scores = correlations * np.sqrt(common)
         comparable = common >= COMPARABLE * pixels
-        best = np.unravel_index(np.where(comparable, scores, -np.inf).argmax(), scores.shape)
-        shift = np.array([best[1] - REACH, best[0] - REACH], np.float64)
         rows, columns = np.ogrid[: scores.shape[0], : scores.shape[1]]
+        near = comparable & (np.maximum(abs(rows - REACH), abs(columns - REACH)) <= DRAWN)
+        best = np.unravel_index(np.where(near, scores, -np.inf).argmax(), scores.shape)
+        shift = np.array([best[1] - REACH, best[0] - REACH], np.float64)
         apart = comparable & ((rows - best[0]) ** 2 + (columns - best[1]) ** 2 >= NEAR**2)
         if apart.sum() < NEAR**2:
             return None
@@ -214,12 +213,7 @@ class _Side:
     def __init__(self, frame: Features) -> None:
         self._frame = frame
         self.known = frame.kept_texture is not None
-        self.is_faint = frame.kept_faint is not None
-
-    def shows_ground_of(self, other: _Side) -> bool:
-        """Whether both show the same ground at the same place of the picture."""
-        one, another = self._frame.texture, other._frame.texture
-        return one is not None and another is not None and one.shape == another.shape and same_texture(one, another)
+        self.width, self.height = frame.width, frame.height
 
     @cached_property
     def image(self) -> FloatImage:
@@ -227,6 +221,14 @@ class _Side:
         assert fine is not None, "ask whether it is known"
         image = coarse(fine)
         return image - float((image * self.mask).sum() / max(float(self.mask.sum()), 1.0))
+
+    @cached_property
+    def details(self) -> FloatImage:
+        """The texture without what is wider than `FINEST`."""
+        fine = self._frame.texture
+        assert fine is not None, "ask whether it is known"
+        levels = fine.astype(np.float32)
+        return np.asarray(levels - cv2.GaussianBlur(levels, (0, 0), FINEST), np.float32)
 
     @cached_property
     def shape(self) -> tuple[int, int]:
@@ -274,6 +276,15 @@ class _Side:
 
 def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
     return np.asarray(cv2.perspectiveTransform(points[None], homography)[0]) if len(points) else points
+
+
+def _laid(
+    image: FloatImage, mask: FloatImage, target_from_image: Matrix3x3, shape: tuple[int, ...]
+) -> tuple[FloatImage, FloatImage]:
+    """An image, and where it has pixels, on a target of this shape (h, w)."""
+    laid = cv2.warpPerspective(image, target_from_image, shape[::-1], flags=cv2.INTER_LINEAR)
+    seen = cv2.warpPerspective(mask, target_from_image, shape[::-1], flags=cv2.INTER_LINEAR)
+    return np.asarray(laid, np.float32), (seen > 0.99).astype(np.float32)
 
 
 def _spectrum(image: FloatImage, padded: tuple[int, int]) -> FloatImage:

@@ -39,6 +39,12 @@ HYPOTHESES = 3  # homographies tried: a look-alike elsewhere, or burnt-in text, 
 UNLIKELY = 1  # homographies tried of matches whose agreement may be chance
 SIMILARITIES = 3  # tried; of few and rough matches two determine one, where four wrong ones make a homography
 SIMILARITY_PX = 2.0  # tolerance of its inliers, in those of a homography: relief, tilt and lens are in it
+# Correlation of the finest details above which keypoints, which are made of them, would match again: over woods and cold fields,
+# where few do, it is 0.12 and less; blocks of one make and their neighbours, whose keypoints differ, have 0.18 to 0.40.
+MOST_FINEST = 0.16
+ALIKE = 0.7  # the same of coarse textures: woods that agree so well have 60 independent inliers and more
+DETAILED = 1000  # features of a picture with details everywhere
+BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
@@ -185,7 +191,7 @@ def register(
     found, proposals = _by_keypoints(pair, pictures, a, b, settings)
     if isinstance(found, Registration) or not pictures.known:
         return found
-    borne_out_by_pixels = _looked_at(found.contradicted, pictures, a, b, settings)
+    borne_out_by_pixels = _looked_at(found.contradicted, pair, pictures, a, b, settings)
     if borne_out_by_pixels is not None:
         return borne_out_by_pixels
     proposals += [*similarities(pair, settings), *expected]
@@ -197,18 +203,43 @@ def register(
 
 
 def _looked_at(
-    found: Registration | None, pictures: PixelPair, a: Features, b: Features, settings: RegistrationSettings
+    found: Registration | None,
+    pair: _Pair,
+    pictures: PixelPair,
+    a: Features,
+    b: Features,
+    settings: RegistrationSettings,
 ) -> Registration | None:
     """A registration whose keypoints are no accident but confirm little of the overlap, if the pictures do."""
     seen = None if found is None else pictures.agreement(found.b_from_a)
     if found is None or seen is None or seen.evidence < settings.least_alone:
         return None
-    if not _is_same(seen.b_from_a, found.b_from_a, a, b):
+    if not _is_same(seen.b_from_a, found.b_from_a, a, b) or _should_have_matched(seen, pictures, a, b):
         return None
     beyond = pictures.evidence_beyond(seen, found.pixels_a)
     if beyond < settings.least_beyond:
         return None
-    return replace(_with_patches(found, pictures, a, b, settings, always=True), beyond=beyond)
+    return _unless_contradicted(
+        replace(_with_patches(found, pictures, a, b, settings, always=True), beyond=beyond), pair, settings
+    )
+
+
+def _unless_contradicted(found: Registration, pair: _Pair, settings: RegistrationSettings) -> Registration | None:
+    """A registration that pixels speak for, unless features that were matched before speak against it more."""
+    small_from_full_b = np.diag([1 / pair.scale_b, 1 / pair.scale_b, 1])
+    homography = small_from_full_b @ found.b_from_a @ np.diag([pair.scale_a, pair.scale_a, 1])
+    agreeing = found.agreeing_a / pair.scale_a
+    return None if _contradicted(pair, homography, agreeing, settings, found.beyond) else found
+
+
+def _should_have_matched(seen: Agreement, pictures: PixelPair, a: Features, b: Features) -> bool:
+    """Whether two pictures agree so well that keypoints, of which few do, would if they showed one place: blocks of one make
+    agree as wholes and differ in details. Not so where pictures have few details, or noise for them, or lose them by blur."""
+    if a.kept_faint is not None or b.kept_faint is not None or min(len(a), len(b)) < DETAILED:
+        return False
+    if max(a.sharpness, b.sharpness) > BLURRED * min(a.sharpness, b.sharpness):
+        return False
+    return seen.correlation > ALIKE or pictures.finest(seen) > MOST_FINEST
 
 
 def _is_same(one: Matrix3x3, other: Matrix3x3, a: Features, b: Features) -> bool:
@@ -274,11 +305,14 @@ def _by_pixels(
         if seen is None or max(proposal.evidence, 0.0) + seen.evidence < settings.least_evidence:
             continue
         found = _laid_by(seen, proposal, pair, a, b, settings)
-        if found is None:
+        if found is None or _should_have_matched(seen, pictures, a, b):
             continue
         beyond = pictures.evidence_beyond(seen, found.pixels_a[: len(found.features)])
-        if beyond >= settings.least_beyond and seen.evidence >= settings.least_alone:
-            return replace(found, beyond=beyond)
+        if beyond < settings.least_beyond or seen.evidence < settings.least_alone:
+            continue
+        kept = _unless_contradicted(replace(found, beyond=beyond), pair, settings)
+        if kept is not None:
+            return kept
     return None
 
 
@@ -351,13 +385,10 @@ def borne_out(
 ) -> Registration | NotRegistered:
     """A registration made before it was known what of the frames was matched before, contradicted or not, if the overlap bears
     it out; neither frame's descriptors are needed."""
-    if found.beyond >= settings.least_beyond:
-        return found
     pair = _pair(a, b, part_a, part_b, NO_MATCHES)
     small_from_full_b, full_from_small_a = np.diag([1 / b.scale, 1 / b.scale, 1]), np.diag([a.scale, a.scale, 1])
-    doubt = _contradicted(
-        pair, small_from_full_b @ found.b_from_a @ full_from_small_a, found.agreeing_a / a.scale, settings
-    )
+    homography = small_from_full_b @ found.b_from_a @ full_from_small_a
+    doubt = _contradicted(pair, homography, found.agreeing_a / a.scale, settings, found.beyond)
     return NotRegistered(doubt, found.independent_inliers, found.pixels_a, found.pixels_b) if doubt else found
 
 
@@ -458,12 +489,14 @@ def _impossible(homography: Matrix3x3, agreeing: PointsNx2, evidence: float, set
     return ""
 
 
-def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2, settings: RegistrationSettings) -> str:
+def _contradicted(
+    pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2, settings: RegistrationSettings, beyond: float = 0.0
+) -> str:
     """Evidence against the overlap, or "": from features matched before if they suffice, else from all. `agreeing`: points
-    (k, 2) of a that were matched."""
+    (k, 2) of a that were matched; `beyond`: what the pixels say for it."""
     overlap = _Overlap.of(pair, homography, agreeing)
     again = overlap.confirmed_again(pair)
-    odds = log_odds(again, EXPECTED_SHARE)
+    odds = log_odds(again, EXPECTED_SHARE) + min(beyond, MOST_BEYOND)
     if odds < settings.least_odds_again:
         return f"only {again.share:.0%} of what was matched before agrees"
     share = overlap.confirmed(ANY, ANY).share
@@ -473,6 +506,7 @@ def _contradicted(pair: _Pair, homography: Matrix3x3, agreeing: PointsNx2, setti
 
 
 ANY = np.True_
+MOST_BEYOND = 1.0  # decades that pixels can speak against a look-alike: whole blocks of one make do exist
 ENOUGH_CELLS = 3
 EXPECTED_SHARE = 0.8  # of the cells with features matched before, that a true overlap confirms: 0.75 to 1 in woods
 NOTHING = Confirmed(1.0, 0)
