@@ -59,9 +59,12 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     gain = _light(blue, green, red)
     planes = _at_places(sight.planes, places_in(pixels, frame.lattice, sight.planes[0].shape))
     planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
+    detail = sampled(sight.detail.astype(np.float32), places_in(pixels, frame.lattice, sight.detail.shape))
+    if frame.lattice.covered is not None:  # an overlay is sharp, and no thing on the ground
+        under = at_cells(frame.lattice.covered[where]) > 0
+        weight[under] = detail[under] = 0
     for one in planes[THINGS]:
         one[weight <= LEAST_WEIGHT] = 0  # things seen only at the very border are unreliable
-    detail = sampled(sight.detail.astype(np.float32), places_in(pixels, frame.lattice, sight.detail.shape))
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
     return Seen(covered, np.asarray(score - CUT * (covered == PARTLY), np.float32), np.stack(planes))

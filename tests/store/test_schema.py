@@ -117,6 +117,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    13: "ALTER TABLE painted DROP COLUMN overlay;",
     12: "ALTER TABLE estimates DROP COLUMN focal_log_deviation;",
     11: "ALTER TABLE frames DROP COLUMN vehicle;",
     10: "ALTER TABLE frames DROP COLUMN sharpness;",
@@ -147,7 +148,7 @@ def a_ledger_of(version: int, path: Path) -> None:
         ledger.settle_frame("a.jpg", FrameState.PLACED)
         ledger.settle_event(ledger.record_event(an_event()), EventState.MATCHED, frame="a.jpg")
         ledger.record_estimates([an_estimate(Pose(1.0, 2.0, 0.5))])
-        ledger.record_painted(replace(a_painted(), vignetting=FLAT, dead=NO_BORDER))
+        ledger.record_painted(replace(a_painted(), vignetting=FLAT, dead=NO_BORDER, still=None))
         ledger.record_notice(Notice(source="test", level="info", text="told"), 1.0)
     old = sqlite3.connect(path)
     for later in range(VERSION, version, -1):
@@ -173,7 +174,7 @@ def test_a_ledger_of_each_earlier_version_is_read_and_migrated(tmp_path: Path, v
         assert sure(ledger.flight()).name == "old"
         assert [(frame.name, frame.state, frame.had_event) for frame in ledger.frames()] == [("a.jpg", "placed", True)]
         assert ledger.estimates() == [an_estimate(Pose(1.0, 2.0, 0.5))]
-        assert ledger.painted(0) == [replace(a_painted(), vignetting=FLAT, dead=NO_BORDER)]
+        assert ledger.painted(0) == [replace(a_painted(), vignetting=FLAT, dead=NO_BORDER, still=None)]
         assert [notice.text for notice in ledger.notices()] == ["told"]
         assert ledger.rows("PRAGMA foreign_key_check") == []
         assert ledger.rows("PRAGMA user_version")[0][0] == (version if read_only else VERSION)

@@ -57,6 +57,12 @@ class StillMask:
         bits = np.unpackbits(np.frombuffer(self.bits, np.uint8), count=self.rows * self.columns)
         return bits.reshape(self.rows, self.columns).astype(bool)
 
+    def differs(self, other: StillMask) -> float:
+        """Share of the frame that only one of two covers; 1 if they are of other shapes."""
+        if (self.rows, self.columns) != (other.rows, other.columns):
+            return 1.0
+        return float((self.blocks != other.blocks).mean())
+
     def pixels(self, height: int, width: int) -> Mask:
         """Which pixels (h, w) of a picture of the whole frame are covered."""
         size = (width, height)
