@@ -51,9 +51,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def kept(artefacts: Artefacts, number: int, features: Features) -> None:
     places = replace(features, kept_descriptors=features.descriptors[:, :0])
-    artefacts.put(
-        f"frame/{number}", {"places": places, "descriptors": features.descriptors, "faint": None, "texture": None}
-    )
+    nothing = dict.fromkeys(("faint", "texture", "learned"))
+    artefacts.put(f"frame/{number}", {"places": places, "descriptors": features.descriptors} | nothing)
 
 
 def compared(artefacts: Artefacts, frames: int, near: int = FRAMES) -> None:

@@ -128,7 +128,9 @@ def test_whatever_raises_while_islands_are_adjusted_each_is_adjusted_or_as_it_wa
         (event, at), *_ = chosen(step.adjusting, 1, rng, but="Mosaic.adjust")
         with pytest.raises(Fault), raising(event, at):
             mosaic.adjust()
-        if step.islands == 1:
+        # A result that was taken in stays when what begins the next adjustment raises: that is a state between the two.
+        taken_in = ("stitch/bundle/schedule.py:Upkeep._take_in", "return") in step.adjusting
+        if step.islands == 1 and not taken_in:
             assert digest(mosaic) in (step.placed, step.adjusted), f"{name}: {event}, {at}"
         mosaic.adjust()
         assert digest(mosaic) == step.adjusted, f"{name}: {event}, {at}"

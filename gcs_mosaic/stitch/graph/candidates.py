@@ -137,9 +137,9 @@ class Search:
         found = None if expected is None else pair.agreement(expected)
         if found is None:
             return 0.0
-        return max(
-            min(found.evidence, pair.evidence_beyond(found, NO_PIXELS if link is None else link.agreeing_a)), 0.0
-        )
+        beyond = pair.evidence_beyond(found, NO_PIXELS if link is None else link.agreeing_a)
+        evidence = min(found.evidence, beyond)
+        return evidence if evidence >= self._registration.least_beyond else 0.0
 
     @property
     def thorough(self) -> Search:

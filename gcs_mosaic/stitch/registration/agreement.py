@@ -37,6 +37,8 @@ PROMISING = 3.0  # standard deviations of a peak below which no refinement is tr
 MOST = 12.0  # decades; more is not to be told from a tail that is only known to three
 # px of the coarse texture around a match that look alike because it matches: what the frames show besides is beyond.
 AROUND_A_MATCH = 6.0
+# What lies between matches of one object belongs to it, up to so many px: a car park's row, not a field between two trees.
+BETWEEN_MATCHES = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (25, 25))
 FINEST = 2.0  # px of the texture, sigma: what keypoints of the usual size are made of
 # What stands still in the picture - a sensor's pattern, a burnt-in display - agrees at zero motion whatever the ground does.
 # px of the coarse texture, of the corner that moves most; and the correlation of a hover: 0.6 and less between frames of
@@ -118,8 +120,10 @@ class PixelPair:
         laid, mask = self._laid(self._coarse_from_full(found.b_from_a))
         mask = mask * self._b.mask
         around = _mapped(np.linalg.inv(self._b.full_from_coarse) @ found.b_from_a, matched)
+        matching = np.zeros(mask.shape, np.uint8)
         for x, y in around[np.isfinite(around).all(axis=1)].clip(-1e4, 1e4).round().astype(int).tolist():
-            cv2.circle(mask, (x, y), round(AROUND_A_MATCH), 0.0, cv2.FILLED)
+            cv2.circle(matching, (x, y), round(AROUND_A_MATCH), 1, cv2.FILLED)
+        mask[cv2.morphologyEx(matching, cv2.MORPH_CLOSE, BETWEEN_MATCHES) > 0] = 0.0
         correlation, pixels = _correlation(laid, self._b.image, mask)
         deviations = correlation * math.sqrt(pixels / found.together) - OPTIMISM
         return float(min(-log_ndtr(-deviations) / math.log(10), MOST)) if pixels else 0.0

@@ -222,6 +222,14 @@ def test_without_a_file_nothing_is_tried_and_features_are_the_same(monkeypatch: 
     assert choices.config_of(options.parse([])) == Config()
     assert Config().stitch.features.model is None
     picture = np.random.default_rng(1).integers(0, 256, (240, 320), dtype=np.uint8)
-    plain, beside = (extract(picture, FeatureSettings(model=model)) for model in (None, "model.onnx"))
+    assert extract(picture, FeatureSettings()).learned is None
+
+
+def test_a_model_adds_features_and_changes_none(tmp_path: Path) -> None:
+    model = str(toy(tmp_path / "toy.onnx"))
+    picture = np.random.default_rng(1).integers(0, 256, (240, 320), dtype=np.uint8)
+    plain, beside = (extract(picture, FeatureSettings(model=one)) for one in (None, model))
     assert np.array_equal(plain.points, beside.points)
     assert np.array_equal(plain.descriptors, beside.descriptors)
+    assert beside.learned is not None
+    assert len(beside.learned) <= FeatureSettings().count
