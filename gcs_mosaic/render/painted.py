@@ -16,7 +16,7 @@ from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightn
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
-from gcs_mosaic.stitch.features.still import StillMask
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.transaction import Kept
 
 TileKey = tuple[int, Tile]  # island, tile

@@ -22,8 +22,8 @@ from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import reduced_view
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, without_border
-from gcs_mosaic.stitch.features.still import StillMask
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept
 

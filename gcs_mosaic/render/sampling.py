@@ -61,8 +61,10 @@ def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> CellFlags:
 
 def hindrance(lattice: FrameLattice, where: tuple[slice, slice], covered: CellFlags) -> Lattice:
     """Penalty on the frame's score in the cells (h, w) between these lattice points; `covered`: how far they lie `inside`."""
-    cut = np.float32(CUT) * (covered == PARTLY)
-    return cut if lattice.covered is None else cut + np.float32(UNDER_OVERLAY) * (at_cells(lattice.covered[where]) > 0)
+    cut = np.asarray(np.float32(CUT) * (covered == PARTLY), np.float32)
+    if lattice.covered is None:
+        return cut
+    return np.asarray(cut + np.float32(UNDER_OVERLAY) * (at_cells(lattice.covered[where]) > 0), np.float32)
 
 
 def _least(points: Lattice) -> Lattice:

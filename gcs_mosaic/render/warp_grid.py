@@ -36,7 +36,7 @@ from gcs_mosaic.stitch.camera.geometry import (
     pixels_from_canvas,
 )
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, as_seen, on_plane
-from gcs_mosaic.stitch.features.still import StillMask
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 
 LATTICE_STEP = 16  # tile px
 LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; neighbours share those on their edge

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from painting_parts import SMALL, painted, picture
-from test_repaint_queue import placed, repainted
 
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
@@ -15,7 +14,9 @@ from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.repaint_queue import OVERLAY_DIFFERS, Painter, PaintSettings
 from gcs_mosaic.render.tile_grid import tiles_over
 from gcs_mosaic.stitch.arrays import Bands
-from gcs_mosaic.stitch.features.still import StillMask
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.camera.still_mask import StillMask
+from tests.factories import placement
 from tests.sure import sure
 
 BLOCKS = np.zeros((30, 40), bool)
@@ -77,7 +78,7 @@ def painter(recorded: list[Painted]) -> Iterator[Painter]:
 
 def fly(painter: Painter, *told: StillMask | None) -> None:
     for order, still in enumerate(told):
-        one = replace(placed(order, order * 400.0), still=still)
+        one = placement(str(order), Pose(order * 400.0, 0.0), SMALL, still=still)
         painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
 
 
@@ -85,7 +86,8 @@ def test_frames_painted_before_it_was_known_are_painted_again(painter: Painter, 
     fly(painter, None, None, STILL, None)
     assert [one.still for one in recorded] == [None, None, STILL, STILL]
     assert painter.has_repaints
-    repainted(painter)
+    while painter.repaint_some() is not None:
+        pass
     assert {one.name: one.still for one in recorded} == {str(k): STILL for k in range(4)}
 
 

@@ -8,7 +8,7 @@ from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerE
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
-from gcs_mosaic.stitch.features.still import StillMask
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.store.records import Estimate
 from tests.factories import frame, trigger_event
 

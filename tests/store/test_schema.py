@@ -57,6 +57,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old.executescript("ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;")
     old.executescript("ALTER TABLE painted DROP COLUMN gain; ALTER TABLE painted DROP COLUMN vignetting;")
     old.executescript("ALTER TABLE painted DROP COLUMN dead_border; DROP TABLE covered;")
+    old.execute("ALTER TABLE painted DROP COLUMN overlay")
     old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
     old.execute("ALTER TABLE frames DROP COLUMN sharpness")
@@ -65,7 +66,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
         old.execute(f"ALTER TABLE painted ADD COLUMN {column} NOT NULL DEFAULT {gain!r}")
     old.close()
     with Ledger(path, read_only=read_only) as ledger:
-        assert ledger.painted(painted.island) == [replace(painted, vignetting=FLAT, dead=NO_BORDER)]
+        assert ledger.painted(painted.island) == [replace(painted, vignetting=FLAT, dead=NO_BORDER, still=None)]
         canvas = CanvasSettings(blend="edge")  # the only way to mix frames that those versions had by default
         assert ledger.flight() == FlightRecord(name="old", started_utc=1.0, canvas=canvas)
 
@@ -92,6 +93,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
             ledger.record_frame(a_frame(name))
         ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame="b.jpg")
     old = sqlite3.connect(path)
+    old.execute("ALTER TABLE painted DROP COLUMN overlay")
     old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
     old.executescript("DROP TABLE covered; ALTER TABLE frames DROP COLUMN sharpness; PRAGMA writable_schema = ON;")

@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import AnyPointsNx2, Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined, without_overlay
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
-from gcs_mosaic.stitch.features.still import Grounds, StillMask
+from gcs_mosaic.stitch.features.still import Grounds
 from gcs_mosaic.stitch.features.texture import coarse
 from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 

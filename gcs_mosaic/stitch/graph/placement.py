@@ -10,7 +10,7 @@ from gcs_mosaic.stitch.arrays import Matrix3x3
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
-from gcs_mosaic.stitch.features.still import StillMask
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 Homography = tuple[tuple[float, ...], ...]  # 3x3, row by row
