@@ -99,6 +99,7 @@ def unlit(artefacts: Artefacts, one: BookedFrame) -> Painted:
         relief=placement.relief,
         display=one.kind.display,
         dead=one.kind.dead,
+        still=placement.still,
         level=0,
     )
 

@@ -11,7 +11,6 @@ from gcs_mosaic.render.exposure import ExposureSettings, Gain, Observation, Over
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.arrays import Levels, Mask, PointsNx2
-from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
 Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
@@ -24,16 +23,18 @@ def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Over
     def j_from_i(pixels: PointsNx2) -> PointsNx2:
         places = canvas_from_pixels(i.pose, i.camera, (pixels + 0.5) * scale_i - 0.5)
         there = (pixels_from_canvas(j.pose, j.camera, places) + 0.5) / scale_j - 0.5
-        alive = _is_alive(i.dead.scaled(1 / scale_i), pixels, small_i)
-        alive &= _is_alive(j.dead.scaled(1 / scale_j), there, small_j)
+        alive = _is_alive(i, scale_i, pixels, small_i)
+        alive &= _is_alive(j, scale_j, there, small_j)
         return np.where(alive[:, None], there, np.nan)
 
     return overlap_means(small_i, small_j, j_from_i)
 
 
-def _is_alive(dead: DeadBorder, pixels: PointsNx2, thumbnail: Levels) -> Mask:
-    """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels only."""
-    return dead.spares(pixels, thumbnail.shape[1], thumbnail.shape[0])
+def _is_alive(painted: Painted, scale: float, pixels: PointsNx2, thumbnail: Levels) -> Mask:
+    """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels without an overlay only."""
+    height, width = thumbnail.shape[:2]
+    alive = painted.dead.scaled(1 / scale).spares(pixels, width, height)
+    return alive if painted.still is None else alive & ~painted.still.covers(np.nan_to_num(pixels), width, height)
 
 
 def agreed_gains(

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.render import edges, seams
-from gcs_mosaic.render.cells import OPEN, PARTLY, Cells, Owned, Seen, Window
+from gcs_mosaic.render.cells import OPEN, Cells, Owned, Seen, Window
 from gcs_mosaic.render.guests import Admit, admit
 from gcs_mosaic.render.looks import Of, Sight
 from gcs_mosaic.render.placed import PlacedFrame
-from gcs_mosaic.render.sampling import CUT, inside, lattice_part
+from gcs_mosaic.render.sampling import hindrance, inside, lattice_part
 from gcs_mosaic.render.seam_path import hard
 from gcs_mosaic.stitch.arrays import ImageBGR, Lattice
 
@@ -39,8 +39,9 @@ class Mode:
 
 
 def _just_there(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
-    covered = inside(frame.lattice, lattice_part(frame.lattice, window))
-    return Seen(covered, np.float32(-CUT) * (covered == PARTLY), np.zeros((0, *covered.shape), np.uint8))
+    where = lattice_part(frame.lattice, window)
+    covered = inside(frame.lattice, where)
+    return Seen(covered, -hindrance(frame.lattice, where, covered), np.zeros((0, *covered.shape), np.uint8))
 
 
 def _newest(cells: Cells, seen: Seen) -> Lattice:

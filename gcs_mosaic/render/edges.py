@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.blending import LEAST_WEIGHT
-from gcs_mosaic.render.cells import NOBODY, PARTLY, WHOLLY, Cells, Owned, Seen, Window
+from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Owned, Seen, Window
 from gcs_mosaic.render.looks import Of, Sight
 from gcs_mosaic.render.placed import PlacedFrame
-from gcs_mosaic.render.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
+from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.warp import shrunk
 from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, Lattice
 
@@ -61,7 +61,7 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     pixels, weight = at_cells(frame.lattice.pixels[where]), at_cells(frame.lattice.weight[where])
     density = sampled(sight.planes[0], places_in(pixels, frame.lattice, sight.planes[0].shape))
     covered = inside(frame.lattice, where)
-    score = np.log(np.maximum(weight, LEAST_WEIGHT)) - CUT * (covered == PARTLY)
+    score = np.log(np.maximum(weight, LEAST_WEIGHT)) - hindrance(frame.lattice, where, covered)
     return Seen(covered, np.asarray(score, np.float32), density.reshape(1, *weight.shape))
 
 

@@ -16,6 +16,7 @@ from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightn
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.transaction import Kept
 
 TileKey = tuple[int, Tile]  # island, tile
@@ -27,7 +28,8 @@ GUEST_LEVELS = 2  # maximum level difference of a guest: frames coarser than tha
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Painted:
     """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, and `vignetting` is removed;
-    `dead` pixels of `camera`'s image are left out; `level` is usually `own_level(pose, camera)`."""
+    `dead` pixels of `camera`'s image are left out, those under an overlay (`still`) shown only where no other frame sees the
+    place; `level` is usually `own_level(pose, camera)`."""
 
     name: str
     order: int  # capture order
@@ -39,6 +41,7 @@ class Painted:
     vignetting: Vignetting = FLAT
     display: Display = PLAIN
     dead: DeadBorder = NO_BORDER
+    still: StillMask | None = None
     level: int
 
     @property

@@ -28,7 +28,7 @@ class PlacedFrame:
     @property
     def nbytes(self) -> int:
         """Size of its arrays."""
-        parts = (self.lattice.pixels, self.lattice.weight, self.lattice.useful, self.brightening)
+        parts = (self.lattice.pixels, self.lattice.weight, self.lattice.useful, self.lattice.covered, self.brightening)
         return sum(part.nbytes for part in parts if part is not None)
 
     @property
@@ -78,6 +78,7 @@ def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
         pixels=fine(frame.lattice.pixels),
         weight=fine(frame.lattice.weight) * np.float32(0.25**finer),  # proportional to the square of the resolution
         useful=None if frame.lattice.useful is None else fine(frame.lattice.useful),
+        covered=None if frame.lattice.covered is None else fine(frame.lattice.covered),
     )
     return PlacedFrame(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))
 
@@ -88,4 +89,4 @@ def _lies_as(one: Painted, other: Painted) -> bool:
 
 
 def _lattice(painted: Painted) -> FrameLattice | None:
-    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead)
+    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead, painted.still)

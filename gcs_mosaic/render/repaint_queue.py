@@ -22,6 +22,7 @@ from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import reduced_view
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, without_border
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept
@@ -32,6 +33,7 @@ BRIGHTNESS = ("as_taken", "auto")
 CHECKED_AT_ONCE = 64  # frames whose displacement is checked between two new frames: some hundredths of a second
 MOVED_AT_ONCE = 2  # frames whose tiles are recomputed between two new frames: a tenth of a second each at 12 MP
 MOVED_TOGETHER = 8  # at the end, computed in parallel
+OVERLAY_DIFFERS = 0.03  # of a frame: less is its outline, for which not all frames are repainted
 LIVE_BLOCK = 12  # tiles a side repainted together during a flight: writing them delays a new frame by 0.2 s
 
 
@@ -97,9 +99,10 @@ class Painter(Kept):
         self._displays: dict[tuple[int, str], Display] = {}
         self._levels = PaintingLevels()
         self._borders: dict[Camera, BorderWatch] = {}
+        self._overlays: dict[Camera, StillMask] = {}
         self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
         self._changed: dict[str, float] = {}  # frames the canvas is to be told of, with their urgency
-        self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border
+        self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border or overlay
         self._unchecked: dict[str, Placement] = {}  # present placements of frames that may have moved
         # Frames displaced too far, with their displacement in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
@@ -150,6 +153,7 @@ class Painter(Kept):
             relief=placement.relief,
             display=display,
             dead=self._watch_border(image, display, placement.aircraft),
+            still=self._watch_overlay(_camera_of(image, placement.aircraft), placement.still),
             level=0,  # until its level is chosen
         )
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
@@ -232,7 +236,8 @@ class Painter(Kept):
     def _rim(self, name: str) -> None:
         del self._rimmed[name]
         painted = self._painted[name]
-        self._change(replace(painted, dead=self._dead_of(self._brightness.camera_of(painted))))
+        camera = self._brightness.camera_of(painted)
+        self._change(replace(painted, dead=self._dead_of(camera), still=self._overlays.get(camera)))
         self._carry_over(name)
 
     def _move_stale(self, name: str) -> None:
@@ -245,10 +250,10 @@ class Painter(Kept):
         looks = self._brightness.final(self._painted)
         for painted in list(self._painted.values()):
             gain, vignetting = looks[painted.name]
-            final = replace(
-                painted, gain=gain, vignetting=vignetting, dead=self._dead_of(self._brightness.camera_of(painted))
-            )
-            if final.dead != painted.dead or brightness_apart(final, painted) > self._settings.final_gain:
+            camera = self._brightness.camera_of(painted)
+            hidden = self._dead_of(camera), self._overlays.get(camera)
+            final = replace(painted, gain=gain, vignetting=vignetting, dead=hidden[0], still=hidden[1])
+            if hidden != (painted.dead, painted.still) or brightness_apart(final, painted) > self._settings.final_gain:
                 self._change(final)
         return set()
 
@@ -309,6 +314,16 @@ class Painter(Kept):
             self._rimmed |= dict.fromkeys(of_camera)
             self._brightness.compare_again(self._painted, self._rimmed)
         return self._dead_of(camera)
+
+    def _watch_overlay(self, camera: Camera, seen: StillMask | None) -> StillMask | None:
+        """What an overlay covers in this camera's frames, as the newest one tells if that differs enough; painted frames are
+        updated when idle."""
+        before = self._overlays.get(camera)
+        if seen is not None and (before is None or before.differs(seen) > OVERLAY_DIFFERS):
+            self._overlays[camera] = seen
+            of_camera = (one.name for one in self._painted.values() if self._brightness.camera_of(one) == camera)
+            self._rimmed |= dict.fromkeys(of_camera)
+        return self._overlays.get(camera)
 
 
 def _camera_of(image: Bands, aircraft: Aircraft) -> Camera:

@@ -12,6 +12,7 @@ from gcs_mosaic.stitch.arrays import AnyImage, CellFlags, Lattice
 
 # Penalty on a frame's score where it only partly covers a cell: exceeds all else, so it shows only where no other frame does.
 CUT = 1000.0
+UNDER_OVERLAY = 500.0  # the same where an overlay covers the ground; where a frame is cut it shows nothing at all
 
 
 def lattice_part(lattice: FrameLattice, window: Window) -> tuple[slice, slice]:
@@ -56,6 +57,14 @@ def inside(lattice: FrameLattice, where: tuple[slice, slice]) -> CellFlags:
         wholly &= _least(useful) > 0
         partly &= _most(useful) > 0
     return np.where(wholly, np.uint8(WHOLLY), partly * np.uint8(PARTLY))
+
+
+def hindrance(lattice: FrameLattice, where: tuple[slice, slice], covered: CellFlags) -> Lattice:
+    """Penalty on the frame's score in the cells (h, w) between these lattice points; `covered`: how far they lie `inside`."""
+    cut = np.asarray(np.float32(CUT) * (covered == PARTLY), np.float32)
+    if lattice.covered is None:
+        return cut
+    return np.asarray(cut + np.float32(UNDER_OVERLAY) * (at_cells(lattice.covered[where]) > 0), np.float32)
 
 
 def _least(points: Lattice) -> Lattice:

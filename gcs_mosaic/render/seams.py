@@ -20,11 +20,11 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.blending import LEAST_WEIGHT
-from gcs_mosaic.render.cells import PARTLY, Cells, Owned, Seen, Window
+from gcs_mosaic.render.cells import Cells, Owned, Seen, Window
 from gcs_mosaic.render.looks import LEAST, Of, Sight, contrasts, detail_of, grouped_planes, small_look, tone_of
 from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.saliency import WAYS
-from gcs_mosaic.render.sampling import CUT, at_cells, inside, lattice_part, places_in, sampled
+from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.seam_path import least_seen
 from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, PlaneStack
 
@@ -59,12 +59,14 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     gain = _light(blue, green, red)
     planes = _at_places(sight.planes, places_in(pixels, frame.lattice, sight.planes[0].shape))
     planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
-    for one in planes[THINGS]:
-        one[weight <= LEAST_WEIGHT] = 0  # things seen only at the very border are unreliable
     detail = sampled(sight.detail.astype(np.float32), places_in(pixels, frame.lattice, sight.detail.shape))
+    for one in planes[THINGS]:
+        one[weight <= LEAST_WEIGHT] = (
+            0  # things seen only at the very border are unreliable, those of an overlay are none
+        )
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
-    return Seen(covered, np.asarray(score - CUT * (covered == PARTLY), np.float32), np.stack(planes))
+    return Seen(covered, np.asarray(score - hindrance(frame.lattice, where, covered), np.float32), np.stack(planes))
 
 
 def contrasts_at(

@@ -36,6 +36,7 @@ from gcs_mosaic.stitch.camera.geometry import (
     pixels_from_canvas,
 )
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, as_seen, on_plane
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 
 LATTICE_STEP = 16  # tile px
 LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; neighbours share those on their edge
@@ -52,7 +53,8 @@ class FrameLattice:
 
     `pixels` (rows * 16 + 1, columns * 16 + 1, 2): frame pixels at the lattice points, NaN where nowhere. `weight` (same, no
     last axis): 0 at the border of the live area and outside, 1 in its centre if the frame resolves the ground as finely as the
-    level does, less by the square if not. `useful`: above 0 where the resolution suffices, or None if everywhere.
+    level does, less by the square if not; 0 under an overlay. `useful`: above 0 where the resolution suffices, or None if
+    everywhere. `covered`: 1 under an overlay, 0 elsewhere; None without one.
     """
 
     first: Tile
@@ -62,6 +64,7 @@ class FrameLattice:
     weight: Lattice
     useful: Lattice | None
     dead: DeadBorder = NO_BORDER
+    covered: Lattice | None = None
 
     @property
     def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -90,7 +93,12 @@ class FrameLattice:
 
 
 def frame_lattice(
-    pose: Pose, camera: Camera, level: int, relief: ReliefDisplacement | None = None, dead: DeadBorder = NO_BORDER
+    pose: Pose,
+    camera: Camera,
+    level: int,
+    relief: ReliefDisplacement | None = None,
+    dead: DeadBorder = NO_BORDER,
+    still: StillMask | None = None,
 ) -> FrameLattice | None:
     """The lattice of a frame at a level; None where it sees no ground. ValueError if the level is absurdly fine for it."""
     ground = useful_ground(pose, camera, relief)
@@ -104,7 +112,10 @@ def frame_lattice(
     weight = _border_weight(pixels, camera, dead, RIM * LATTICE_STEP * pixel_size(level) / best)
     weight *= np.minimum(detail * (1 - RESOLUTION_LOSS), 1) ** 2
     useful = np.log(np.maximum(detail * USEFUL_RATIO * best / pixel_size(level), 0.1))
-    return FrameLattice(first, last, camera, pixels, weight, useful if useful.min() <= 0 else None, dead)
+    covered = None if still is None else _covered(pixels, camera, still)
+    if covered is not None:
+        weight *= 1 - covered
+    return FrameLattice(first, last, camera, pixels, weight, useful if useful.min() <= 0 else None, dead, covered)
 
 
 def resolved(pose: Pose, camera: Camera) -> float | None:
@@ -176,6 +187,14 @@ def _border_weight(pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float
     distance = np.minimum(*from_sides) - rim
     most = max(min(width - dead.left - dead.right, height - dead.top - dead.bottom) / 2 - rim, 1.0)
     return np.asarray(np.clip(np.nan_to_num(distance, nan=0.0) / most, 0, 1), dtype=np.float32)
+
+
+def _covered(pixels: Lattice, camera: Camera, still: StillMask) -> Lattice:
+    """1 at the lattice points that an overlay covers, 0 at the others."""
+    places = np.nan_to_num(pixels.reshape(-1, 2), nan=-1.0)
+    within = ((places >= -0.5) & (places < np.array([camera.width, camera.height]) - 0.5)).all(axis=1)
+    covered = within & still.covers(places, camera.width, camera.height)
+    return covered.reshape(pixels.shape[:2]).astype(np.float32)
 
 
 def _frame_pixels_per_step(pixels: Lattice) -> Lattice:

@@ -21,10 +21,10 @@ from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import Worker
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, with_overlay
 from gcs_mosaic.stitch.features.fixed_pattern import MEMORY, StillPattern
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
-from gcs_mosaic.stitch.features.still import StillMask
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer, island_residuals
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting, placement_of

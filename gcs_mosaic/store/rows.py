@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+import struct
+import zlib
 from dataclasses import asdict
 
 import numpy as np
@@ -17,6 +19,7 @@ from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.graph.placement import Homography
 from gcs_mosaic.store.records import (
     CoveredRecord,
@@ -37,7 +40,8 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
-LOOK_COLUMNS = "gain, vignetting, display, dead_border"
+LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay"
+OVERLAY_SIZE = struct.Struct("<HH")  # rows and columns
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 
@@ -167,9 +171,10 @@ def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
 
 
 def look_row(painted: Painted) -> tuple[object, ...]:
-    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit floats, the others as JSON."""
+    """Values for LOOK_COLUMNS: gains and vignetting as 64-bit floats, display and dead border as JSON."""
     gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
-    return gain, vignetting, json.dumps(asdict(painted.display)), json.dumps([int(lines) for lines in painted.dead])
+    dead = json.dumps([int(lines) for lines in painted.dead])
+    return gain, vignetting, json.dumps(asdict(painted.display)), dead, _overlay(painted.still)
 
 
 def vignetting_of(row: sqlite3.Row) -> Vignetting:
@@ -187,6 +192,20 @@ def dead_border_of(row: sqlite3.Row) -> DeadBorder:
     """Also for ledgers older than this column."""
     stored = row["dead_border"] if "dead_border" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
     return NO_BORDER if stored is None else DeadBorder(*json.loads(stored))
+
+
+def _overlay(still: StillMask | None) -> bytes | None:
+    return None if still is None else zlib.compress(OVERLAY_SIZE.pack(still.rows, still.columns) + still.bits)
+
+
+def overlay_of(row: sqlite3.Row) -> StillMask | None:
+    """Also for ledgers older than this column."""
+    stored = row["overlay"] if "overlay" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
+    if stored is None:
+        return None
+    data = zlib.decompress(stored)
+    rows, columns = OVERLAY_SIZE.unpack_from(data)
+    return StillMask(rows, columns, data[OVERLAY_SIZE.size :])
 
 
 def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
@@ -262,6 +281,7 @@ def painted_of(row: sqlite3.Row) -> Painted:
         vignetting=vignetting_of(row),
         display=display_of(row),
         dead=dead_border_of(row),
+        still=overlay_of(row),
         level=row["level"],
     )
 

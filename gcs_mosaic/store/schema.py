@@ -11,7 +11,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
-VERSION = 12  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 13  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -101,6 +101,7 @@ CREATE TABLE painted (
     x NOT NULL, y NOT NULL, log_gsd NOT NULL, yaw NOT NULL, pitch NOT NULL, roll NOT NULL,
     gain BLOB NOT NULL, display TEXT NOT NULL, vignetting BLOB,
     dead_border TEXT, -- left, top, right, bottom, JSON
+    overlay BLOB, -- what covers the ground: deflated rows and columns, 16 bits each, little-endian, then bits by row
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
 );
 CREATE INDEX painted_by_island ON painted (island, "order");
@@ -155,6 +156,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     9: "ALTER TABLE frames ADD COLUMN sharpness;",
     10: "ALTER TABLE frames ADD COLUMN vehicle INTEGER;",
     11: "ALTER TABLE estimates ADD COLUMN focal_log_deviation;",
+    12: "ALTER TABLE painted ADD COLUMN overlay BLOB;",
 }
 
 

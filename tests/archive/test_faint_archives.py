@@ -17,8 +17,9 @@ from gcs_mosaic.archive import fixed_patterns
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.features import parts_of, whole_features
 from gcs_mosaic.archive.files import FolderFiles
-from gcs_mosaic.archive.fixed_patterns import BLOCK, freed_features, pattern_sum
+from gcs_mosaic.archive.fixed_patterns import BLOCK, freed_features, ground_sum, pattern_sum, still_mask
 from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import LEAST_FRAMES, MEMORY
 from tests.archive.archives import flight_in, run, tiles_of
@@ -63,7 +64,7 @@ def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None
     artefacts.put(blocks[1], pattern_sum(artefacts, keys[7:], keys[6]))
     assert [artefacts.part(key, "summary") for key in blocks] == [7, 5]
     for key in keys[5:7]:
-        artefacts.put(f"freed/{key}", freed_features(artefacts, key, blocks, SETTINGS))
+        artefacts.put(f"freed/{key}", freed_features(artefacts, key, blocks, (), SETTINGS))
     a, b = (whole_features(artefacts, f"freed/{key}") for key in keys[5:7])
     assert motion(a, b) == pytest.approx([-STEP, -STEP / 4], abs=1.5)
     assert a.faint is None
@@ -90,6 +91,29 @@ def test_the_mean_is_of_the_frames_around(hovering: int) -> None:
 def test_of_too_few_frames_there_is_no_pattern() -> None:
     assert fixed_patterns._around(["sums/0", "sums/1"], [LEAST_FRAMES - 1, 0]) == [(), ()]
     assert fixed_patterns._around(["sums/0", "sums/1"], [LEAST_FRAMES - 1, 1]) == [("sums/0", "sums/1")] * 2
+
+
+def test_an_overlay_is_found_and_no_feature_lies_on_it(artefacts: Artefacts, ground: Image) -> None:
+    """Of frames that are not faint, and in whatever blocks they are summed."""
+    keys = []
+    for number in range(8):
+        image = ground[100:460, 100 + 200 * number : 580 + 200 * number].copy()
+        cv2.putText(image, f"ALT {31 * number % 90 + 10} M", (40, 60), cv2.FONT_HERSHEY_SIMPLEX, 1.2, 255, 3)
+        keys.append(f"features/{number}")
+        artefacts.put(keys[-1], {"summary": None, **parts_of(extract(image, SETTINGS)), "thumbnail": image[:2, :2]})
+    for name, summed in (("one", [keys]), ("two", [keys[:5], keys[5:]])):
+        before = None
+        for number, some in enumerate(summed):
+            artefacts.put(f"{name}/{number}", ground_sum(artefacts, tuple(some), before))
+            before = some[-1]
+    masks = [still_mask(artefacts, blocks)["summary"] for blocks in (("one/0",), ("two/0", "two/1"))]
+    assert isinstance(masks[0], StillMask)
+    assert masks[0] == masks[1]
+    artefacts.put("freed", freed_features(artefacts, keys[3], (), ("one/0",), SETTINGS))
+    found = whole_features(artefacts, "freed")
+    assert found.still == masks[0]
+    assert not masks[0].covers(found.points, found.width, found.height).any()
+    assert len(found) > 0.5 * len(whole_features(artefacts, keys[3]))
 
 
 @pytest.mark.long

@@ -13,6 +13,7 @@ from gcs_mosaic.render.warp_grid import own_level
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 
 SMALL = Camera(160, 120, focal=1.2, k1=-0.02)
 
@@ -39,6 +40,7 @@ class Looks(TypedDict, total=False):
     vignetting: Vignetting
     display: Display
     dead: DeadBorder
+    still: StillMask | None
 
 
 def painted(

@@ -8,6 +8,7 @@ from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerE
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.store.records import Estimate
 from tests.factories import frame, trigger_event
 
@@ -69,5 +70,6 @@ def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float
         gain=(1.0, 0.97, 1.03),
         vignetting=((0.1, -0.2, 0.03), (0.0, -0.1, 0.0), (0.0, -0.3, 0.1)),
         dead=DeadBorder(0, 12, 1, 13),
+        still=StillMask(2, 9, bytes([3, 128, 192])),
         level=16,
     )

@@ -31,12 +31,13 @@ from gcs_mosaic.stitch.arrays import (
 )
 from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rounded
 from gcs_mosaic.stitch.features.faint import HALF, detect_faint, equalised, faint_picture, is_noise
 from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, read_detector
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
-from gcs_mosaic.stitch.features.still import StillMask, masked
+from gcs_mosaic.stitch.features.still import masked
 from gcs_mosaic.stitch.features.texture import texture
 
 REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px

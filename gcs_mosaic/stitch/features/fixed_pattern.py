@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import AnyPointsNx2, Band, FaintImage, FloatImage, IndexPairsNx2, Mask, Texture
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, faint_features, joined, without_overlay
 from gcs_mosaic.stitch.features.faint import PER_DEVIATION, blurred_faint
-from gcs_mosaic.stitch.features.still import Grounds, StillMask
+from gcs_mosaic.stitch.features.still import Grounds
 from gcs_mosaic.stitch.features.texture import coarse
 from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 
@@ -176,7 +177,7 @@ def moving(a: Features, b: Features, matches: IndexPairsNx2) -> Mask:
     of_a, of_b = a.points[matches[:, 0]], b.points[matches[:, 1]]
     open_ground = ~(_covered(a, of_a) | _covered(b, of_b))
     moved = np.linalg.norm(of_a / a.scale - of_b / b.scale, axis=1) > STILL_PX
-    if np.count_nonzero(open_ground & ~moved) < FEW or _are_of_same_ground(a, b):
+    if np.count_nonzero(open_ground & ~moved) < FEW or shows_same_ground(a, b):
         return open_ground
     return np.asarray(open_ground & moved)
 
@@ -186,7 +187,7 @@ def _covered(frame: Features, points: AnyPointsNx2) -> Mask:
     return np.zeros(len(points), bool) if frame.still is None else frame.still.covers(points, frame.width, frame.height)
 
 
-def _are_of_same_ground(a: Features, b: Features) -> bool:
+def shows_same_ground(a: Features, b: Features) -> bool:
     """Whether two frames show the same ground at the same place, or whether that cannot be told."""
     faint_a, faint_b = a.faint, b.faint
     if faint_a is not None and faint_b is not None and faint_a.shape == faint_b.shape:

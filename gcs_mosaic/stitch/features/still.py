@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import AnyPointsNx2, FloatImage, Mask, Texture
+from gcs_mosaic.stitch.arrays import FloatImage, Mask, Texture
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.texture import PER_DEVIATION
 
 BLOCK = 4  # px of a texture; below the width of a letter
@@ -37,37 +38,6 @@ OVER_PATTERN, BESIDE = 40.0, 6.0
 QUIET = 0.01  # of the median energy: a tenth of the usual deviation; less is no texture
 CLOSED = 7  # blocks, diameter: gaps between still places that are masked too: digits that change
 REACH = 1  # blocks around what stands still that a descriptor's support (12 px of the feature picture) still touches
-
-
-@dataclass(frozen=True, slots=True)
-class StillMask:
-    """Which blocks (rows, columns) of a frame an overlay covers; packed bits, row by row."""
-
-    rows: int
-    columns: int
-    bits: bytes
-
-    @staticmethod
-    def of(blocks: Mask) -> StillMask:
-        rows, columns = blocks.shape
-        return StillMask(rows, columns, np.packbits(blocks).tobytes())
-
-    @property
-    def blocks(self) -> Mask:
-        bits = np.unpackbits(np.frombuffer(self.bits, np.uint8), count=self.rows * self.columns)
-        return bits.reshape(self.rows, self.columns).astype(bool)
-
-    def pixels(self, height: int, width: int) -> Mask:
-        """Which pixels (h, w) of a picture of the whole frame are covered."""
-        size = (width, height)
-        return np.asarray(cv2.resize(self.blocks.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0)
-
-    def covers(self, points: AnyPointsNx2, width: int, height: int) -> Mask:
-        """Which points (n, 2), in pixels of a frame of this size, are covered."""
-        x = (points[:, 0] + 0.5) * (self.columns / width)
-        y = (points[:, 1] + 0.5) * (self.rows / height)
-        rows, columns = np.clip(y, 0, self.rows - 1).astype(int), np.clip(x, 0, self.columns - 1).astype(int)
-        return np.asarray(self.blocks[rows, columns])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

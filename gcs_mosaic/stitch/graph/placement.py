@@ -10,6 +10,7 @@ from gcs_mosaic.stitch.arrays import Matrix3x3
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
+from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
 Homography = tuple[tuple[float, ...], ...]  # 3x3, row by row
@@ -34,6 +35,7 @@ class Placement:
     # For a frame placed by a free homography (`--method paper`); `pose` is then only the nearest level pose.
     homography: Homography | None = None
     aircraft: int | None = None  # that carried the camera, where several are told apart
+    still: StillMask | None = None  # what an overlay covers in its picture, as far as that is known
     focal_log_deviation: float | None = (
         None  # standard deviation of the log of its focal length; None while not estimated
     )
@@ -93,5 +95,6 @@ def placement_of(graph: ViewGraph, frame: int) -> Placement:
         hops=state.hops,
         corner_deviation_px=state.corner_deviation_px,
         aircraft=graph.aircraft_of[state.camera],
+        still=state.features.still,
         focal_log_deviation=graph.lenses[graph.island_of(frame), state.camera].focal_log_deviation,
     )

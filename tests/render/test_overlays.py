@@ -1,0 +1,107 @@
+"""What an overlay covers is shown only where no other frame sees the place."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from painting_parts import SMALL, painted, picture
+
+from gcs_mosaic.render.blend_modes import MODES
+from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.repaint_queue import OVERLAY_DIFFERS, Painter, PaintSettings
+from gcs_mosaic.render.tile_grid import tiles_over
+from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.camera.still_mask import StillMask
+from tests.factories import placement
+from tests.sure import sure
+
+BLOCKS = np.zeros((30, 40), bool)
+BLOCKS[10:20, 12:28] = True
+STILL = StillMask.of(BLOCKS)
+WHITE = 40 * 64  # px of the overlay
+
+
+def written_on(name: str) -> Bands:
+    """Dark ground; the first frame has stripes in white where the overlay is."""
+    image = np.full((SMALL.height, SMALL.width, 3), 60, np.uint8)
+    if name == "0.jpg":
+        image[40:80:2, 48:112] = 255
+    return image
+
+
+def white_in(*frames: Painted, blend: str = "seam") -> int:
+    """Bright pixels that are shown."""
+    with closing(Canvas(written_on, CanvasSettings(blend=blend))) as canvas:
+        for frame in frames:
+            canvas.paint(written_on(frame.name), frame)
+        list(canvas.repaint())
+        extent = sure(canvas.extent(0))
+        shown = [canvas.tile(0, tile) for tile in tiles_over(extent.box, extent.finest)]
+        return int(sum((tile.colour.max(axis=2) > 120).sum() for tile in shown if tile is not None))
+
+
+def frames(still: StillMask | None) -> tuple[Painted, Painted]:
+    """Two that see the place of the first one's overlay, which lies in its middle; an eighth of a width apart."""
+    return painted(0, 100, 100, still=still), painted(1, 120, 100)
+
+
+@pytest.mark.parametrize("blend", MODES)
+def test_another_frame_that_sees_the_place_shows(blend: str) -> None:
+    one, other = frames(STILL)
+    assert white_in(one, other, blend=blend) == 0
+    assert white_in(replace(other, order=0), replace(one, order=1), blend=blend) == 0
+
+
+def test_not_knowing_of_it_the_sharpest_shows() -> None:
+    assert white_in(*frames(None)) > WHITE / 4
+
+
+def test_where_no_other_frame_sees_the_place_it_is_painted() -> None:
+    one, _ = frames(STILL)
+    assert white_in(one) > WHITE / 4
+
+
+@pytest.fixture
+def recorded() -> list[Painted]:
+    return []
+
+
+@pytest.fixture
+def painter(recorded: list[Painted]) -> Iterator[Painter]:
+    with closing(Painter(lambda name: picture(int(name)), recorded.append, PaintSettings())) as painter:
+        yield painter
+
+
+def fly(painter: Painter, *told: StillMask | None) -> None:
+    for order, still in enumerate(told):
+        one = placement(str(order), Pose(order * 400.0, 0.0), SMALL, still=still)
+        painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
+
+
+def test_frames_painted_before_it_was_known_are_painted_again(painter: Painter, recorded: list[Painted]) -> None:
+    fly(painter, None, None, STILL, None)
+    assert [one.still for one in recorded] == [None, None, STILL, STILL]
+    assert painter.has_repaints
+    while painter.repaint_some() is not None:
+        pass
+    assert {one.name: one.still for one in recorded} == {str(k): STILL for k in range(4)}
+
+
+def test_at_the_end_all_are_painted_without_it(painter: Painter, recorded: list[Painted]) -> None:
+    fly(painter, None, STILL)
+    for _ in painter.repaint_all([]):
+        pass
+    assert {one.name: one.still for one in recorded} == {"0": STILL, "1": STILL}
+
+
+def test_for_another_outline_nothing_is_painted_again(painter: Painter, recorded: list[Painted]) -> None:
+    wider = BLOCKS.copy()
+    wider[10:20, 28] = True
+    assert StillMask.of(wider).differs(STILL) < OVERLAY_DIFFERS
+    fly(painter, STILL, StillMask.of(wider))
+    assert {one.still for one in recorded} == {STILL}
+    assert not painter.has_repaints
