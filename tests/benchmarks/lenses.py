@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.lenses [--frames N] [--flights N]
 
-Surveys at one height whose matches are computed, not seen: every lens from 0.6 to 4 half-diagonals, at several spreads of tilt, over
+Surveys at one height whose matches are computed, not seen: lenses from 0.6 to 4 half-diagonals, at several spreads of tilt, over
 flat ground and over a village. The village has houses, low hills, wrong matches, a rolling shutter and a lens that is a little
 off its axis: all that pulls at a lens and is not modelled. Rows: the median error of the focal length, the largest error in
 stated deviations, the median stated deviation, and how many lenses were refused, over some flights each.

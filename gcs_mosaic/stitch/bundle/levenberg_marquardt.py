@@ -26,6 +26,7 @@ from gcs_mosaic.stitch.arrays import (
     PosesNx6,
     Vector,
 )
+from gcs_mosaic.stitch.bundle.flat_ground import along_flat_ground
 from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
@@ -278,8 +279,15 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
 def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
     """The problem after a step (v, BLOCK), with lenses that a camera can have."""
     poses, lenses = problem.poses.copy(), _lenses_after(problem, layout, step)
-    poses[problem.free] += step[layout.frames[problem.free]]
-    return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
+    of_frames = step[layout.frames[problem.free]]
+    poses[problem.free] += of_frames
+    if not problem.lens_free:
+        return replace(problem, poses=poses, lenses=lenses)
+    lenses, camera = believable(lenses), problem.camera[problem.free]
+    focal = problem.lenses[camera, 0], lenses[camera, 0]
+    half_diagonals = problem.half_diagonal[camera]
+    poses[problem.free] += along_flat_ground(problem.poses[problem.free], of_frames, *focal, half_diagonals)
+    return replace(problem, poses=poses, lenses=lenses)
 
 
 def _lenses_after(problem: Problem, layout: EquationLayout, step: Matrix) -> LensesNx5:
