@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.arrays import Array, Indices
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.camera.projection import rotations
@@ -134,14 +134,14 @@ def _lines(flight: NadirFlight, count: int) -> Array:
     per_line = -(-count // max(1, round(math.sqrt(count * step / spacing))))
     line, place = np.divmod(np.arange(count), per_line)
     back = line % 2 == 1
-    return np.stack([line * spacing, np.where(back, per_line - 1 - place, place) * step, back * math.pi], axis=1)
+    return np.asarray(np.stack([line * spacing, np.where(back, per_line - 1 - place, place) * step, back * math.pi], axis=1))
 
 
 def _poses(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Array:
     """True poses (n, 6), lengths in flying heights."""
     n, tilt = len(route), math.radians(flight.tilt)
     shaken = rng.normal(0, 1, (n, 6)) * [0.03 / flight.focal, 0.03 / flight.focal, 0.005, 0.05, tilt, tilt]
-    return np.c_[route[:, :2], np.zeros(n), route[:, 2], np.zeros((n, 2))] + shaken
+    return np.asarray(np.c_[route[:, :2], np.zeros(n), route[:, 2], np.zeros((n, 2))] + shaken)
 
 
 def _ground(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Array:
@@ -153,12 +153,12 @@ def _ground(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Arra
     hills = flight.hills * math.sqrt(2 / 6) * np.sin(places @ waves[0] + waves[1]).sum(axis=1)
     block = np.floor(places / 0.1).astype(int) @ [7919, 104729] % 9973
     roofs = rng.uniform(0.3, 1.0, 9973)[block] * flight.roofs * (rng.random(len(places)) < flight.houses)
-    return np.c_[places, hills + roofs]
+    return np.asarray(np.c_[places, hills + roofs])
 
 
 def _seen(
     flight: NadirFlight, pose: Array, course: float, ground: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
+) -> tuple[Indices, Array]:
     """Numbers of the points that a frame shows, and where it does, half-diagonals from its middle."""
     reach = np.linalg.norm(_footprint(flight)) * 0.75
     near = np.flatnonzero((abs(ground[:, :2] - pose[:2]) < reach).all(axis=1))

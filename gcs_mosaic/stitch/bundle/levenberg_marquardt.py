@@ -63,9 +63,7 @@ class Solution:
     steps: int
     # (c, 5, 5) of the free lenses' terms, whatever their errors have in common; None if the matches leave one open
     lens_covariances: Matrices | None
-    refused: (
-        Mask  # (c,) lenses that matches pulled to the limits of what a lens can be: some terms were held at the prior
-    )
+    refused: Mask  # (c,) lenses that matches pulled to where none is believed: terms were held at the prior
 
 
 def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> Solution:
