@@ -134,7 +134,9 @@ def _lines(flight: NadirFlight, count: int) -> Array:
     per_line = -(-count // max(1, round(math.sqrt(count * step / spacing))))
     line, place = np.divmod(np.arange(count), per_line)
     back = line % 2 == 1
-    return np.asarray(np.stack([line * spacing, np.where(back, per_line - 1 - place, place) * step, back * math.pi], axis=1))
+    return np.asarray(
+        np.stack([line * spacing, np.where(back, per_line - 1 - place, place) * step, back * math.pi], axis=1)
+    )
 
 
 def _poses(flight: NadirFlight, route: Array, rng: np.random.Generator) -> Array:
