@@ -25,15 +25,15 @@ def along_flat_ground(
     """
     change = log_focal_after - log_focal
     sine, cosine = np.sin(poses[:, 4:]), np.cos(poses[:, 4:])
-    curved: Matrix = np.arctan2(np.exp(change)[:, None] * sine, cosine) - np.arctan2(sine, cosine)
+    curved = np.arctan2(np.exp(change)[:, None] * sine, cosine) - np.arctan2(sine, cosine)
     added = np.zeros_like(poses)
     added[:, 4:] = curved - sine * cosine * change[:, None]
     before, ahead, behind = (
         _middle(poses + share * step, log_focal + share * change, half_diagonals) for share in (0, SMALL, -SMALL)
     )
     after = _middle(poses + step + added, log_focal_after, half_diagonals)
-    shift: PointsNx2 = (ahead - behind) / (2 * SMALL) - (after - before)
-    added[:, :2] = np.where(np.isfinite(shift).all(axis=1)[:, None], shift, 0.0)
+    shift = (ahead - behind) / (2 * SMALL) - (after - before)
+    added[:, :2] = np.where(np.isfinite(shift).all(axis=1, keepdims=True), shift, 0.0)
     return added
 
 

@@ -145,11 +145,16 @@ def _within_limits(state: _State, settings: AdjustmentSettings, run: Run) -> tup
 
 
 def _doubtful(state: _State, evidence: LensEvidence | None, settings: AdjustmentSettings) -> Mask:
-    """Terms (c, 5) far from the prior though less well known than by it: what pulls there is no lens."""
+    """Terms (c, 5) far from the prior though less well known than by it: what pulls there is no lens.
+
+    On flat ground the squeeze of tilted views measures the square of the focal length, with one deviation for all: a long one
+    seems known to a small share of it where nothing would be known of an ordinary one.
+    """
     mean, sigma = _lens_prior(state)
     if evidence is None:
         return np.zeros(mean.shape, bool)
     deviation = np.sqrt(np.diagonal(_lens_covariances(state, evidence, settings), axis1=1, axis2=2))
+    deviation[:, 0] *= np.exp(2 * np.maximum(state.problem.lenses - mean, 0.0)[:, 0])
     far = abs(state.problem.lenses - mean) > FAR * sigma
     return np.asarray(OPEN_ON_FLAT_GROUND & far & (deviation > sigma))
 
