@@ -26,6 +26,7 @@ from gcs_mosaic.stitch.arrays import (
     PosesNx6,
     Vector,
 )
+from gcs_mosaic.stitch.bundle.flat_ground import along_flat_ground
 from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
@@ -62,9 +63,7 @@ class Solution:
     steps: int
     # (c, 5, 5) of the free lenses' terms, whatever their errors have in common; None if the matches leave one open
     lens_covariances: Matrices | None
-    refused: (
-        Mask  # (c,) lenses that matches pulled to the limits of what a lens can be: some terms were held at the prior
-    )
+    refused: Mask  # (c,) lenses that matches pulled to where none is believed: terms were held at the prior
 
 
 def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> Solution:
@@ -146,11 +145,16 @@ def _within_limits(state: _State, settings: AdjustmentSettings, run: Run) -> tup
 
 
 def _doubtful(state: _State, evidence: LensEvidence | None, settings: AdjustmentSettings) -> Mask:
-    """Terms (c, 5) far from the prior though less well known than by it: what pulls there is no lens."""
+    """Terms (c, 5) far from the prior though less well known than by it: what pulls there is no lens.
+
+    On flat ground the squeeze of tilted views measures the square of the focal length, with one deviation for all: a long one
+    seems known to a small share of it where nothing would be known of an ordinary one.
+    """
     mean, sigma = _lens_prior(state)
     if evidence is None:
         return np.zeros(mean.shape, bool)
     deviation = np.sqrt(np.diagonal(_lens_covariances(state, evidence, settings), axis1=1, axis2=2))
+    deviation[:, 0] *= np.exp(2 * np.maximum(state.problem.lenses - mean, 0.0)[:, 0])
     far = abs(state.problem.lenses - mean) > FAR * sigma
     return np.asarray(OPEN_ON_FLAT_GROUND & far & (deviation > sigma))
 
@@ -278,8 +282,15 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
 def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
     """The problem after a step (v, BLOCK), with lenses that a camera can have."""
     poses, lenses = problem.poses.copy(), _lenses_after(problem, layout, step)
-    poses[problem.free] += step[layout.frames[problem.free]]
-    return replace(problem, poses=poses, lenses=believable(lenses) if problem.lens_free else lenses)
+    of_frames = step[layout.frames[problem.free]]
+    poses[problem.free] += of_frames
+    if not problem.lens_free:
+        return replace(problem, poses=poses, lenses=lenses)
+    lenses, camera = believable(lenses), problem.camera[problem.free]
+    focal = problem.lenses[camera, 0], lenses[camera, 0]
+    half_diagonals = problem.half_diagonal[camera]
+    poses[problem.free] += along_flat_ground(problem.poses[problem.free], of_frames, *focal, half_diagonals)
+    return replace(problem, poses=poses, lenses=lenses)
 
 
 def _lenses_after(problem: Problem, layout: EquationLayout, step: Matrix) -> LensesNx5:

@@ -83,13 +83,11 @@ def slopes_by_unmodelled(problem: Problem, discounts: Array, loss_px: float) -> 
     residual, jacobian, valid = _residuals(problem, discounts)
     weight = np.where(valid, 1 / (1 + (residual**2).sum(axis=2) / loss_px**2), 0.0)
     p, k = problem.present.shape
-    effects = np.zeros((p, k, 2, 2, len(UNMODELLED)))
+    effects, sides = np.empty((p, k, 2, 2, len(UNMODELLED))), (problem.pixels_a, problem.pixels_b)
     for way, (source, target) in enumerate(((0, 1), (1, 0))):
         passage = _passage(problem, source, target)
-        frames = problem.pairs[:, (source, target)].repeat(k, axis=0)
-        sides = (problem.pixels_a, problem.pixels_b)
-        seen, there = (_unmodelled(problem, frames[:, n], sides[side]) for n, side in enumerate((source, target)))
-        unit = problem.unit_px[problem.camera[frames[:, 1]]][:, None, None]
+        seen, there = (_unmodelled(sides[side]) for side in (source, target))
+        unit = problem.unit_px[problem.camera[problem.pairs[:, target].repeat(k)]][:, None, None]
         by_effect = there * unit - product(passage.by_place, product(passage.down_by_pixel, seen))
         effects[:, :, way] = whitened(discounts[way], by_effect).reshape(p, k, 2, -1)
     weighted = effects.reshape(p, 2 * k, 2, -1) * weight[:, :, None, None]
@@ -98,8 +96,8 @@ def slopes_by_unmodelled(problem: Problem, discounts: Array, loss_px: float) -> 
     return np.asarray(columns.transpose(0, 2, 1) @ rows)
 
 
-def _unmodelled(problem: Problem, frames: Indices, pixels: PairPoints) -> Matrices:
-    """Shifts (m, 2, UNMODELLED) of pixels (p, k, 2) of these frames (m,), half-diagonals."""
+def _unmodelled(pixels: PairPoints) -> Matrices:
+    """Shifts (p * k, 2, UNMODELLED) of pixels (p, k, 2), half-diagonals."""
     x, y = pixels.reshape(-1, 2).T
     r2 = x**2 + y**2
     shifts = np.array([[2 * x * y, r2 + 2 * x**2, x / 2, y / 2], [r2 + 2 * y**2, 2 * x * y, -y / 2, x / 2]])
