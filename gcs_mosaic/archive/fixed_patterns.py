@@ -37,8 +37,10 @@ BLOCK = 16  # frames of one sum
 
 def without_pattern(engine: Engine, frames: Sequence[SeenFrame], settings: FeatureSettings) -> list[SeenFrame]:
     """The frames, those with faint pictures or an overlay with other features."""
-    patterns = _around_each(engine, [one for one in frames if one.facts.faint], pattern_sum, LEAST_FRAMES)
-    grounds = _around_each(engine, frames, ground_sum, LEAST_GROUNDS)
+    patterns = _around_each(
+        engine, "fixed patterns", [one for one in frames if one.facts.faint], pattern_sum, LEAST_FRAMES
+    )
+    grounds = _around_each(engine, "grounds", frames, ground_sum, LEAST_GROUNDS)
     masks = {blocks: task(still_mask, blocks) for blocks in grounds.values() if blocks}
     covered = dict(zip(masks, engine.made("overlays", list(masks.values())), strict=True))
     tasks: dict[str, StageTask] = {}
@@ -46,6 +48,8 @@ def without_pattern(engine: Engine, frames: Sequence[SeenFrame], settings: Featu
         of_faint, of_textures = patterns.get(one.key, ()), grounds[one.key]
         if of_faint or covered.get(of_textures) is not None:
             tasks[one.key] = task(freed_features, one.key, of_faint, of_textures, settings)
+    if not tasks:
+        return list(frames)
     found = dict(zip(tasks, engine.made("faint features", list(tasks.values()), TOGETHER), strict=True))
     return [
         replace(one, key=tasks[one.key].key, facts=replace(one.facts, features=found[one.key]))
@@ -56,14 +60,14 @@ def without_pattern(engine: Engine, frames: Sequence[SeenFrame], settings: Featu
 
 
 def _around_each(
-    engine: Engine, frames: Sequence[SeenFrame], of_block: Callable[..., Parts], least: int
+    engine: Engine, stage: str, frames: Sequence[SeenFrame], of_block: Callable[..., Parts], least: int
 ) -> dict[str, tuple[str, ...]]:
     """By the key of each frame, the sums of its camera's frames around it; none where there are fewer than `least` to count."""
     cameras: dict[Hashable, list[str]] = {}
     for one, camera in zip(frames, by_camera(frames, LEAST_FRAMES), strict=True):
         cameras.setdefault(camera, []).append(one.key)
     sums = [_sums(keys, of_block) for keys in cameras.values()]
-    counted = iter(engine.made("fixed patterns", [one for some in sums for one in some], 2) if sums else ())
+    counted = iter(engine.made(stage, [one for some in sums for one in some], 2) if sums else ())
     found: dict[str, tuple[str, ...]] = {}
     for keys, some in zip(cameras.values(), sums, strict=True):
         around = _around([one.key for one in some], [next(counted) for _ in some], least)
