@@ -31,7 +31,7 @@ from gcs_mosaic.stitch.bundle.lens import believable, focal_spread
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, add_pairs, blank, layout_of, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.residuals import PAIRS_AT_ONCE, discounts_of, parts, slopes_by_unmodelled, weighed
-from gcs_mosaic.stitch.bundle.self_calibration import HELD, LensEvidence, Slopes, lens_evidence
+from gcs_mosaic.stitch.bundle.self_calibration import LensEvidence, Slopes, lens_evidence
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 
@@ -78,10 +78,7 @@ def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> So
         return _solution(state, None, np.zeros(len(problem.lenses), bool))
     evidence = _evidence(state, settings, run)
     if evidence is not None:
-        state, evidence = _held(state, evidence, evidence.prior_weights, settings, run)
-    if evidence is not None:  # elsewhere more may be open
-        weights = _lens_weights(state) + evidence.holding_weights
-        state, evidence = _held(state, evidence, weights, settings, run)
+        state, evidence = _firmer(state, evidence, settings, run)
     state, refused = _within_limits(state, settings, run)
     evidence = evidence if evidence is None or not refused.any() else _evidence(state, settings, run)
     doubtful = _doubtful(state, evidence, settings)
@@ -112,12 +109,12 @@ def _slopes(part: Problem, discounts: Array, loss_px: float) -> Slopes:
     return Slopes(weighed(part, discounts, loss_px).slopes, slopes_by_unmodelled(part, discounts, loss_px))
 
 
-def _held(
-    state: _State, evidence: LensEvidence, weights: Matrices, settings: AdjustmentSettings, run: Run
+def _firmer(
+    state: _State, evidence: LensEvidence, settings: AdjustmentSettings, run: Run
 ) -> tuple[_State, LensEvidence | None]:
-    """The state adjusted with lens priors of these inverse covariances (c, 5, 5), and its evidence, unless that moves no lens by
-    more than a tenth of its deviation."""
-    problem, (mean, sigma) = state.problem, _lens_prior(state)
+    """The state adjusted with lens priors as firm as the evidence asks for, and its evidence, unless that moves no lens by more
+    than a tenth of its deviation."""
+    problem, (mean, sigma), weights = state.problem, _lens_prior(state), evidence.prior_weights
     pull = (weights - _lens_weights(state)) @ (mean - problem.lenses)[:, :, None]
     moved = np.linalg.solve(evidence.of_matches + weights, pull)
     if (moved.transpose(0, 2, 1) @ np.linalg.solve(evidence.covariance(weights, sigma), moved) < LITTLE_MOVED**2).all():
@@ -193,6 +190,7 @@ def _lens_weights(state: _State) -> Matrices:
 LITTLE_MOVED = 0.1  # standard deviations of a lens; half or twice as much gives the same map
 OPEN_ON_FLAT_GROUND = np.array([True, False, False, True, True])  # of a lens' terms: focal length and principal point
 FAR = 2.0  # standard deviations of the prior
+HELD = 1e6  # weight of a prior that holds a term, relative to its own
 
 
 def _converged(state: _State, settings: AdjustmentSettings, run: Run) -> _State:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, PairValues
+from gcs_mosaic.stitch.arrays import Array, LensesNx5, Matrices, Matrix, PairValues
 from gcs_mosaic.stitch.bundle.elimination import BLOCK
 from gcs_mosaic.stitch.bundle.normal_equations import ENDS, PLACES, Normal, Run, solve
 from gcs_mosaic.stitch.bundle.problem import Problem
@@ -48,20 +48,9 @@ class LensEvidence:
     unmodelled: Matrices
 
     @property
-    def undetermined(self) -> Mask:
-        """(c, 5) directions of which the matches say less than the prior."""
-        return self.information < LEAST_KNOWN * self.doubt
-
-    @property
     def prior_weights(self) -> Matrices:
-        """(c, 5, 5) inverse covariances of priors that hold against the cost as the given ones against independent matches, and
-        hold whatever is not determined."""
-        return self._along(np.where(self.undetermined, HELD, self.doubt))
-
-    @property
-    def holding_weights(self) -> Matrices:
-        """(c, 5, 5) weights that only hold what is not determined."""
-        return self._along(np.where(self.undetermined, HELD, 0.0))
+        """(c, 5, 5) inverse covariances of priors that hold against the cost as the given ones against independent matches."""
+        return self._along(self.doubt)
 
     @property
     def of_matches(self) -> Matrices:
@@ -108,9 +97,6 @@ def lens_evidence(
     return LensEvidence(sigma, directions, information, np.maximum(variance / information, 1.0), unmodelled)
 
 
-# Information in doubt, relative to the prior's, below which a direction is held at the prior: the matches know it less well.
-LEAST_KNOWN = 1.0
-HELD = 1e6  # weight of a prior that holds, relative to the prior's own
 LEAST_INFORMATION = 1e-6  # relative to the prior's: none, whatever rounding makes of it
 
 
