@@ -26,6 +26,7 @@ from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejec
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.mapping.islands import Island
 from gcs_mosaic.stitch.mapping.journal import Journal
+from gcs_mosaic.stitch.mapping.second_look import Finer
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.store.tiles import read_tile
 
@@ -99,19 +100,20 @@ def method_of(
     out: Path,
     observer: Observer | None,
     shelve: Shelve,
+    finer: Finer,
     *,
     punctual: bool,
     paint_live: bool,
 ) -> Method:
     """The configured method. `painted` is called for each frame that is painted or repainted.
 
-    `out` holds the tiles written so far, and scratch files; `shelve`: where features go.
+    `out` holds the tiles written so far, and scratch files; `shelve`: where features go; `finer`: those of a second look.
     """
     if config.method == "paper":
         paper = PaperMosaic(config.paper, config.reduction)
         return Method(paper, PaperPainter(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
     observers = Observers(Journal(), observer)
-    mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=observers, shelve=shelve)
+    mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=observers, shelve=shelve, finer=finer)
 
     def note(frame: Painted) -> None:
         painted(frame)

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
-from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
+from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame, finer_reduction
 from gcs_mosaic.app.resuming import Run, runs_of, settings_of, shelf_of, source_of, utc_of_zero
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable
@@ -21,6 +21,7 @@ from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
+from gcs_mosaic.stitch.features.extraction import Features, extract
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Covered, Outcome, Placement, Rejection, Waiting
 from gcs_mosaic.stitch.graph.union import Renamed
@@ -68,7 +69,17 @@ class Pipeline(Kept):
     """
 
     FIXED = frozenset(
-        {"_shelf", "_worker", "decoders", "_say", "features_of", "_checkpoints", "_of_flight", "_camera_of"}
+        {
+            "_shelf",
+            "_worker",
+            "decoders",
+            "_say",
+            "features_of",
+            "_checkpoints",
+            "_of_flight",
+            "_camera_of",
+            "_second_look",
+        }
     )
 
     def __init__(
@@ -100,8 +111,9 @@ class Pipeline(Kept):
         )
         self._worker, self._shelf = WorkerProcess(), shelf or shelf_of(config, out)
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
+        self._second_look = config.stitch.second_look.features(config.stitch.features)
         parts = self._worker, self.load_original, self._note_painted, out, observer, self._shelf.shelve
-        method = method_of(config, *parts, punctual=punctual, paint_live=paint_live)
+        method = method_of(config, *parts, self._finer_features, punctual=punctual, paint_live=paint_live)
         self.mosaic, self._painter = method.stitcher, method.renderer
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
@@ -366,6 +378,16 @@ class Pipeline(Kept):
             return None
         image = self.decoders.decode(data, self.store.content_hash(name), reduction or self._reduction)
         return None if isinstance(image, Unreadable) else image
+
+    def _finer_features(self, name: str) -> Features | None:
+        """A frame's features at a second look; None if its original is missing."""
+        look = self._second_look
+        image, reduction = self.load_original(name), self._reduction
+        if image is None:
+            return None
+        finer = finer_reduction(image.shape[0] * image.shape[1], reduction, look.megapixels * 1e6)
+        looked_at = image if finer == reduction else self.load_original(name, finer)
+        return None if looked_at is None else extract(looked_at, look, finer)
 
     def _note_painted(self, painted: Painted) -> None:
         self.store.changes.painted[painted.name] = painted

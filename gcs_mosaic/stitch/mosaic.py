@@ -36,6 +36,7 @@ from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.mapping.linking import link_across, link_pairs
 from gcs_mosaic.stitch.mapping.resection import Placing, PlausibilitySettings
+from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLookSettings
 from gcs_mosaic.stitch.registration.registration import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
 
@@ -52,6 +53,7 @@ class StitchSettings:
     islands: IslandSettings = field(default_factory=IslandSettings)
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
     upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
+    second_look: SecondLookSettings = field(default_factory=SecondLookSettings)
     memory_mb: int = 128  # features kept in memory, of some 500 frames; the others go to a scratch file
 
 
@@ -62,7 +64,8 @@ class Mosaic(Kept):
     `adjust`. `punctual`: results are deterministic, however fast the worker is. `observer` is notified of every placement
     decision. A frame that raises leaves no trace; when several islands are adjusted or frames compared, each one is either done
     or unchanged. `shelve`: where the large arrays of features go; without, they stay in memory. `search`: what compares frames,
-    made as a `Search` is.
+    made as a `Search` is. `finer`: finds a frame's features at a finer picture, see `second_look`; without, none is looked at a
+    second time.
     """
 
     FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
@@ -76,6 +79,7 @@ class Mosaic(Kept):
         observer: Observer | None = None,
         shelve: Shelve | None = None,
         search: Callable[..., Search] = Search,
+        finer: Finer | None = None,
     ) -> None:
         self.settings = settings or StitchSettings()
         adjustment = self.settings.adjustment
@@ -87,7 +91,9 @@ class Mosaic(Kept):
         self._observer = observer
         placing = Placing(self._graph, self._search, self.settings.plausibility, adjustment)
         bridges = Bridges(self._graph, self._search, self.settings.islands)
-        self._assembly = Assembly(self._graph, self._search, placing, bridges, self._upkeep, observer)
+        self._assembly = Assembly(
+            self._graph, self._search, placing, bridges, self._upkeep, observer, self.settings.second_look, finer
+        )
         self._covering = Covering(self._graph, self._search, self.settings.cover)
         self._covered: list[Covered] = []
         self._still = StillPattern()

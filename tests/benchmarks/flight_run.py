@@ -21,6 +21,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.messages import DamagedFile, Frame
+from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.mosaic import Mosaic
 from tests.benchmarks.exif import position_in
 from tests.benchmarks.feature_cache import FeatureFinder
@@ -115,7 +116,14 @@ def _run_core(task: Task) -> Run:
     finder = FeatureFinder(config.stitch.features, config.reduction, task.cache)
     items = list(frames_in([task.folder], config.frames).frames)
     frames, lost = _distinct(items)
-    with Flown(config.stitch, refusals) as flown:
+    again = FeatureFinder(config.stitch.second_look.features(config.stitch.features), config.reduction, task.cache)
+    named = {frame.name: frame for frame in frames}
+
+    def finer(name: str) -> Features | None:
+        found = again.features_of(named[name])
+        return None if isinstance(found, str) else found
+
+    with Flown(config.stitch, refusals, finer) as flown:
         for frame in frames:
             with reading.timed("features"):
                 features = finder.features_of(frame)

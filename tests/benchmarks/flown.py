@@ -10,6 +10,7 @@ from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.placement import Placement, Rejection
+from gcs_mosaic.stitch.mapping.second_look import Finer
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from tests.benchmarks.stages import Stages
 
@@ -21,9 +22,9 @@ class Flown:
     adjusting have cost; an observer makes adjusting a quarter dearer, for it is told what is left over of every match.
     """
 
-    def __init__(self, settings: StitchSettings, observer: Observer | None = None) -> None:
+    def __init__(self, settings: StitchSettings, observer: Observer | None = None, finer: Finer | None = None) -> None:
         self._worker = WorkerProcess()
-        self.mosaic = Mosaic(settings, self._worker, punctual=True, observer=observer)
+        self.mosaic = Mosaic(settings, self._worker, punctual=True, observer=observer, finer=finer)
         self.unplaced: dict[str, str] = {}
         self.troubles: list[str] = []
         self.stages = Stages()

@@ -1,7 +1,7 @@
 """Small flights over a known ground: every frame ends where it was taken, or says why not."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,8 @@ from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.registration.registration import Registration
+
+Register = Callable[[int, int], Registration | None]
 
 
 def line(x: float, y: float, count: int, step: float = 130, **more: float) -> list[Pose]:
@@ -222,9 +224,9 @@ def test_two_frames_that_raise_keep_no_others_from_being_compared(
     mosaic, compare = Mosaic(), Assembly._compare
     asked: list[set[int]] = []
 
-    def failing(assembly: Assembly, frame: int, other: int) -> list[int]:
+    def failing(assembly: Assembly, frame: int, other: int, register: Register) -> list[int]:
         asked.append({frame, other})
-        placed = compare(assembly, frame, other)
+        placed = compare(assembly, frame, other, register)
         if {frame, other} == asked[0]:
             raise MemoryError
         return placed

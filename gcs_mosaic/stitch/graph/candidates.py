@@ -99,6 +99,10 @@ class Search:
         expected = self._by_last_motion(a, other)
         return self._told(frame, other, register(a, b, self._registration, part_a, part_b, expected))
 
+    def register_as(self, frame: int, a: Features, other: int, b: Features) -> Registration | None:
+        """Register two frames by other features than the graph has of them."""
+        return self._told(frame, other, register(a, b, self._registration, expected=self._by_last_motion(a, other)))
+
     def compare(self, name: str, features: Features, other: int) -> Registration | None:
         """Register a frame that is not in the graph yet with one that is; same result as `register` later."""
         part = MatchPart(again=self._graph.matched_before(other))

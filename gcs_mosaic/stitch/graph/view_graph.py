@@ -139,6 +139,7 @@ class ViewGraph(Kept):
         # Pairs of frames compared when idle, smaller number first, with the poses at which they could not be connected despite
         # much in common; None if they have little.
         self.compared: dict[tuple[int, int], tuple[Pose | None, Pose | None] | None] = {}
+        self.looked_again: set[tuple[int, int]] = set()  # pairs that were looked at a second time, smaller number first
         self.frames_to_ask: list[int] = []  # to be compared next,
         self.asked_when: tuple[int, int, int] | None = None  # selected at this state of knowledge
         # Around accepted frames: number of cells that should have been confirmed, and that were.

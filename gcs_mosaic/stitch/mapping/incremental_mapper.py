@@ -17,11 +17,14 @@ from gcs_mosaic.stitch.graph.placement import placement_of
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, Bridge, ViewGraph
 from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mapping.resection import Placing
+from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLook, SecondLookSettings
 from gcs_mosaic.stitch.registration.registration import Registration
 from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
 WAITING_TRIES = 2  # waiting frames, or lone founders, that a newly placed frame is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
+
+NO_SECOND_LOOK = SecondLookSettings(megapixels=0)
 
 Pair = tuple[int, int]
 
@@ -37,6 +40,8 @@ class Assembly:
         bridges: Bridges,
         upkeep: Upkeep,
         observer: Observer | None = None,
+        second_look: SecondLookSettings = NO_SECOND_LOOK,
+        finer: Finer | None = None,
     ) -> None:
         self._graph = graph
         self._search = search
@@ -44,6 +49,7 @@ class Assembly:
         self._bridges = bridges
         self._upkeep = upkeep
         self._observer = observer
+        self._second_look = SecondLook(graph, search, second_look, self._are_apart, finer)
 
     def take_in(self, frame: int, compared: Mapping[int, Registration | None] = MappingProxyType({})) -> bool:
         """Place a new frame of the graph and all frames that become placeable by it; False if it must wait.
@@ -67,7 +73,8 @@ class Assembly:
                 pass
 
     def connect_some(self, frames: int) -> bool:
-        """When idle: compare this many frames with the most similar ones they are not connected with.
+        """When idle: compare this many frames with the most similar ones they are not connected with; then look a second time at
+        frames that would be lost.
 
         False once every frame has been compared with the present state of knowledge. Two frames whose comparison raises count
         as compared and do not stop the others; the first error is raised at the end.
@@ -80,7 +87,19 @@ class Assembly:
         with EachWhole(graph, self._upkeep, otherwise="frames that may be connected were not compared") as each:
             for frame in asked:
                 self._compare_with_likeliest(frame, each)
-        return bool(graph.frames_to_ask) or graph.asked_when != self._what_is_known()
+        return bool(graph.frames_to_ask) or graph.asked_when != self._what_is_known() or self._looked_again()
+
+    def _looked_again(self) -> bool:
+        """Make a step of a second look; False if there is none to make."""
+        look = self._second_look
+        pair = look.next_pair()
+        if pair is None:
+            return False
+        with EachWhole(self._graph, self._upkeep, otherwise="frames were not looked at a second time") as each:
+            if each.tried(lambda: look.is_ready(pair)):
+                self._graph.looked_again.add(pair)
+                self._place_and_use(partial(self._compare, *pair, look.register), each)
+        return True
 
     def connect(self, pairs: Iterable[Pair]) -> bool:
         """Compare these pairs of frames, where they are not connected; as `connect_some`. Whether any was connected."""
@@ -98,7 +117,7 @@ class Assembly:
     def _compare_if_apart(self, frame: int, other: int, each: EachWhole) -> None:
         if self._are_apart(frame, other) and self._is_worth_comparing(frame, other):
             self._graph.compared[_pair(frame, other)] = None
-            self._place_and_use(partial(self._compare, frame, other), each)
+            self._place_and_use(partial(self._compare, frame, other, self._search.register), each)
 
     def _are_apart(self, frame: int, other: int) -> bool:
         """Whether two frames are not connected: on two islands, or one of them waiting."""
@@ -133,10 +152,10 @@ class Assembly:
         placed = graph.placed() if graph.islands[frame] == NOWHERE else graph.elsewhere(graph.island_of(frame))
         return [*placed.tolist(), *(other for other in graph.waiting if other != frame)]
 
-    def _compare(self, frame: int, other: int) -> list[int]:
+    def _compare(self, frame: int, other: int, register: Callable[[int, int], Registration | None]) -> list[int]:
         """Compare two frames that may overlap. Returns waiting frames that are placed now."""
         first, second = sorted((frame, other), key=self._company)
-        registration = self._search.register(first, second)
+        registration = register(first, second)
         if registration is None:
             return []
         placed, pair = self._connect(first, second, registration), _pair(frame, other)

@@ -33,7 +33,9 @@ LEAST_TOGETHER = 30.0
 ECC_STEPS = 40
 ECC_TOLERANCE = 1e-4
 OPTIMISM = 2.0  # standard deviations by which refinement raises what chance gives
-PROMISING = 4.0  # standard deviations of a peak below which no refinement is tried; of 190 that proved right the least had 4.4
+PROMISING = (
+    4.0  # standard deviations of a peak below which no refinement is tried; of 190 that proved right the least had 4.4
+)
 MOST = 12.0  # decades; more is not to be told from a tail that is only known to three
 # px of the coarse texture around a match that look alike because it matches: what the frames show besides is beyond.
 AROUND_A_MATCH = 6.0
