@@ -7,14 +7,17 @@ import cv2
 import numpy as np
 import pytest
 from rich.console import Console
+from stitch_ground import SMALL_CAMERA, photograph
 
 import sitl.flight
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
-from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings
 from gcs_mosaic.stitch.graph.placement import Outcome
-from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.mapping.second_look import SecondLookSettings
+from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
@@ -107,3 +110,18 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(
         assert ledger.accounts().frames.placed == 11
     assert [frame.name for frame in rejected] == ["IMG_0003.JPG"]
     assert "surprise" in sure(rejected[0].reason)
+
+
+@pytest.mark.parametrize(("megapixels", "placed"), [(1.8, 3), (0.0, 1)])
+def test_frames_that_nothing_connects_are_looked_at_again(
+    ground: np.ndarray, tmp_path: Path, megapixels: float, placed: int
+) -> None:
+    """Three frames with a tenth in common, of which few features are kept at first."""
+    (tmp_path / "frames").mkdir()
+    for number in range(3):
+        picture = photograph(ground, Pose(500 + 430 * number, 600), SMALL_CAMERA)
+        cv2.imwrite(str(tmp_path / "frames" / f"{number}.png"), picture)
+    few = StitchSettings(features=FeatureSettings(count=41), second_look=SecondLookSettings(megapixels=megapixels))
+    flight = stitch([tmp_path / "frames"], tmp_path / "flight", Config(stitch=few), QUIET)
+    with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
+        assert ledger.accounts().frames.placed == placed
