@@ -78,7 +78,7 @@ class Pipeline(Kept):
             "_checkpoints",
             "_of_flight",
             "_camera_of",
-            "_second_look",
+            "_stitch",
         }
     )
 
@@ -111,14 +111,13 @@ class Pipeline(Kept):
         )
         self._worker, self._shelf = WorkerProcess(), shelf or shelf_of(config, out)
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
-        self._second_look = config.stitch.second_look.features(config.stitch.features)
         parts = self._worker, self.load_original, self._note_painted, out, observer, self._shelf.shelve
         method = method_of(config, *parts, self._finer_features, punctual=punctual, paint_live=paint_live)
         self.mosaic, self._painter = method.stitcher, method.renderer
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
-        self._reduction, self._camera_of = config.reduction, camera_of
+        self._reduction, self._camera_of, self._stitch = config.reduction, camera_of, config.stitch
         self._processed: dict[str, None] = {}  # frame names, in order of processing
         self._of_flight = _of_flight(config)
         self._checkpoints, self._say = checkpoints, say
@@ -381,7 +380,7 @@ class Pipeline(Kept):
 
     def _finer_features(self, name: str) -> Features | None:
         """A frame's features at a second look; None if its original is missing."""
-        look = self._second_look
+        look = self._stitch.second_look.features(self._stitch.features)
         image, reduction = self.load_original(name), self._reduction
         if image is None:
             return None

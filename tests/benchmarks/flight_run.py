@@ -22,6 +22,7 @@ from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.messages import DamagedFile, Frame
 from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.mapping.second_look import Finer
 from gcs_mosaic.stitch.mosaic import Mosaic
 from tests.benchmarks.exif import position_in
 from tests.benchmarks.feature_cache import FeatureFinder
@@ -116,14 +117,7 @@ def _run_core(task: Task) -> Run:
     finder = FeatureFinder(config.stitch.features, config.reduction, task.cache)
     items = list(frames_in([task.folder], config.frames).frames)
     frames, lost = _distinct(items)
-    again = FeatureFinder(config.stitch.second_look.features(config.stitch.features), config.reduction, task.cache)
-    named = {frame.name: frame for frame in frames}
-
-    def finer(name: str) -> Features | None:
-        found = again.features_of(named[name])
-        return None if isinstance(found, str) else found
-
-    with Flown(config.stitch, refusals, finer) as flown:
+    with Flown(config.stitch, refusals, _second_look(task, frames)) as flown:
         for frame in frames:
             with reading.timed("features"):
                 features = finder.features_of(frame)
@@ -151,6 +145,18 @@ def _run_core(task: Task) -> Run:
         memory_mb=memory_mb if is_fresh else None,
     )
     return _judged(found, task.folder, map_, held_out)
+
+
+def _second_look(task: Task, frames: Iterable[Frame]) -> Finer:
+    """Finds the finer features of frames by their names."""
+    stitch, named = task.config.stitch, {frame.name: frame for frame in frames}
+    finder = FeatureFinder(stitch.second_look.features(stitch.features), task.config.reduction, task.cache)
+
+    def finer(name: str) -> Features | None:
+        found = finder.features_of(named[name])
+        return None if isinstance(found, str) else found
+
+    return finer
 
 
 def _run_full(task: Task) -> Run:
