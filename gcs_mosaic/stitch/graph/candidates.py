@@ -37,6 +37,7 @@ AT_ONCE = 2  # frames matched in parallel
 # that a wrong pose leads to pixels that agree, within the tenth of a footprint by which poses may be off; and what one flight
 # line in two gives, where the aircraft did not turn.
 BY_POSE, BY_MOTION = 4.0, 2.0
+IN_SEQUENCE = 2  # frames between whose capture at most one other lies follow each other
 LOOKED_AT = 2  # frames beside which one that keypoints do not bear out is looked at
 
 
@@ -96,8 +97,9 @@ class Search:
         """Register two frames whose relative position is unknown."""
         a, b = self._graph.frames[frame].features, self._graph.frames[other].features
         part_a, part_b = (MatchPart(again=self._graph.matched_before(f)) for f in (frame, other))
-        expected = self._by_last_motion(a, other)
-        return self._told(frame, other, register(a, b, self._registration, part_a, part_b, expected))
+        expected, in_sequence = self._by_last_motion(a, other), _in_sequence(frame, other)
+        found = register(a, b, self._registration, part_a, part_b, expected, in_sequence=in_sequence)
+        return self._told(frame, other, found)
 
     def register_as(self, frame: int, a: Features, other: int, b: Features) -> Registration | None:
         """Register two frames by other features than the graph has of them."""
@@ -107,9 +109,8 @@ class Search:
         """Register a frame that is not in the graph yet with one that is; same result as `register` later."""
         part = MatchPart(again=self._graph.matched_before(other))
         expected = self._by_last_motion(features, other)
-        found = register(
-            features, self._graph.frames[other].features, self._registration, part_b=part, expected=expected
-        )
+        b, in_sequence = self._graph.frames[other].features, _in_sequence(len(self._graph.frames), other)
+        found = register(features, b, self._registration, part_b=part, expected=expected, in_sequence=in_sequence)
         return self._told_of(name, other, found)
 
     def neighbour_links(
@@ -139,7 +140,7 @@ class Search:
         pair = PixelPair(self._features_of(frame), self._features_of(other))
         expected = homography_between(view_a, view_b) if pair.known else None
         found = None if expected is None else pair.agreement(expected)
-        if found is None:
+        if found is None or found.alone < self._registration.least_alone:
             return 0.0
         beyond = pair.evidence_beyond(found, NO_PIXELS if link is None else link.agreeing_a)
         evidence = min(found.evidence, beyond)
@@ -218,6 +219,10 @@ class Search:
         if self._observer:
             self._observer.registered(name, self._graph.frames[other].name, found)
         return found if isinstance(found, Registration) else None
+
+
+def _in_sequence(frame: int, other: int) -> bool:
+    return abs(frame - other) <= IN_SEQUENCE
 
 
 def homography_between(view_a: View, view_b: View) -> Matrix3x3 | None:

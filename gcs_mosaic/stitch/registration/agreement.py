@@ -26,6 +26,7 @@ REACH = 64  # px of the coarse texture, a quarter of its width: shifts compared,
 DRAWN = 32  # px of it by which a proposal may be off
 NEAR = 8  # px around a peak that belong to it
 LEAST_OVERLAP = 1500  # px, a thirtieth of a coarse texture: less shows too little to tell
+LEAST_COMMON = 0.1  # of a picture, where it is sought at all shifts: by less than that chance finds as much
 COMPARABLE = 0.5  # of the overlap: shifts that leave less are not compared
 # px of a coarse texture that vary together, by its blur. Frames that share more than chance gives have more in common at other
 # shifts too, never less than this.
@@ -55,7 +56,8 @@ class Agreement:
 
     correlation: of their textures, -1 to 1, over `pixels` of the coarse texture; runner_up: the largest at another shift;
     together: pixels that vary together by chance; evidence: -log10 of the chance that it is so large, or that another shift is
-    the right one.
+    the right one if what differs there are single crowns and stones; alone: the same if it is as much as varies together, which
+    on a grid of plants or blocks is a whole one.
     """
 
     b_from_a: Matrix3x3
@@ -64,6 +66,7 @@ class Agreement:
     runner_up: float
     together: float
     evidence: float
+    alone: float
 
 
 @dataclass(frozen=True)
@@ -101,15 +104,38 @@ class PixelPair:
             return None
         tries = 1 + math.pi * float(np.hypot(*first.shift)) ** 2 / LEAST_TOGETHER  # shifts as near as this one
         chance = -(log_ndtr(-(found.deviations - OPTIMISM)) / math.log(10)) - math.log10(tries)
-        alone = _log_odds_of_peak(found)
         return Agreement(
             b_from_a=self._full_from_coarse(refined),
             correlation=found.correlation,
             pixels=int(found.pixels),
             runner_up=found.runner_up,
             together=found.together,
-            evidence=float(min(chance, alone, MOST)),
+            evidence=float(min(chance, _log_odds_of_peak(found, LEAST_TOGETHER), MOST)),
+            alone=_log_odds_of_peak(found, found.together),
         )
+
+    def best_shifts(self) -> list[Matrix3x3]:
+        """Where one picture looks most like the other if neither is turned, and if one is turned round: b_from_a (3x3, full
+        resolution), found by correlation at all shifts that leave a tenth of it in common."""
+        found = [self._best_shift(turn) for turn in (np.eye(3), self._a.turned_round)]
+        return [self._full_from_coarse(coarse_from_coarse) for coarse_from_coarse in found]
+
+    def _best_shift(self, turn: Matrix3x3) -> Matrix3x3:
+        """The homography between coarse textures that turns a so, and then shifts it to where they agree best."""
+        a, b, flipped = self._a, self._b, slice(None, None, -1 if turn[0, 0] < 0 else 1)
+        room = cv2.getOptimalDFTSize(a.shape[0] + b.shape[0]), cv2.getOptimalDFTSize(a.shape[1] + b.shape[1])
+        products, common = (
+            _products(_spectrum(of_b, room), of_a[flipped, flipped], room)
+            for of_a, of_b in ((a.image * a.mask, b.image * b.mask), (a.mask, b.mask))
+        )
+        enough = common >= LEAST_COMMON * float(b.mask.sum())
+        best = np.where(enough, products / np.sqrt(common.clip(1)), -np.inf).argmax()
+        row, column = np.unravel_index(best, products.shape)
+        down, across = (
+            int(at) - side if at >= of_b else int(at)
+            for at, side, of_b in zip((row, column), room, b.shape, strict=True)
+        )
+        return _shifted(turn, np.array([across, down], np.float64))
 
     def evidence_beyond(self, found: Agreement, matched: PointsNx2) -> float:
         """Evidence (decades) of the pixels that are not around these pixels (n, 2) of a: two different places may have one
@@ -183,10 +209,9 @@ class PixelPair:
 
     def _shifted_products(self, spectrum: FloatImage, laid: FloatImage) -> FloatImage:
         """Sum (2 REACH + 1, 2 REACH + 1) of b times a shifted by -REACH to REACH, of which the spectrum of b is known."""
-        other = _spectrum(laid, self._b.padded)
-        found = cv2.mulSpectrums(spectrum, other, 0, conjB=True)
-        found = cv2.dft(found, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
-        around = np.roll(found, (REACH, REACH), (0, 1))[: 2 * REACH + 1, : 2 * REACH + 1]
+        around = np.roll(_products(spectrum, laid, self._b.padded), (REACH, REACH), (0, 1))[
+            : 2 * REACH + 1, : 2 * REACH + 1
+        ]
         return np.asarray(around, np.float32)
 
     def _refined(self, b_from_a: Matrix3x3) -> Matrix3x3 | None:
@@ -254,6 +279,12 @@ class _Side:
     def mask8(self) -> FloatImage:
         return (self.mask * 255).astype(np.uint8)
 
+    @property
+    def turned_round(self) -> Matrix3x3:
+        """The picture turned by 180 degrees, (3x3)."""
+        height, width = self.shape
+        return np.array([[-1.0, 0, width - 1], [0, -1, height - 1], [0, 0, 1]])
+
     @cached_property
     def energy(self) -> float:
         return float((self.image * self.image * self.mask).sum() / max(float(self.mask.sum()), 1.0))
@@ -295,6 +326,14 @@ def _spectrum(image: FloatImage, padded: tuple[int, int]) -> FloatImage:
     return np.asarray(cv2.dft(room), dtype=np.float32)
 
 
+def _products(spectrum: FloatImage, laid: FloatImage, padded: tuple[int, int]) -> FloatImage:
+    """Sums, of this size (h, w), of an image of this spectrum times another one that is shifted by all whole numbers of pixels;
+    negative shifts come last."""
+    found = cv2.mulSpectrums(spectrum, _spectrum(laid, padded), 0, conjB=True)
+    found = cv2.dft(found, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
+    return np.asarray(found, np.float32)
+
+
 def _shifted(b_from_a: Matrix3x3, shift: Vector2) -> Matrix3x3:
     moved = np.eye(3)
     moved[:2, 2] = shift
@@ -310,10 +349,10 @@ def _correlation(one: FloatImage, other: FloatImage, mask: FloatImage) -> tuple[
     return float((one * other * mask).sum()) / max(norm, 1e-12), int(pixels)
 
 
-def _log_odds_of_peak(found: _Peak) -> float:
+def _log_odds_of_peak(found: _Peak, together: float) -> float:
     """log10 of how much likelier the peak is the right shift than the best other one: by the difference of two correlations
-    over so many independent pixels (Fisher's transformation)."""
-    independent = max(found.pixels / LEAST_TOGETHER, 4.0)
+    over independent pixels (Fisher's transformation), of which so many are one."""
+    independent = max(found.pixels / together, 4.0)
     highest, second = (math.atanh(min(max(r, 0.0), 0.99)) for r in (found.correlation, found.runner_up))
     apart = (highest - second) / math.sqrt(2 / (independent - 3))
     return float(-log_ndtr(-apart) / math.log(10))

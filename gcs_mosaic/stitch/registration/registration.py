@@ -52,6 +52,8 @@ SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak 
 # Ratio of magnifications of two corners in a proposal: a frame 55 degrees up against one straight down.
 MOST_SLANT = 4.5
 NEAR_BY_PIXELS = 3.0  # tolerances by which a match may be off a homography that coarse pictures have told
+# Decades for the best of all shifts: some ten thousand are tried, but frames in sequence overlap a hundred times more often.
+ANYWHERE = -2.0
 FEWEST = 8  # matches and patches in distinct cells that lay one frame on another
 NO_MATCHES = np.empty((0, 2), np.intp)
 NO_PIXELS: PointsNx2 = np.empty((0, 2))
@@ -178,10 +180,15 @@ ALL = MatchPart()
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """How two frames may lie: b_from_a (3x3, full resolution), and the evidence for it, in decades."""
+    """How two frames may lie: b_from_a (3x3, full resolution), and the evidence for it, in decades; negative is against it."""
 
     b_from_a: Matrix3x3
     evidence: float
+
+    @classmethod
+    def of_matches(cls, b_from_a: Matrix3x3, evidence: float) -> list[Proposal]:
+        """One that so much speaks for, if it is worth a look; that few agree with it does not speak against it."""
+        return [cls(b_from_a, max(evidence, 0.0))] if evidence >= LEAST_PROPOSED else []
 
 
 def register(
@@ -191,8 +198,11 @@ def register(
     part_a: MatchPart = ALL,
     part_b: MatchPart = ALL,
     expected: Sequence[Proposal] = (),
+    *,
+    in_sequence: bool = False,
 ) -> Registration | NotRegistered:
-    """Find the overlap of two frames. `expected`: where it may be by what else is known."""
+    """Find the overlap of two frames. `expected`: where it may be by what else is known. `in_sequence`: they were taken one after
+    the other, so that it is worth while to lay their pictures on each other wherever they may."""
     pair = _matched(a, b, part_a, part_b, settings.ratio)
     pictures = PixelPair(a, b)
     found, proposals = _by_keypoints(pair, pictures, a, b, settings)
@@ -206,6 +216,9 @@ def register(
     if by_pixels is None and a.learned is not None and b.learned is not None:
         learned = similarities(_matched(a.learned, b.learned, ALL, ALL, RATIO), settings)
         by_pixels = _by_pixels(pair, pictures, a, b, learned, settings)
+    if by_pixels is None and in_sequence:
+        anywhere = [Proposal(b_from_a, ANYWHERE) for b_from_a in pictures.best_shifts()]
+        by_pixels = _by_pixels(pair, pictures, a, b, anywhere, settings)
     return by_pixels or found
 
 
@@ -219,7 +232,7 @@ def _looked_at(
 ) -> Registration | None:
     """A registration whose keypoints are no accident but confirm little of the overlap, if the pictures do."""
     seen = None if found is None else pictures.agreement(found.b_from_a)
-    if found is None or seen is None or seen.evidence < settings.least_alone:
+    if found is None or seen is None or seen.alone < settings.least_alone:
         return None
     if not _is_same(seen.b_from_a, found.b_from_a, a, b) or _should_have_matched(seen, pictures, a, b):
         return None
@@ -279,7 +292,7 @@ def _by_keypoints(
             return _with_patches(found, pictures, a, b, settings), proposals
         first_doubt = first_doubt or NotRegistered(doubt, independent, found.pixels_a, found.pixels_b)
         contradicted = contradicted or (None if impossible else found)
-        proposals.append(Proposal(found.b_from_a, evidence))
+        proposals += Proposal.of_matches(found.b_from_a, evidence)
         if evidence < settings.least_evidence:
             break  # the best agreement is chance: the remaining matches will not do better
         left &= ~inlier
@@ -300,8 +313,6 @@ def _by_pixels(
     near = SAME_PROPOSAL * math.hypot(b.width, b.height)
     tried: list[PointsNx2] = []
     for proposal in sorted(proposals, key=lambda one: -one.evidence):
-        if proposal.evidence < LEAST_PROPOSED:
-            break
         if not _is_plausible(proposal.b_from_a, outline, a.scale / b.scale, settings):
             continue
         places = _mapped(proposal.b_from_a, outline)
@@ -309,9 +320,9 @@ def _by_pixels(
             continue
         tried.append(places)
         seen = pictures.agreement(proposal.b_from_a)
-        if seen is None or max(proposal.evidence, 0.0) + seen.evidence < settings.least_evidence:
+        if seen is None or proposal.evidence + seen.evidence < settings.least_evidence:
             continue
-        if seen.evidence < settings.least_alone or _should_have_matched(seen, pictures, a, b):
+        if seen.alone < settings.least_alone or _should_have_matched(seen, pictures, a, b):
             continue
         found = _laid_by(seen, proposal, pair, a, b, settings)
         if found is None:
@@ -344,7 +355,7 @@ def _laid_by(
     inlier[near[agrees[: len(near)]]] = True
     diagonal = float(np.linalg.norm(pair.size_b))
     displaced = displaced_by_height(_mapped(refined, pair.a), pair.b, inlier, diagonal)
-    evidence = max(proposal.evidence, 0.0) + seen.evidence
+    evidence = proposal.evidence + seen.evidence
     found = _in_full_resolution(pair, refined, inlier, displaced, independent, evidence)
     return _joined(found, some, agrees[len(near) :])
 
@@ -458,7 +469,7 @@ def similarities(pair: _Pair, settings: RegistrationSettings) -> list[Proposal]:
         area = float(pair.size_b.prod())
         chance = chance_of_agreement(_mapped(similarity, pair.a), pair.b, tolerance, area)
         evidence = log_evidence(matches, independent, chance, SAMPLE_OF_SIMILARITY)
-        found.append(Proposal(pair.enlarged(similarity), evidence))
+        found += Proposal.of_matches(pair.enlarged(similarity), evidence)
         left = left[~agrees]
     return found
 
