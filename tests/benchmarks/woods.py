@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 import sitl.flight
 from gcs_mosaic.frames.decode import Unreadable, decode_image
-from gcs_mosaic.stitch.features.extraction import extract
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from sitl.camera import SWAY, Camera, Scene
 from sitl.display import Display
@@ -98,12 +98,17 @@ def told(flight: sitl.flight.Flight) -> str:
 
 def placed(flight: sitl.flight.Flight) -> Document:
     """Every frame read as from its file, placed as live."""
-    settings = StitchSettings()
-    with Flown(settings) as flown:
-        for name, data in zip(flight.names, flight.pictures(), strict=True):
-            image = decode_image(data)
-            assert not isinstance(image, Unreadable), image.reason
-            flown.place(name, extract(image, settings.features))
+    settings, files = StitchSettings(), dict(zip(flight.names, flight.pictures(), strict=True))
+
+    def features(name: str, how: FeatureSettings) -> Features:
+        image = decode_image(files[name])
+        assert not isinstance(image, Unreadable), image.reason
+        return extract(image, how)
+
+    again = settings.second_look.features(settings.features)
+    with Flown(settings, finer=lambda name: features(name, again)) as flown:
+        for name in files:
+            flown.place(name, features(name, settings.features))
         return document(flown.finish())
 
 
