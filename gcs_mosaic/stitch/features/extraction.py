@@ -64,7 +64,8 @@ class Features:
 
     `points` (n, 2) float32 in full-resolution pixels; `descriptors` (n, d), SIFT: 128 uint8, RootSIFT times 255, ORB: 256 int8,
     1 or -1, SURF: 64 int8, length 127; `scale`: full-resolution pixels per pixel of the feature picture. `faint`: the faint
-    picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed. `texture`: what the
+    picture in which all but the first `ordinary` features were found, unless the fixed pattern was removed; `is_faint`: whether
+    there was one. `texture`: what the
     frame looks like as a whole; None if that is not known. `dead`: the excluded border, in full-resolution pixels. `still`: what
     an overlay covers, where the texture is 0 and features are not matched; None where nothing is known to. The large ones may lie
     on a shelf.
@@ -77,6 +78,7 @@ class Features:
     scale: float
     kept_faint: FaintImage | Shelved | None = None
     ordinary: int = 0
+    is_faint: bool = False
     dead: DeadBorder = NO_BORDER
     sharpness: float = 0.0  # see `sharpness`; 0 if not measured
     kept_texture: Texture | Shelved | None = None
@@ -141,7 +143,7 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
         return _with_learned(features, small, 1, settings)
     faint = faint_picture(mean)
     both = joined(features, faint_features(faint, features, settings))
-    both = replace(both, kept_faint=faint, ordinary=len(features))
+    both = replace(both, kept_faint=faint, ordinary=len(features), is_faint=True)
     return _with_learned(both, equalised(faint, FINE_BLUR), HALF, settings)
 
 
@@ -165,7 +167,7 @@ def faint_features(standing_out: Band, frame: Features, settings: FeatureSetting
     """Features of a frame's faint picture `standing_out` (h, w), with or without its fixed pattern removed."""
     found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, frame.width, frame.height, frame.scale)
-    features = replace(features, sharpness=frame.sharpness, kept_texture=frame.kept_texture)
+    features = replace(features, sharpness=frame.sharpness, kept_texture=frame.kept_texture, is_faint=True)
     return without_border(features, frame.dead)
 
 

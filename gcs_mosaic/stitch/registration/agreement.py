@@ -195,17 +195,27 @@ class PixelPair:
         apart = comparable & ((rows - best[0]) ** 2 + (columns - best[1]) ** 2 >= NEAR**2)
         if apart.sum() < NEAR**2:
             return None
+        second = np.unravel_index(np.where(apart, correlations, -np.inf).argmax(), scores.shape)
         elsewhere = scores[apart]
         usual = float(np.median(elsewhere))
         together = max((1.4826 * float(np.median(np.abs(elsewhere - usual)))) ** 2, LEAST_TOGETHER)
         return _Peak(
             shift=shift,
             deviations=(float(scores[best]) - usual) / math.sqrt(together),
-            correlation=float(correlations[best]),
-            runner_up=float(correlations[apart].max()),
+            correlation=self._correlation_at(laid, mask, shift),
+            runner_up=self._correlation_at(laid, mask, np.array([second[1] - REACH, second[0] - REACH], np.float64)),
             pixels=float(common[best]),
             together=together,
         )
+
+    def _correlation_at(self, laid: FloatImage, mask: FloatImage, shift: Vector2) -> float:
+        """Of b with texture a laid on it (h, w) and shifted by whole pixels, by what both show there."""
+        move = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
+        moved, seen = (
+            np.asarray(cv2.warpAffine(one, move, one.shape[::-1], flags=cv2.INTER_NEAREST), np.float32)
+            for one in (laid, mask)
+        )
+        return _correlation(moved, self._b.image, seen * self._b.mask, least=1)[0]
 
     def _shifted_products(self, spectrum: FloatImage, laid: FloatImage) -> FloatImage:
         """Sum (2 REACH + 1, 2 REACH + 1) of b times a shifted by -REACH to REACH, of which the spectrum of b is known."""
@@ -340,9 +350,10 @@ def _shifted(b_from_a: Matrix3x3, shift: Vector2) -> Matrix3x3:
     return np.asarray(moved @ b_from_a)
 
 
-def _correlation(one: FloatImage, other: FloatImage, mask: FloatImage) -> tuple[float, int]:
+def _correlation(one: FloatImage, other: FloatImage, mask: FloatImage, least: int = LEAST_OVERLAP) -> tuple[float, int]:
+    """Correlation of two images (h, w) where the mask is 1, and of how many pixels; 0 if they are too few."""
     pixels = float(mask.sum())
-    if pixels < LEAST_OVERLAP:
+    if pixels < least:
         return 0.0, 0
     one, other = (image - float((image * mask).sum()) / pixels for image in (one, other))
     norm = math.sqrt(float((one * one * mask).sum()) * float((other * other * mask).sum()))

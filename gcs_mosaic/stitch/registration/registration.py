@@ -42,7 +42,7 @@ SIMILARITY_PX = 2.0  # tolerance of its inliers, in those of a homography: relie
 # where few do, it is 0.12 and less; blocks of one make and their neighbours, whose keypoints differ, have 0.18 to 0.40.
 MOST_FINEST = 0.16
 ALIKE = 0.7  # the same of coarse textures: woods that agree so well have 60 independent inliers and more
-DETAILED = 1000  # features of a picture with details everywhere
+DETAILED = 1300  # features per megapixel of a feature picture with details everywhere
 BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
@@ -253,11 +253,16 @@ def _unless_contradicted(found: Registration, pair: _Pair, settings: Registratio
 def _should_have_matched(seen: Agreement, pictures: PixelPair, a: Features, b: Features) -> bool:
     """Whether two pictures agree so well that keypoints, of which few do, would if they showed one place: blocks of one make
     agree as wholes and differ in details. Not so where pictures have few details, or noise for them, or lose them by blur."""
-    if a.kept_faint is not None or b.kept_faint is not None or min(len(a), len(b)) < DETAILED:
+    if a.is_faint or b.is_faint or min(map(_per_megapixel, (a, b))) < DETAILED:
         return False
     if max(a.sharpness, b.sharpness) > BLURRED * min(a.sharpness, b.sharpness):
         return False
     return seen.correlation > ALIKE or pictures.finest(seen) > MOST_FINEST
+
+
+def _per_megapixel(frame: Features) -> float:
+    """Features per megapixel of the feature picture."""
+    return len(frame) * frame.scale**2 / (frame.width * frame.height * 1e-6)
 
 
 def _is_same(one: Matrix3x3, other: Matrix3x3, a: Features, b: Features) -> bool:
