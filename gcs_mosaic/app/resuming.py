@@ -17,7 +17,7 @@ from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.render.painted import PaintedFrame
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Link
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import NAME as CHECKPOINT_NAME

@@ -20,13 +20,10 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings, View
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
-from gcs_mosaic.stitch.registration.registration import (
-    MatchPart,
-    NotRegistered,
-    Registration,
-    RegistrationSettings,
-    borne_out,
-)
+from gcs_mosaic.stitch.registration.confirmation import borne_out
+from gcs_mosaic.stitch.registration.frame_pair import MatchPart
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 WITNESSES = 6  # frames around a place that one pair of frames tells
 GROUPS_KEPT = 512  # of pairs, 250 kB each

@@ -15,12 +15,9 @@ from gcs_mosaic.archive.retrieval import Described
 from gcs_mosaic.archive.tasks import Made, Parts, StageTask, task
 from gcs_mosaic.stitch.arrays import AnyPairsNx2, Matrix3x3, Points32Nx2, PointsNx2
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.registration.registration import (
-    NotRegistered,
-    Registration,
-    RegistrationSettings,
-    register,
-)
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 FIRSTS = 4  # frames whose pairs make one task: some 64 pairs that share frames
 FEWEST_FEATURES = 2**16  # from which indices take four bytes

@@ -25,7 +25,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 
 LoadImage = Callable[[str], ImageBGR | None]
 

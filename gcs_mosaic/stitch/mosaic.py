@@ -37,7 +37,7 @@ from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.mapping.linking import link_across, link_pairs
 from gcs_mosaic.stitch.mapping.resection import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLookSettings
-from gcs_mosaic.stitch.registration.registration import RegistrationSettings
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
 
 

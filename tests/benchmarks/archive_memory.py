@@ -41,7 +41,7 @@ from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.view_graph import Lens
 from gcs_mosaic.stitch.mosaic import StitchSettings
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from tests.benchmarks.archive_of_points import ArchiveOfPoints, archive_of_points
 from tests.benchmarks.survey_of_matches import CAMERA, rms_error_px
 

@@ -24,7 +24,7 @@ from gcs_mosaic.archive.pairs import KnownPairs, Pair, StoredRegistration
 from gcs_mosaic.stitch.arrays import PosesNx6
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.registration.registration import independent_count
+from gcs_mosaic.stitch.registration.frame_pair import independent_count
 from sitl.geometry import CameraState, ground_from_pixels, pixels_from_ground
 from sitl.path import fly
 from tests.benchmarks.flight_of_points import HEIGHT, LENS, NOISE_PX, plan

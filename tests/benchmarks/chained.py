@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.registration.outcome import Registration
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from tests.benchmarks.known_flights import Document, Named
 
 

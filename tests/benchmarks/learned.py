@@ -28,12 +28,10 @@ from gcs_mosaic.stitch.features.fixed_pattern import STILL_PX, clipped, freed, p
 from gcs_mosaic.stitch.features.learned import FINE_BLUR, RATIO, LearnedDetector, read_detector
 from gcs_mosaic.stitch.features.matching import match
 from gcs_mosaic.stitch.registration.a_contrario import confirmed
-from gcs_mosaic.stitch.registration.registration import (
-    Registration,
-    RegistrationSettings,
-    register,
-    robust_homography,
-)
+from gcs_mosaic.stitch.registration.homography import robust_homography
+from gcs_mosaic.stitch.registration.outcome import Registration
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from tests.benchmarks.recorded import photographs, picture_of
 
 SETTINGS = FeatureSettings()

@@ -14,7 +14,7 @@ from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 from tests.benchmarks.feature_cache import FeatureFinder
 from tests.benchmarks.flight_run import Task
 from tests.benchmarks.refusals import Refusals, grouped

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.registration.outcome import Registration
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from sitl.camera import Scene
 from sitl.flight import plan
 from sitl.geometry import CameraState

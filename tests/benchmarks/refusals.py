@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+(?:\.\d+)?(?:e[-+]?\d+)?|nan|inf)(?!\w)")
 

@@ -28,13 +28,26 @@ PACKAGE = "gcs_mosaic.stitch"
 # Constants of modules that decide what is believed, tried or weighed. What only sets a pace (steps of a convergent
 # iteration, batches, where the dense solver takes over) is none of these.
 CONSTANTS = {
-    "registration.registration": ("HYPOTHESES", "ENOUGH_CELLS", "EXPECTED_SHARE"),
+    "registration.registration": ("HYPOTHESES",),
+    "registration.confirmation": ("ENOUGH_CELLS", "EXPECTED_SHARE", "MOST_BEYOND"),
+    "registration.proposals": ("SIMILARITIES", "SIMILARITY_PX", "MOST_SLANT"),
+    "registration.by_pixels": ("MOST_FINEST", "ALIKE", "DETAILED", "BLURRED", "SAME_PLACE", "NEAR_BY_PIXELS", "FEWEST"),
+    "registration.agreement": (
+        "DRAWN",
+        "LEAST_OVERLAP",
+        "LEAST_TOGETHER",
+        "OPTIMISM",
+        "PROMISING",
+        "AROUND_A_MATCH",
+        "FINEST",
+    ),
+    "registration.patches": ("LEAST_LEAD", "ENOUGH"),
     "registration.a_contrario": ("PER_CELL", "LEAST_IN_CELL", "FALSE_SHARE", "CORRELATED_CELLS"),
     "graph.overlap_check": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER", "ENOUGH_CELLS"),
     "registration.parallax": ("LARGEST", "EPIPOLAR_PX", "HYPOTHESES", "LEAST_CHANCE"),
     "features.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
     "graph.neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
-    "graph.candidates": ("PER_NEIGHBOUR",),
+    "graph.candidates": ("PER_NEIGHBOUR", "BY_POSE", "BY_MOTION", "IN_SEQUENCE", "LOOKED_AT"),
     "graph.view_graph": ("FIRST_SHARE", "FIRST_CELLS", "LEAST_SHARE", "MOST_SHARE", "LENS_KNOWN"),
     "mapping.resection": ("UNKNOWN_LENS",),
     "graph.waiting": ("TURN_AFTER",),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.registration.registration import RegistrationSettings
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from tests.benchmarks.chained import chained
 from tests.benchmarks.known_flights import Named
 

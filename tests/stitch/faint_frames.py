@@ -7,7 +7,9 @@ from stitch_ground import Image
 
 from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.registration.outcome import Registration
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 WIDTH, HEIGHT = 400, 300
 

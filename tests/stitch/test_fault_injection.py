@@ -19,7 +19,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import SearchSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from sitl.path import Plan, fly
 from tests.benchmarks import flight_of_points
 

@@ -20,7 +20,7 @@ from gcs_mosaic.stitch.graph.view_graph import Bridge, Lens, ViewGraph
 from gcs_mosaic.stitch.mapping.covering import CoverSettings
 from gcs_mosaic.stitch.mapping.islands import Bridges, _reconciled
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.stitch.transaction import attempt
 from tests.benchmarks.flight_of_points import features_of_flight
 

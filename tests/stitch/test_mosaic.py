@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.graph.placement import Placement, Rejection, Waiting
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 
 Register = Callable[[int, int], Registration | None]
 

@@ -11,7 +11,7 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.union import Renamed
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.store.checkpoint import decoded, encoded
 
 AS_THEY_ARE = Renamed(name_of=lambda name: name, aircraft_of=lambda aircraft: aircraft)

@@ -18,15 +18,11 @@ from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.agreement import PixelPair
-from gcs_mosaic.stitch.registration.registration import (
-    NO_PIXELS,
-    MatchPart,
-    NotRegistered,
-    Proposal,
-    Registration,
-    RegistrationSettings,
-    register,
-)
+from gcs_mosaic.stitch.registration.frame_pair import MatchPart
+from gcs_mosaic.stitch.registration.outcome import NO_PIXELS, NotRegistered, Registration
+from gcs_mosaic.stitch.registration.proposals import Proposal
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 View = tuple[Pose, Camera]
 

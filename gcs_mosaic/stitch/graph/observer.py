@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
-from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 
 logger = logging.getLogger(__name__)
 

@@ -31,7 +31,7 @@ from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved
 from gcs_mosaic.stitch.graph.waiting import WaitingFrames
 from gcs_mosaic.stitch.registration.held_out import clear_of, held_out, held_out_doubtful
-from gcs_mosaic.stitch.registration.registration import Registration, well_spread
+from gcs_mosaic.stitch.registration.outcome import Registration, well_spread
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 CameraNumber = int  # frames of one size, of one aircraft, were taken by one camera

@@ -21,7 +21,7 @@ from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
 from gcs_mosaic.stitch.graph.placement import Covered
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import confirmed
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 
 Compared = Mapping[int, Registration | None]  # results of a frame's comparisons by frame
 

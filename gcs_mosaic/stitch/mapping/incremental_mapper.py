@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.graph.view_graph import NOWHERE, Bridge, ViewGraph
 from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mapping.resection import Placing
 from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLook, SecondLookSettings
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
 WAITING_TRIES = 2  # waiting frames, or lone founders, that a newly placed frame is matched with

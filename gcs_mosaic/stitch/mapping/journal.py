@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from gcs_mosaic.stitch.graph.observer import Residuals
 from gcs_mosaic.stitch.graph.placement import Placement
-from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 
 logger = logging.getLogger(__name__)
 

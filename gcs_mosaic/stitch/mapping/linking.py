@@ -15,7 +15,7 @@ from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph
 from gcs_mosaic.stitch.mapping.islands import AGREEMENT
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 
 
 def link_across(graph: ViewGraph, search: Search) -> dict[int, int]:

@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
 from gcs_mosaic.stitch.graph.view_graph import LENS_KNOWN, ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import log_odds
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.stitch.transaction import attempt
 
 UNKNOWN_LENS = 3.0  # factor on the residual limit until then

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, with_overlay, without_border
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph
-from gcs_mosaic.stitch.registration.registration import NO_MATCHES, Registration
+from gcs_mosaic.stitch.registration.outcome import NO_MATCHES, Registration
 
 Pair = tuple[int, int]
 Finer = Callable[[str], Features | None]  # the features of a frame at a finer picture; None if its picture is gone

@@ -21,6 +21,7 @@ from scipy.special import log_ndtr
 from gcs_mosaic.stitch.arrays import FloatImage, Matrix3x3, PointsNx2, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.texture import coarse, full_from_picture
+from gcs_mosaic.stitch.registration.homography import mapped
 
 REACH = 64  # px of the coarse texture, a quarter of its width: shifts compared, so that what repeats itself is found
 DRAWN = 32  # px of it by which a proposal may be off
@@ -142,7 +143,7 @@ class PixelPair:
         object in common, but not what surrounds it."""
         laid, mask = self._laid(self._coarse_from_full(found.b_from_a))
         mask = mask * self._b.mask
-        around = _mapped(np.linalg.inv(self._b.full_from_coarse) @ found.b_from_a, matched)
+        around = mapped(np.linalg.inv(self._b.full_from_coarse) @ found.b_from_a, matched)
         matching = np.zeros(mask.shape, np.uint8)
         for x, y in around[np.isfinite(around).all(axis=1)].clip(-1e4, 1e4).round().astype(int).tolist():
             cv2.circle(matching, (x, y), round(AROUND_A_MATCH), 1, cv2.FILLED)
@@ -162,7 +163,7 @@ class PixelPair:
     def _is_still(self, b_from_a: Matrix3x3) -> bool:
         height, width = self._a.shape
         corners = np.array([[0.0, 0.0], [width, 0], [0, height], [width, height]])
-        return self._a.shape == self._b.shape and bool(np.abs(_mapped(b_from_a, corners) - corners).max() < STILL)
+        return self._a.shape == self._b.shape and bool(np.abs(mapped(b_from_a, corners) - corners).max() < STILL)
 
     def _coarse_from_full(self, b_from_a: Matrix3x3) -> Matrix3x3:
         return np.asarray(np.linalg.inv(self._b.full_from_coarse) @ b_from_a @ self._a.full_from_coarse)
@@ -315,10 +316,6 @@ class _Side:
     @cached_property
     def spectrum_of_mask(self) -> FloatImage:
         return _spectrum(self.mask, self.padded)
-
-
-def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
-    return np.asarray(cv2.perspectiveTransform(points[None], homography)[0]) if len(points) else points
 
 
 def _laid(

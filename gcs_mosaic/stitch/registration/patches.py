@@ -15,6 +15,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix3x3, PointsNx2, Vector2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.texture import coarse, full_from_picture
+from gcs_mosaic.stitch.registration.homography import mapped
 
 BLUR = 1.0  # px of the texture, sigma; pixel noise and compression would hide what correlates
 LEAST_LEAD = 0.1  # correlation over the best place that is not beside it: rows look alike along themselves
@@ -78,7 +79,7 @@ def _found(a: Features, b: Features, b_from_a: Matrix3x3, size: PatchSize) -> Pa
         return Patches(np.empty((0, 2)), np.empty((0, 2)), len(corners))
     middles = np.array(list(kept), np.float64) + (size.side - 1) / 2
     moved = middles + np.array(list(kept.values()))
-    return Patches(_mapped(full_a, middles), _mapped(full_b @ there_from_here, moved), len(corners))
+    return Patches(mapped(full_a, middles), mapped(full_b @ there_from_here, moved), len(corners))
 
 
 def _picture(frame: Features, is_coarse: bool) -> FloatImage:
@@ -136,7 +137,3 @@ def _vertex(values: AnyArray) -> float:
     left, middle, right = map(float, values.ravel())
     bend = left - 2 * middle + right
     return 0.0 if bend >= 0 else float(np.clip((left - right) / (2 * bend), -0.5, 0.5))
-
-
-def _mapped(homography: Matrix3x3, points: PointsNx2) -> PointsNx2:
-    return np.asarray(cv2.perspectiveTransform(points[None], homography)[0])

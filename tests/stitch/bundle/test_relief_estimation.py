@@ -10,7 +10,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, 
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Lens, ViewGraph
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 
 CAMERA = Camera(1000, 750, focal=1.3, k1=-0.05)
 POSES = [Pose(x, y, 0.0, yaw) for x, y, yaw in ((0, 0, 0.1), (350, 20, 0), (-20, 300, 3), (330, 280, -0.2))]

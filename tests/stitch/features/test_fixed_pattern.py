@@ -15,7 +15,9 @@ from gcs_mosaic.stitch.features import fixed_pattern as still
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import StillPattern
 from gcs_mosaic.stitch.mosaic import Mosaic
-from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings, register
+from gcs_mosaic.stitch.registration.outcome import Registration
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Numbers
 from tests.sure import sure
 

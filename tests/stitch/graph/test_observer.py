@@ -12,7 +12,7 @@ from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mapping.resection import PlausibilitySettings
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-from gcs_mosaic.stitch.registration.registration import NotRegistered, Registration
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 
 
 class Notes:

@@ -19,7 +19,7 @@ from gcs_mosaic.stitch.graph.tearing import HeldOut, Tearing, torn_apart
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.registration.held_out import EVERY
-from gcs_mosaic.stitch.registration.registration import Registration
+from gcs_mosaic.stitch.registration.outcome import Registration
 
 CAMERA = Camera(1000, 750, focal=1.3)
 POSES = [Pose(x, y, 0.0, yaw) for x, y, yaw in ((0, 0, 0.1), (350, 20, 0), (-20, 300, 3), (330, 280, -0.2))]

@@ -14,7 +14,8 @@ from gcs_mosaic.stitch.graph.view_graph import Bridge, ViewGraph
 from gcs_mosaic.stitch.mapping import islands
 from gcs_mosaic.stitch.mapping.islands import Bridges, IslandSettings
 from gcs_mosaic.stitch.registration.a_contrario import Confirmed
-from gcs_mosaic.stitch.registration.registration import Registration, RegistrationSettings
+from gcs_mosaic.stitch.registration.outcome import Registration
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 PLACES = [(300, 300), (450, 300), (600, 300), (300, 480), (450, 480), (600, 480)]
 FIRST, SECOND = (0, 1, 2), (3, 4, 5)  # two lines side by side, each an island

@@ -15,7 +15,7 @@ from gcs_mosaic.stitch.registration.a_contrario import (
     log_evidence,
     log_odds,
 )
-from gcs_mosaic.stitch.registration.registration import robust_homography
+from gcs_mosaic.stitch.registration.homography import robust_homography
 
 SIDE = np.array([1000.0, 750.0])
 RADIUS = 4.0

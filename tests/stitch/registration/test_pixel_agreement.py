@@ -13,14 +13,11 @@ from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixel_grid, pixels_from_canvas
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.registration.agreement import PixelPair
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration
 from gcs_mosaic.stitch.registration.patches import patches
-from gcs_mosaic.stitch.registration.registration import (
-    NotRegistered,
-    Proposal,
-    Registration,
-    RegistrationSettings,
-    register,
-)
+from gcs_mosaic.stitch.registration.proposals import Proposal
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 SETTINGS = RegistrationSettings()
 HERE, THERE = Pose(700, 700), Pose(820, 750, 0.1, 0.2)

@@ -8,14 +8,10 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.registration.registration import (
-    NotRegistered,
-    Registration,
-    RegistrationSettings,
-    independent_count,
-    register,
-    well_spread,
-)
+from gcs_mosaic.stitch.registration.frame_pair import independent_count
+from gcs_mosaic.stitch.registration.outcome import NotRegistered, Registration, well_spread
+from gcs_mosaic.stitch.registration.registration import register
+from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 
 SETTINGS = RegistrationSettings()
 
