@@ -23,7 +23,7 @@ from gcs_mosaic.frames.structure import Whole
 from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.arrays import Bands, Descriptors
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
-from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, without_border
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, model_digest, without_border
 from gcs_mosaic.stitch.features.retrieval import PER_FRAME
 
 TOGETHER = 32  # frames of one batch
@@ -73,7 +73,7 @@ def features_of(
     engine: Engine, frames: Sequence[ArchiveFrame], config: Config
 ) -> tuple[list[SeenFrame], list[SetAside]]:
     """The frames with features, and those that take no part, each in order."""
-    settings = config.stitch.features, config.reduction, config.frames.max_pixels
+    settings = config.stitch.features, config.reduction, config.frames.max_pixels, model_digest(config.stitch.features)
     aside = _too_large(frames, config.decode)
     refused = {one.frame.content_hash for one in aside}
     frames = [frame for frame in frames if frame.content_hash not in refused]
@@ -107,11 +107,12 @@ def features(
     settings: FeatureSettings,
     reduction: int,
     max_pixels: int,
+    model: str | None,
     file: SourceFile,
     limits: DecodeSettings,
 ) -> Parts:
     """A frame's facts, its features with and without descriptors, the strongest of those, and its thumbnail; or why it cannot be
-    decoded. Raises Passing."""
+    decoded. `model`: digest of the learned model's file, so that another file gives other features. Raises Passing."""
     find, load = partial(extract, settings=settings), limited(limits, max_pixels)
     found = prepare_or_raise(frame_at(file, digest), find, reduction, settings.megapixels * 1e6, load=load)
     if isinstance(found, UndecodableFrame):

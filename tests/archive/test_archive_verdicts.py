@@ -52,7 +52,7 @@ def is_stored(folder: Path, one: StageTask) -> bool:
 
 
 def features_task(path: Path, digest: str | None = None) -> StageTask:
-    how = CONFIG.stitch.features, 1, CONFIG.frames.max_pixels
+    how = CONFIG.stitch.features, 1, CONFIG.frames.max_pixels, None
     return task(features, digest or content_hash(path.read_bytes()), *how, hints=(source(path), LIMITS))
 
 

@@ -8,6 +8,7 @@ product.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -34,11 +35,13 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rounded
 from gcs_mosaic.stitch.features.faint import HALF, detect_faint, equalised, faint_picture, is_noise
-from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, read_detector
+from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, UnusableModel, read_detector
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 from gcs_mosaic.stitch.features.still import masked
 from gcs_mosaic.stitch.features.texture import texture
+
+logger = logging.getLogger(__name__)
 
 REACH = 12.0  # px of the feature picture: support radius of a SIFT descriptor of the usual size, two px
 
@@ -151,16 +154,29 @@ def _with_learned(frame: Features, picture: ImageGrey, reduced: int, settings: F
     """With those of a model, if one is given, found in a picture (h, w) that is the feature picture `reduced` times."""
     if settings.model is None:
         return frame
-    found = _detector(settings.model).find(picture, settings.count)
+    detector = _detector(settings.model)
+    if detector is None:
+        return frame
+    found = detector.find(picture, settings.count)
     scale = frame.scale * reduced
     points = ((found.points + 0.5) * scale - 0.5).astype(np.float32)
     return replace(frame, learned=Features(points, found.descriptors, frame.width, frame.height, frame.scale))
 
 
 @lru_cache(2)
-def _detector(model: str) -> LearnedDetector:
-    """One for a process: it holds a net."""
-    return read_detector(Path(model))
+def _detector(model: str) -> LearnedDetector | None:
+    """One for a process: it holds a net. None, once and for all, if its file is gone: no frame is lost by that."""
+    try:
+        return read_detector(Path(model))
+    except UnusableModel as error:
+        logger.warning("frames go without learned features: %s", error)
+        return None
+
+
+def model_digest(settings: FeatureSettings) -> str | None:
+    """Hex of a hash over the file of the learned model; None without one, or if it cannot be read."""
+    detector = None if settings.model is None else _detector(settings.model)
+    return None if detector is None else detector.digest
 
 
 def faint_features(standing_out: Band, frame: Features, settings: FeatureSettings) -> Features:

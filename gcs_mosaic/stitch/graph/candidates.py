@@ -18,6 +18,7 @@ from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.agreement import PixelPair
+from gcs_mosaic.stitch.registration.by_pixels import should_have_matched
 from gcs_mosaic.stitch.registration.frame_pair import MatchPart
 from gcs_mosaic.stitch.registration.outcome import NO_PIXELS, NotRegistered, Registration
 from gcs_mosaic.stitch.registration.proposals import Proposal
@@ -133,10 +134,11 @@ class Search:
         return min(found, default=0.0)
 
     def _agreement(self, frame: int, view_a: View, other: int, view_b: View, link: Registration | None) -> float:
-        pair = PixelPair(self._features_of(frame), self._features_of(other))
+        a, b = self._features_of(frame), self._features_of(other)
+        pair = PixelPair(a, b)
         expected = homography_between(view_a, view_b) if pair.known else None
         found = None if expected is None else pair.agreement(expected)
-        if found is None or found.alone < self._registration.least_alone:
+        if found is None or found.alone < self._registration.least_alone or should_have_matched(found, pair, a, b):
             return 0.0
         beyond = pair.evidence_beyond(found, NO_PIXELS if link is None else link.agreeing_a)
         evidence = min(found.evidence, beyond)

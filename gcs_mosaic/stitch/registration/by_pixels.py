@@ -50,7 +50,7 @@ def looked_at(
     seen = None if found is None else pictures.agreement(found.b_from_a)
     if found is None or seen is None or seen.alone < settings.least_alone:
         return None
-    if not _is_same(seen.b_from_a, found.b_from_a, a, b) or _should_have_matched(seen, pictures, a, b):
+    if not _is_same(seen.b_from_a, found.b_from_a, a, b) or should_have_matched(seen, pictures, a, b):
         return None
     beyond = pictures.evidence_beyond(seen, found.pixels_a)
     if beyond < settings.least_beyond:
@@ -66,7 +66,7 @@ def _unless_contradicted(found: Registration, pair: FramePair, settings: Registr
     return None if why_contradicted(pair, pair.reduced(found.b_from_a), agreeing, settings, found.beyond) else found
 
 
-def _should_have_matched(seen: Agreement, pictures: PixelPair, a: Features, b: Features) -> bool:
+def should_have_matched(seen: Agreement, pictures: PixelPair, a: Features, b: Features) -> bool:
     """Whether two pictures agree so well that keypoints, of which few do, would if they showed one place: blocks of one make
     agree as wholes and differ in details. Not so where pictures have few details, or noise for them, or lose them by blur."""
     if a.is_faint or b.is_faint or min(map(_per_megapixel, (a, b))) < DETAILED:
@@ -110,7 +110,7 @@ def proved_by_pixels(
         seen = pictures.agreement(proposal.b_from_a)
         if seen is None or proposal.evidence + seen.evidence < settings.least_evidence:
             continue
-        if seen.alone < settings.least_alone or _should_have_matched(seen, pictures, a, b):
+        if seen.alone < settings.least_alone or should_have_matched(seen, pictures, a, b):
             continue
         found = _laid_by(seen, proposal, pair, a, b, settings)
         if found is None:

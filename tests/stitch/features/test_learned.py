@@ -15,7 +15,7 @@ from gcs_mosaic.config import model_trial
 from gcs_mosaic.config.model_trial import try_model
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract, model_digest
 from gcs_mosaic.stitch.features.learned import INPUT, LearnedDetector, UnusableModel, read_detector
 from gcs_mosaic.stitch.features.matching import match
 
@@ -233,3 +233,23 @@ def test_a_model_adds_features_and_changes_none(tmp_path: Path) -> None:
     assert np.array_equal(plain.descriptors, beside.descriptors)
     assert beside.learned is not None
     assert len(beside.learned) <= FeatureSettings().count
+
+
+def test_a_model_whose_file_is_gone_costs_no_frame(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    settings = FeatureSettings(model=str(tmp_path / "gone.onnx"))
+    picture = np.random.default_rng(1).integers(0, 256, (240, 320), dtype=np.uint8)
+    found = [extract(picture, settings) for _ in range(2)]
+    assert all(len(one) > 0 and one.learned is None for one in found)
+    assert len(caplog.messages) == 1
+    assert model_digest(settings) is None
+
+
+def test_another_file_under_the_same_name_is_another_model(tmp_path: Path) -> None:
+    settings = [FeatureSettings(model=str(tmp_path / f"{place}" / "toy.onnx")) for place in range(2)]
+    for one in settings:
+        Path(one.model or "").parent.mkdir()
+        toy(Path(one.model or ""))
+    toy(Path(settings[1].model or ""), "descriptors", "keypoints")
+    digests = {model_digest(one) for one in settings}
+    assert len(digests) == 2
+    assert None not in digests
