@@ -156,20 +156,23 @@ def with_patches(
     settings: RegistrationSettings,
     always: bool = False,
 ) -> Registration:
-    """A registration with patches that agree with it, where its inliers are few."""
+    """A registration with patches, where its inliers are few: those that agree with it; `always`: all of them, always."""
     if not pictures.known or (found.independent_inliers >= settings.enough_matches and not always):
         return found
     some = patches(a, b, found.b_from_a)
-    off = np.linalg.norm(mapped(found.b_from_a, some.pixels_a) - some.pixels_b, axis=1)
-    return _joined(found, some, off < settings.threshold_px * b.scale)
+    agrees = (
+        np.linalg.norm(mapped(found.b_from_a, some.pixels_a) - some.pixels_b, axis=1) < settings.threshold_px * b.scale
+    )
+    return _joined(found, some, agrees, off_the_plane=always)
 
 
-def _joined(found: Registration, some: Patches, agrees: Mask) -> Registration:
+def _joined(found: Registration, some: Patches, agrees: Mask, off_the_plane: bool = True) -> Registration:
     """With these patches (p,): those that agree with its homography as matches, the others as displaced by their height."""
+    displaced = ~agrees & off_the_plane
     return replace(
         found,
         pixels_a=np.concatenate([found.pixels_a, some.pixels_a[agrees]]),
         pixels_b=np.concatenate([found.pixels_b, some.pixels_b[agrees]]),
-        displaced_a=np.concatenate([found.displaced_a, some.pixels_a[~agrees]]),
-        displaced_b=np.concatenate([found.displaced_b, some.pixels_b[~agrees]]),
+        displaced_a=np.concatenate([found.displaced_a, some.pixels_a[displaced]]),
+        displaced_b=np.concatenate([found.displaced_b, some.pixels_b[displaced]]),
     )

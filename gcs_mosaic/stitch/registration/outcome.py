@@ -39,8 +39,10 @@ class Registration:
 
     @property
     def agreeing_a(self) -> PointsNx2:
-        """Pixels (m + p + k, 2) of frame a that were found in b, on the plane or off it."""
-        return np.concatenate([self.pixels_a, self.displaced_a])
+        """Pixels (n, 2) of frame a that were found in b, on the plane or off it. Patches are only counted where the pixels proved
+        the registration: those of a look-alike agree, too."""
+        found = len(self.pixels_a) if self.beyond or not len(self.features) else len(self.features)
+        return np.concatenate([self.pixels_a[:found], self.displaced_a])
 
 
 @dataclass(frozen=True, slots=True)
