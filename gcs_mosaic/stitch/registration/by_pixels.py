@@ -15,7 +15,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import Mask, Matrix3x3, PointsNx2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration.a_contrario import SAMPLE
-from gcs_mosaic.stitch.registration.agreement import Agreement, PixelPair
+from gcs_mosaic.stitch.registration.agreement import MOST, Agreement, PixelPair
 from gcs_mosaic.stitch.registration.confirmation import why_contradicted
 from gcs_mosaic.stitch.registration.frame_pair import FramePair, in_full_resolution, independent_count
 from gcs_mosaic.stitch.registration.homography import mapped, robust_homography
@@ -101,7 +101,8 @@ def proved_by_pixels(
     near = SAME_PROPOSAL * math.hypot(b.width, b.height)
     tried: list[PointsNx2] = []
     for proposal in sorted(proposals, key=lambda one: -one.evidence):
-        if not is_plausible(proposal.b_from_a, outline, a.scale / b.scale, settings):
+        is_possible = proposal.evidence + MOST >= settings.least_evidence
+        if not is_possible or not is_plausible(proposal.b_from_a, outline, a.scale / b.scale, settings):
             continue
         places = mapped(proposal.b_from_a, outline)
         if any(np.linalg.norm(places - other, axis=1).max() < near for other in tried):
