@@ -33,6 +33,9 @@ DETAILED = 1300  # features per megapixel of a feature picture with details ever
 BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
+# Decades by which an overlap that keypoints confirm in one place only is a look-alike's: between two lands of halls of one make the
+# yards around a hall agree by up to 4.7, woods by 12.
+AGAINST = 4.0
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
 NEAR_BY_PIXELS = 3.0  # tolerances by which a match may be off a homography that coarse pictures have told
 FEWEST = 8  # matches and patches in distinct cells that lay one frame on another
@@ -53,7 +56,7 @@ def looked_at(
     if not _is_same(seen.b_from_a, found.b_from_a, a, b) or should_have_matched(seen, pictures, a, b):
         return None
     beyond = pictures.evidence_beyond(seen, found.pixels_a)
-    if beyond < settings.least_beyond:
+    if beyond < settings.least_beyond + AGAINST:
         return None
     return _unless_contradicted(
         replace(with_patches(found, pictures, a, b, settings, always=True), beyond=beyond), pair, settings
