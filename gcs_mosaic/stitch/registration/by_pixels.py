@@ -33,8 +33,8 @@ DETAILED = 1300  # features per megapixel of a feature picture with details ever
 BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
-# Decades by which an overlap that keypoints confirm in one place only is a look-alike's: between two lands of halls of one make the
-# yards around a hall agree by up to 4.7, woods by 12.
+# Decades by which an overlap that keypoints confirm in one place only is a look-alike's: between two lands of halls of one make
+# the yards around a hall agree by up to 4.7, woods by 12.
 AGAINST = 4.0
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
 NEAR_BY_PIXELS = 3.0  # tolerances by which a match may be off a homography that coarse pictures have told
