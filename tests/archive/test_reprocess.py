@@ -33,6 +33,8 @@ from tests.running import PROGRAM, frames_of
 pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("default")]
 
 STAGES = (
+    "ground_sum",
+    "still_mask",
     *("arrivals", "features", "display", "dead_border", "vocabulary", "inverted", "alike", "pair_group", "stretch"),
     *("joined", "islands", "adjustment", "relief", "torn_apart", "sight", "overlaps_of", "looks", "footprints"),
     "super_tile",
