@@ -60,10 +60,8 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
     planes = _at_places(sight.planes, places_in(pixels, frame.lattice, sight.planes[0].shape))
     planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
     detail = sampled(sight.detail.astype(np.float32), places_in(pixels, frame.lattice, sight.detail.shape))
-    for one in planes[THINGS]:
-        one[weight <= LEAST_WEIGHT] = (
-            0  # things seen only at the very border are unreliable, those of an overlay are none
-        )
+    for one in planes[THINGS]:  # things seen only at the very border are unreliable, those of an overlay are none
+        one[weight <= LEAST_WEIGHT] = 0
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
     return Seen(covered, np.asarray(score - hindrance(frame.lattice, where, covered), np.float32), np.stack(planes))

@@ -17,7 +17,7 @@ from gcs_mosaic.stitch.graph.placement import placement_of
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, Bridge, ViewGraph
 from gcs_mosaic.stitch.mapping.islands import Bridges
 from gcs_mosaic.stitch.mapping.resection import Placing
-from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLook, SecondLookSettings
+from gcs_mosaic.stitch.mapping.second_look import Finer, Pair, SecondLook, SecondLookSettings, pair_of
 from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
@@ -25,8 +25,6 @@ WAITING_TRIES = 2  # waiting frames, or lone founders, that a newly placed frame
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
 
 NO_SECOND_LOOK = SecondLookSettings(megapixels=0)
-
-Pair = tuple[int, int]
 
 
 class Assembly:
@@ -92,7 +90,7 @@ class Assembly:
     def _looked_again(self) -> bool:
         """Make a step of a second look; False if there is none to make."""
         look = self._second_look
-        pair = look.next_pair()
+        pair = look.next_pair(self._what_is_known())
         if pair is None:
             return False
         with EachWhole(self._graph, self._upkeep, otherwise="frames were not looked at a second time") as each:
@@ -116,7 +114,7 @@ class Assembly:
 
     def _compare_if_apart(self, frame: int, other: int, each: EachWhole) -> None:
         if self._are_apart(frame, other) and self._is_worth_comparing(frame, other):
-            self._graph.compared[_pair(frame, other)] = None
+            self._graph.compared[pair_of(frame, other)] = None
             self._place_and_use(partial(self._compare, frame, other, self._search.register), each)
 
     def _are_apart(self, frame: int, other: int) -> bool:
@@ -126,7 +124,7 @@ class Assembly:
 
     def _is_worth_comparing(self, frame: int, other: int) -> bool:
         """Whether they were never compared, or have much in common and have moved since that failed."""
-        pair, compared = _pair(frame, other), self._graph.compared
+        pair, compared = pair_of(frame, other), self._graph.compared
         return pair not in compared or compared[pair] not in (None, self._poses(pair))
 
     def _poses(self, pair: Pair) -> tuple[Pose | None, Pose | None]:
@@ -158,7 +156,7 @@ class Assembly:
         registration = register(first, second)
         if registration is None:
             return []
-        placed, pair = self._connect(first, second, registration), _pair(frame, other)
+        placed, pair = self._connect(first, second, registration), pair_of(frame, other)
         self._graph.compared[pair] = self._poses(pair)
         return placed
 
@@ -336,8 +334,3 @@ class Assembly:
                 self._upkeep.forget(lone)
                 trial.keep()
         return trial.kept
-
-
-def _pair(frame: int, other: int) -> Pair:
-    """Key of two frames, in either order."""
-    return min(frame, other), max(frame, other)

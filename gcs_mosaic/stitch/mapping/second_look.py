@@ -8,8 +8,10 @@ all that in vain no more than a share of the flight.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, with_overlay, without_border
 from gcs_mosaic.stitch.graph.candidates import Search
@@ -55,31 +57,41 @@ class SecondLook:
     ) -> None:
         self._graph, self._search, self._settings = graph, search, settings
         self._are_apart, self._finer = are_apart, finer
-        self._held = OrderedDict[int, Features | None]()
+        self._held = OrderedDict[str, Features | None]()
+        self._none_left: Hashable = None  # while no more is known than this, no pair is left
 
-    def next_pair(self) -> Pair | None:
-        """The next two frames to look at; None if there are none, or too many were looked at in vain."""
-        if self._finer is None or not self._settings.megapixels or self._in_vain() >= self._most_in_vain:
+    def next_pair(self, known: Hashable) -> Pair | None:
+        """The next two frames to look at; None if there are none, or too many were looked at in vain. `known`: changes whenever
+        there may be others."""
+        if self._finer is None or not self._settings.megapixels or self._none_left == known:
             return None
-        return next((pair for pair in self._apart() if pair not in self._graph.looked_again), None)
+        if self._in_vain() < self._most_in_vain:
+            for pair in self._apart():
+                if pair not in self._graph.looked_again:
+                    return pair
+        self._none_left = known
+        return None
 
     def is_ready(self, pair: Pair) -> bool:
         """Whether the pictures of both were searched for features; else one is now, which takes a second."""
-        missing = next((frame for frame in pair if frame not in self._held), None)
+        missing = next((frame for frame in pair if self._name(frame) not in self._held), None)
         if missing is None:
             return True
-        self._held[missing] = None  # also if it raises: it is not tried again
+        self._held[self._name(missing)] = None  # also if it raises: it is not tried again
         while len(self._held) > HELD:
             self._held.popitem(last=False)
-        self._held[missing] = self._features(missing)
+        self._held[self._name(missing)] = self._features(missing)
         return False
 
     def register(self, frame: int, other: int) -> Registration | None:
         """What is seen of two frames that are ready. Its matches are of features that the graph does not know, so they count as
         places that both frames show."""
-        a, b = self._held.get(frame), self._held.get(other)
+        a, b = (self._held.get(self._name(one)) for one in (frame, other))
         found = None if a is None or b is None else self._search.register_as(frame, a, other, b)
         return found and replace(found, features=NO_MATCHES, tentative=NO_MATCHES)
+
+    def _name(self, frame: int) -> str:
+        return self._graph.frames[frame].name
 
     def _features(self, frame: int) -> Features | None:
         assert self._finer is not None, "without it nothing is looked at again"
@@ -100,20 +112,20 @@ class SecondLook:
     def _apart(self) -> Iterator[Pair]:
         """Frames that are not connected: each that waits with those before and after it and with the one most like it, then those
         that follow each other on two islands, of which one is small."""
-        last, waiting = len(self._graph.frames) - 1, self._graph.waiting
+        waiting, placed, count = self._graph.waiting, self._graph.placed(), len(self._graph.frames)
         for frame in waiting:
-            beside = [other for other in (frame - 1, frame + 1) if 0 <= other <= last]
-            for other in (*beside, *self._search.likeliest(frame, self._graph.placed(), 1)):
-                if self._are_apart(*_pair(frame, other)):
-                    yield _pair(frame, other)
-        yield from ((frame, frame + 1) for frame in range(last) if self._is_small_part(frame, frame + 1))
+            beside = [other for other in (frame - 1, frame + 1) if 0 <= other < count]
+            for other in (*beside, *self._search.likeliest(frame, placed, 1)):
+                if self._are_apart(frame, other):
+                    yield pair_of(frame, other)
+        islands = self._graph.islands
+        breaks = (islands[:-1] != islands[1:]) & (islands[:-1] != NOWHERE) & (islands[1:] != NOWHERE)
+        for frame in np.flatnonzero(breaks).tolist():
+            sizes = [self._graph.count_members(int(island)) for island in islands[frame : frame + 2]]
+            if min(sizes) <= self._settings.small_island:
+                yield frame, frame + 1
 
-    def _is_small_part(self, frame: int, other: int) -> bool:
-        """Whether these two are on two islands, of which one has few frames."""
-        if not self._are_apart(frame, other) or NOWHERE in (islands := self._graph.islands[[frame, other]]):
-            return False
-        return min(self._graph.count_members(int(island)) for island in islands) <= self._settings.small_island
 
-
-def _pair(frame: int, other: int) -> Pair:
+def pair_of(frame: int, other: int) -> Pair:
+    """Key of two frames, in either order."""
     return min(frame, other), max(frame, other)
