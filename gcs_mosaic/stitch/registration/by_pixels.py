@@ -33,12 +33,6 @@ DETAILED = 1300  # features per megapixel of a feature picture with details ever
 BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
-# Decades by which an overlap that keypoints confirm in one place only is a look-alike's: between two lands of halls of one make
-# the yards around a hall agree by up to 4.7, woods by 12.
-AGAINST = 4.0
-# Decades by which matches that are no accident, and yet were refused, speak against what pixels have drawn from them: between two
-# lands of halls 12 of 13 such pairs agree by at most 3.3 beyond what matched, a wood beside a road by 3.7 and more.
-REFUSED = 1.5
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
 NEAR_BY_PIXELS = 3.0  # tolerances by which a match may be off a homography that coarse pictures have told
 FEWEST = 8  # matches and patches in distinct cells that lay one frame on another
@@ -59,7 +53,7 @@ def looked_at(
     if not _is_same(seen.b_from_a, found.b_from_a, a, b) or should_have_matched(seen, pictures, a, b):
         return None
     beyond = pictures.evidence_beyond(seen, found.pixels_a)
-    if beyond < settings.least_beyond + AGAINST:
+    if beyond < settings.least_beyond:
         return None
     return _unless_contradicted(
         replace(with_patches(found, pictures, a, b, settings, always=True), beyond=beyond), pair, settings
@@ -123,8 +117,7 @@ def proved_by_pixels(
         if found is None:
             continue
         beyond = pictures.evidence_beyond(seen, found.pixels_a[: len(found.features)])
-        doubted = REFUSED if proposal.evidence >= settings.least_evidence else 0.0
-        if beyond < settings.least_beyond + doubted:
+        if beyond < settings.least_beyond:
             continue
         kept = _unless_contradicted(replace(found, beyond=beyond), pair, settings)
         if kept is not None:
