@@ -1,7 +1,7 @@
 """Flights whose true geometry is known: their features, and how far a map of them is from the truth.
 
-A folder with a truth.json is a simulated flight (`sitl.flight.make`). Any other is a recorded one, whose reference lies
-in data/truth beside the project, under the folder's name.
+A folder with a truth.json is a simulated flight (`sitl.flight.make`). Of a recorded one the reference lies in data/truth beside
+the project, under the folder's name; without one it is judged by the positions in its frames, where it has any.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -31,7 +30,9 @@ from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, ext
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from gcs_mosaic.store.flight_store import estimate_of_placement
+from tests.benchmarks.exif import position_in
 from tests.benchmarks.flown import Flown
+from tests.benchmarks.gps_fit import fits
 
 SHARED = Path(__file__).parents[3] / "shared"
 
@@ -41,7 +42,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How good a map is, in pixels of the median frame.
+    """How good a map is, in pixels of the median frame; NaN what is not known.
 
     placed: frames that share an island with others; ortho_px: RMS distance from the true place; tracks_*_px: how far two
     frames put one point apart; frames_px: RMS distance from the true place, by frame.
@@ -112,19 +113,40 @@ class SimulatedFlight:
         return {f.true.name: sitl.score.root_mean_square(sitl.score.capped(f.distances() / gsd)) for f in laid}
 
 
-KnownFlight = RecordedFlight | SimulatedFlight
+class PositionedFlight:
+    """Judged by the GPS positions in its frames: `ortho_px` is what remains of them, in metres; of pairs nothing is known."""
+
+    def __init__(self, folder: Path) -> None:
+        self.name = folder.name
+        frames = (frame for frame in frames_in([folder], FolderSettings()).frames if isinstance(frame, Frame))
+        self._positions = {frame.name: at for frame in frames if (at := position_in(frame.path)) is not None}
+
+    def judge(self, placements: Document) -> Result:
+        islands = fits(placements["frames"], self._positions)
+        fitted = sum(island.frames for island in islands)
+        squares = sum(island.frames * island.rms_m**2 for island in islands)
+        shared = _shared_islands(placements)
+        return Result(
+            placed=sum(entry["island"] in shared for entry in placements["frames"]),
+            islands=len(shared),
+            ortho_px=math.sqrt(squares / fitted) if fitted else math.nan,
+            tracks_median_px=math.nan,
+            tracks_p95_px=math.nan,
+            frames_px={},
+        )
+
+
+KnownFlight = RecordedFlight | SimulatedFlight | PositionedFlight
 
 
 def known_flight(folder: Path) -> KnownFlight:
-    """The truth about a folder of frames; ends the program where there is none."""
+    """The best that is known about a folder of frames."""
     truth = folder / "truth.json"
     if truth.exists():
         return SimulatedFlight(folder.name, sitl.truth.read(truth))
-    if not (SHARED / "data" / "truth" / f"{folder.name}.json").exists():
-        sys.exit(
-            f"nothing is known of {folder}: it has no truth.json, and no reference lies in {SHARED / 'data/truth'}"
-        )
-    return RecordedFlight(folder)
+    if (SHARED / "data" / "truth" / f"{folder.name}.json").exists():
+        return RecordedFlight(folder)
+    return PositionedFlight(folder)
 
 
 def features_in(folder: Path, settings: FeatureSettings) -> list[Named]:

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.sweep DIR... [--only WORD]
 
-DIR: a folder of frames whose truth is known (known_flights.py). `--only`: thresholds whose name holds one of these words.
-Settings are found by walking through StitchSettings and modules' constants by CONSTANTS. Each row tells the map with one
+DIR: a folder of frames, judged by what is known of it (known_flights.py). `--only`: thresholds whose name holds one of these
+words. Settings are found by walking through StitchSettings and modules' constants by CONSTANTS. Each row tells the map with one
 threshold changed, and its errors relative to the defaults; the mark in front says what breaks.
 """
 
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import importlib
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -214,10 +215,15 @@ def verdict(found: Result, default: Result) -> str:
         return "LOST"
     if found.islands != default.islands:
         return "ISLANDS"
-    if not found.ortho_px <= WORSE * default.ortho_px:
+    if is_worse(found.ortho_px, default.ortho_px):
         return "SHAPE"
     ways = (found.tracks_median_px, default.tracks_median_px), (found.tracks_p95_px, default.tracks_p95_px)
-    return "SEAMS" if any(not now <= WORSE * before for now, before in ways) else ""
+    return "SEAMS" if any(is_worse(now, before) for now, before in ways) else ""
+
+
+def is_worse(now: float, before: float) -> bool:
+    """What was not known of the defaults is no worse."""
+    return not (math.isnan(before) or now <= WORSE * before)
 
 
 def main() -> None:
