@@ -70,7 +70,7 @@ class Placing:
 
     def _pose_beside(self, frame: int, other: int, registration: Registration) -> Pose | Disbelief:
         island = self._graph.island_of(other)
-        self._graph.link(frame, other, registration)
+        self._graph.link(frame, other, registration.proved)
         found = self._believable_pose(frame, self._rough_poses(frame, other, registration), island)
         if isinstance(found, Disbelief):
             return found

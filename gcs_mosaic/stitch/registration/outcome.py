@@ -38,11 +38,17 @@ class Registration:
         return replace(turned, pixels_a=self.pixels_b, pixels_b=self.pixels_a, b_from_a=a_from_b)
 
     @property
+    def proved(self) -> Registration:
+        """The same with what proves it alone: patches only where the pixels do, since those of a look-alike agree, too."""
+        if self.beyond or not len(self.features):
+            return self
+        count = len(self.features)
+        return replace(self, pixels_a=self.pixels_a[:count], pixels_b=self.pixels_b[:count])
+
+    @property
     def agreeing_a(self) -> PointsNx2:
-        """Pixels (n, 2) of frame a that were found in b, on the plane or off it. Patches are only counted where the pixels proved
-        the registration: those of a look-alike agree, too."""
-        found = len(self.pixels_a) if self.beyond or not len(self.features) else len(self.features)
-        return np.concatenate([self.pixels_a[:found], self.displaced_a])
+        """Pixels (n, 2) of frame a that prove to be seen by b, on the plane or off it."""
+        return np.concatenate([self.proved.pixels_a, self.displaced_a])
 
 
 @dataclass(frozen=True, slots=True)
