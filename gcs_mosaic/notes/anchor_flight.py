@@ -140,7 +140,21 @@ def _sentence(laid: IslandAnchor | None) -> str:
     if isinstance(laid.result, PositionedMap):
         found = laid.result
         return f"laid by {found.shots} positions ({found.outliers} left out, told {found.lag_s:+.2f} s late): {where}"
-    checked = {True: "checked", False: "unchecked: a third pin checks them"}[laid.result.is_checked]
-    if not laid.result.fits:
-        checked = f"{laid.result.misfit} does not fit" if laid.result.misfit else "they do not fit each other"
-    return f"laid by {len(laid.pins)} pins ({checked}): {where}"
+    found = laid.result
+    of = f" of {found.points} points" if found.points != len(laid.pins) else ""
+    right = f"; ± {ceil(found.if_right_m)} m if no coordinate is wrong" if found.fits and not found.is_checked else ""
+    return f"laid by {len(laid.pins)} pins{of} ({_checked(found)}): {where}{right}"
+
+
+def _checked(found: PinnedMap) -> str:
+    """What the distinct points say of each other."""
+    if found.misfits:
+        names = ", ".join(map(shown, found.misfits))
+        return f"{names} does not fit and is left out" if len(found.misfits) == 1 else f"{names} do not fit and are left out"
+    if not found.fits:
+        return "they do not fit each other"
+    if found.is_checked:
+        return "checked"
+    if found.points == 2:
+        return "unchecked: a third pin checks them" if found.points == len(found.residuals_m) else "unchecked: a third point checks them"
+    return "unchecked: a wrong one would not show, another one far from them checks them"
