@@ -42,7 +42,7 @@ class ErrorEllipse:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """Another way in which an island may lie, and how likely that is; `turn_variance` and `middle_variance`: per axis, of `turn` and
+    """Another way in which an island may lie, and how likely it is; `turn_variance`, `middle_variance`: per axis, of `turn` and
     of where `middle` lies (square metres)."""
 
     weight: float
@@ -58,8 +58,8 @@ class Anchor:
     """Where an island lies.
 
     `covariance` (4, 4): of `turn` (real, imaginary; metres per canvas unit) and of where `middle` lies (east, north; metres);
-    `alternatives`: where there are any, they tell the errors instead; `map_error_m`: one standard deviation of what the map itself
-    may be bent by; no half axis of an ellipse is less than `least_error_m`.
+    `alternatives`: where there are any, they tell the errors instead; `map_error_m`: one standard deviation of what the map may
+    be bent by itself; no half axis of an ellipse is less than `least_error_m`.
     """
 
     plane: LocalPlane

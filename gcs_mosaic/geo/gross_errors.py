@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +32,8 @@ HOPELESS = 12.0  # in log likelihood: what is so much worse than the best is not
 LEAST_WEIGHT = 1e-5
 
 Set = frozenset[int]
-# Log likelihood, turn, shift, middle, and the variances per axis of the turn and of where the middle lies.
-Fit = tuple[float, complex, complex, complex, float, float]
+# (k, 6): log likelihood, turn, shift, middle, and the variances per axis of the turn and of where the middle lies.
+Fits = Complexes
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,9 @@ class Supposition:
         return sum(one.weight for one in self.alternatives)
 
 
-def suppositions(places: Complexes, spots: Complexes, sigmas: Floats, others: Floats, supposed: Floats) -> list[Supposition]:
+def suppositions(
+    places: Complexes, spots: Complexes, sigmas: Floats, others: Floats, supposed: Floats
+) -> list[Supposition]:
     """The likely ones, the best first; their weights add up to one.
 
     `sigmas`: of each coordinate in each direction, metres; where they are only `supposed` the residuals may overrule them to both
@@ -55,14 +58,17 @@ def suppositions(places: Complexes, spots: Complexes, sigmas: Floats, others: Fl
     """
     model = _Model(places, spots, sigmas, others, supposed)
     found = {wrong: model.fits(wrong) for wrong in _followed(model)}
-    best = max(one[0] for fits in found.values() for one in fits)
-    total = sum(math.exp(one[0] - best) for fits in found.values() for one in fits)
-    told = []
-    for wrong, fits in found.items():
-        weighed = [(math.exp(log - best) / total, *fit) for log, *fit in fits]
-        kept = tuple(Alternative(*one) for one in weighed if one[0] > LEAST_WEIGHT)
-        told += [Supposition(wrong, kept)] if kept else []
-    return sorted(told, key=lambda one: -one.weight)
+    best = max(float(fits[:, 0].real.max()) for fits in found.values())
+    total = sum(float(np.exp(fits[:, 0].real - best).sum()) for fits in found.values())
+    told = [Supposition(wrong, tuple(_alternatives(fits, best, total))) for wrong, fits in found.items()]
+    return sorted((one for one in told if one.alternatives), key=lambda one: -one.weight)
+
+
+def _alternatives(fits: Fits, best: float, total: float) -> Iterator[Alternative]:
+    weights = np.exp(fits[:, 0].real - best) / total
+    for at in np.flatnonzero(weights > LEAST_WEIGHT):
+        turn, shift, middle, of_turn, of_middle = fits[at, 1:].tolist()
+        yield Alternative(float(weights[at]), turn, shift, middle, of_turn.real, of_middle.real)
 
 
 def _followed(model: _Model) -> Iterator[Set]:
@@ -86,7 +92,7 @@ class _Model:
 
     def __init__(self, places: Complexes, spots: Complexes, sigmas: Floats, others: Floats, supposed: Floats) -> None:
         self.places, self._spots = places, spots
-        self._known: dict[Set, list[Fit]] = {}
+        self._known: dict[Set, Fits] = {}
         missed = np.concatenate([[0.0], MISSED_M])[:, None]
         known = np.where(supposed, 0.0, sigmas**2) + others**2
         self._variances = missed**2 + known  # (m, n)
@@ -103,27 +109,28 @@ class _Model:
 
     def likelihood(self, wrong: Set) -> float:
         """In log, with what is likely before."""
-        logs = np.array([one[0] for one in self.fits(wrong)])
+        logs = self.fits(wrong)[:, 0].real
         return float(logs.max() + np.log(np.exp(logs - logs.max()).sum()))
 
-    def fits(self, wrong: Set) -> list[Fit]:
+    def fits(self, wrong: Set) -> Fits:
         """One for each size of a gross error and of what all points miss."""
         if wrong not in self._known:
-            self._known[wrong] = list(self._fits(sorted(wrong)))
+            self._known[wrong] = self._fits(sorted(wrong))
         return self._known[wrong]
 
-    def _fits(self, at: list[int]) -> Iterator[Fit]:
-        for gross_m, share in GROSS_M if at else ((0.0, 1.0),):
-            variances = self._variances.copy()
-            variances[:, at] += gross_m**2
-            left, weight, middle, apart, turn, shift = _fitted(self.places, self._spots, 1 / variances)
-            logs = -np.log(variances).sum(axis=1) - np.log(weight * apart) - (np.abs(left) ** 2 / variances).sum(axis=1) / 2
-            logs += self._prior + math.log(share) + _before(len(at), len(self.places))
-            parts = logs, turn, shift, middle, 1 / apart, 1 / weight
-            yield from zip(*(part.tolist() for part in parts), strict=True)
+    def _fits(self, at: list[int]) -> Fits:
+        count = len(self.places)
+        gross = np.array(GROSS_M if at else ((0.0, 1.0),))
+        variances = np.repeat(self._variances[None], len(gross), axis=0)  # (g, m, n)
+        variances[:, :, at] += gross[:, :1, None] ** 2
+        variances = variances.reshape(-1, count)
+        left, weight, middle, apart, turn, shift = _fitted(self.places, self._spots, 1 / variances)
+        logs = -np.log(variances).sum(axis=1) - np.log(weight * apart) - (np.abs(left) ** 2 / variances).sum(axis=1) / 2
+        logs += (np.log(gross[:, 1:]) + self._prior).ravel() + _before(len(at), count)
+        return np.stack([logs, turn, shift, middle, 1 / apart, 1 / weight], axis=1)
 
 
-def _fitted(places: Complexes, spots: Complexes, weights: Floats) -> tuple[Complexes, Floats, Complexes, Floats, Complexes, Complexes]:
+def _fitted(places: Complexes, spots: Complexes, weights: Floats) -> tuple[Any, ...]:
     """Of similarities by least squares, one for each row of weights (m, n): residuals (m, n), sum of the weights, middle, sum of
     the weighted squares around it, turn, shift (each m)."""
     weight = weights.sum(axis=1)

@@ -34,9 +34,9 @@ SURE = 0.9  # of all that is likely: so much of it must say the same
 class PinnedMap:
     """An anchor, and each pin's distance (metres) from where the map lays it.
 
-    `points`: how many distinct ones the pins are of; only those check each other. `fits`: all of them do; `checked`: a gross error
-    of one of them would have been seen. `misfit`: the point that is wrong, without which the map is laid. The anchor's stated error
-    is what all that may be wrong tells of it: of two points one may be.
+    `points`: how many distinct ones the pins are of; only those check each other. `fits`: all of them do; `checked`: a gross
+    error of one of them would have been seen. `misfits`: the points that are wrong, without which the map is laid. The anchor's
+    stated error is that of all that may be wrong: of two points one may be.
     """
 
     anchor: Anchor
@@ -86,9 +86,7 @@ def anchored_by_pins(pins: Sequence[Pin], map_error_units: float = 0.0) -> Pinne
     return _judged(anchor, residuals, points, told)
 
 
-def _judged(
-    anchor: Anchor, residuals: tuple[float, ...], points: Points, told: Sequence[Supposition]
-) -> PinnedMap:
+def _judged(anchor: Anchor, residuals: tuple[float, ...], points: Points, told: Sequence[Supposition]) -> PinnedMap:
     count = len(points.names)
     wrong = _surely_wrong(told)
     all_right = next((one for one in told if not one.wrong), None)
@@ -111,7 +109,9 @@ def _refused(pins: Sequence[Pin], points: Points) -> Refused | None:
     if count < 2:
         if len(pins) > 1:
             needed = APART_SIGMAS * float(points.sigmas.max())
-            return Refused(f"The {len(pins)} pins are of a single point: set one of another, {needed:.0f} m apart or further.")
+            return Refused(
+                f"The {len(pins)} pins are of a single point: set one of another, {needed:.0f} m apart or further."
+            )
         return Refused(f"An anchor needs two pins or more, and has {len(pins)}: set another one, far from the first.")
     if _turn_sigma(points.spots, points.sigmas) > math.sqrt(2) / APART_SIGMAS:
         needed = APART_SIGMAS * float(points.sigmas.max())
@@ -137,7 +137,9 @@ def _anchor(plane: LocalPlane, told: Sequence[Supposition], map_error_units: flo
     followed = told[:1] if told[0].weight >= SURE else [one for one in told if wrong <= one.wrong]
     ways = [one for supposition in followed for one in supposition.alternatives]
     share = np.array([one.weight for one in ways])
-    turn, middle = (complex(np.average([getattr(one, name) for one in ways], weights=share)) for name in ("turn", "middle"))
+    turn, middle = (
+        complex(np.average([getattr(one, name) for one in ways], weights=share)) for name in ("turn", "middle")
+    )
     spot = complex(np.average([one.turn * middle + one.shift for one in ways], weights=share))
     of_turn, of_middle = (
         float(np.average([getattr(one, name) for one in ways], weights=share))

@@ -36,8 +36,8 @@ class Pin:
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """Distinct points. `of_pin`: for each pin its point's index; `scatter`: what the observations of each tell its place to be off
-    by, one standard deviation in canvas units; `supposed`: nobody has said how exact its coordinate is."""
+    """Distinct points. `of_pin`: for each pin its point's index; `scatter`: by what the observations of each tell its place to be
+    off, one standard deviation in canvas units; `supposed`: nobody has said how exact its coordinate is."""
 
     names: tuple[str, ...]
     places: Complexes

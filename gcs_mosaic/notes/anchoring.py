@@ -1,7 +1,7 @@
 """The anchor of each island, of the pins that people have set or the positions that they have asked for.
 
-Pins are worth more than positions: an island with pins of two points or more is laid by them alone. Each island has its own anchor, and one
-that is known helps nobody else's.
+Pins are worth more than positions: an island with pins of two points or more is laid by them alone. Each island has its own
+anchor, and one that is known helps nobody else's.
 """
 
 from __future__ import annotations
