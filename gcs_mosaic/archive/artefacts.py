@@ -19,6 +19,7 @@ MAGIC = b"gcs-mosaic artefact 2\n"
 HEAD = struct.Struct("<I16s")  # length and digest of the table of parts
 AHEAD = 4096  # bytes read at once: of most artefacts the table and the summary
 
+MOST_BYTES = 1 << 30  # of a part as it is without compression
 SAMPLED, WORTH = (
     65_536,
     0.6,
@@ -93,7 +94,7 @@ class Artefacts:
             if len(data) < length:
                 data = self.files.read(key, start + at, length) or b""
             if _digest(data) == digest:
-                return decoded(zlib.decompress(data) if is_packed else data)
+                return decoded(unpacked(data, MOST_BYTES) if is_packed else data)
         except Exception as error:  # what is damaged may raise anything
             raise Lost(key) from error
         raise Lost(key)
@@ -118,6 +119,18 @@ class Artefacts:
         if _digest(head, key) != digest:
             raise ValueError("a damaged table")
         return decoded(head), begin + length
+
+
+def unpacked(data: bytes, most: int) -> bytes:
+    """What `zlib.compress` has made small. Raises ValueError if it is damaged, or more than `most` bytes."""
+    unpacking = zlib.decompressobj()
+    try:
+        whole = unpacking.decompress(data, most)
+    except zlib.error as error:
+        raise ValueError(f"it is damaged ({error})") from error
+    if not unpacking.eof:
+        raise ValueError(f"it is cut off, or has more than {most} bytes")
+    return whole
 
 
 def _packed(data: bytes) -> tuple[bytes, bool]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_mosaic.archive.artefacts import Artefacts
+from gcs_mosaic.archive.artefacts import Artefacts, unpacked
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import image_of
 from gcs_mosaic.archive.light import BookedFrame, Lit, book_of, painted_frame
@@ -33,6 +33,7 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.store.tiles import encode_jpeg, encode_mask
 
+MOST_HALF_BYTES = 1 << 22  # of a tile's half: no tile has more pixels
 Packed = tuple[bytes, bytes | None, bytes, tuple[int, int]]  # colour, coverage, weight and its shape
 Places = tuple[str, str, tuple[int, ...]]  # see `Lit`: book, looks, where the parts of these begin
 
@@ -164,9 +165,11 @@ def _packed(layer: Layer) -> Packed:
 
 def _unpacked(packed: Packed) -> Layer:
     colour, coverage, weight, shape = packed
-    seen = np.frombuffer(zlib.decompress(colour), np.uint8)
+    seen = np.frombuffer(unpacked(colour, MOST_HALF_BYTES), np.uint8)
     side = round((len(seen) / 3) ** 0.5)
-    covered = None if coverage is None else np.frombuffer(zlib.decompress(coverage), np.uint8).reshape(side, side)
+    covered = (
+        None if coverage is None else np.frombuffer(unpacked(coverage, MOST_HALF_BYTES), np.uint8).reshape(side, side)
+    )
     layer = make_layer(seen.reshape(side, side, 3), covered, np.frombuffer(weight, np.float32).reshape(shape))
     assert layer is not None, "nothing empty is packed"
     return layer

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -93,8 +93,11 @@ def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
         there = (flight / VALUES_NAME).exists()
         part.fault(CHECKPOINT_NAME, saved.reason if there else f"{VALUES_NAME}, to which it refers, is missing")
         return
-    known = {frame.name for frame in ledger.frames()}
-    ahead = sum(name not in known for name in _processed(saved))
+    known, processed = {frame.name for frame in ledger.frames()}, _processed(saved)
+    if processed is None:
+        part.fault(CHECKPOINT_NAME, "its checkpoint is none of ours")
+        return
+    ahead = sum(name not in known for name in processed)
     if ahead:
         part.fault(CHECKPOINT_NAME, f"{ahead} of its frames are not in the ledger")
 
@@ -186,12 +189,14 @@ def _watched(flight: Path) -> list[Path]:
         return []
 
 
-def _processed(saved: Any) -> list[str]:
-    """Names of the frames that a checkpoint has processed."""
-    try:
-        return list(saved["pipeline"]["_processed"])
-    except (KeyError, TypeError):
-        return []
+def _processed(saved: Any) -> list[str] | None:
+    """Names of the frames that a checkpoint has processed; None if it is that of no flight."""
+    pipeline = saved.get("pipeline") if isinstance(saved, dict) else None
+    names = pipeline.get("_processed") if isinstance(pipeline, dict) else None
+    if not isinstance(names, Iterable) or isinstance(names, str | bytes):
+        return None
+    told = list(names)
+    return told if all(isinstance(name, str) for name in told) else None
 
 
 def _unfinished(flight: Path) -> Iterator[Path]:

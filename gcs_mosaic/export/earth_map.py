@@ -170,7 +170,11 @@ def _without(flight: Path, island: int | None, laid: Mapping[int, IslandAnchor])
 def _way(laid: IslandAnchor) -> str:
     if laid.by == "positions":
         return "the aircraft's positions"
-    return "pins that do not fit each other" if isinstance(laid.result, PinnedMap) and not laid.result.fits else "pins"
+    if not isinstance(laid.result, PinnedMap) or laid.result.fits:
+        return "pins"
+    if laid.result.misfits:
+        return f"pins without {', '.join(map(shown, laid.result.misfits))}, which does not fit the others"
+    return "pins that do not fit each other"
 
 
 def _about(island: EarthIsland, laid: IslandAnchor) -> dict[str, Any]:

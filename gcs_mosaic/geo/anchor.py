@@ -23,6 +23,11 @@ Complexes: TypeAlias = npt.NDArray[np.complex128]  # canvas places or spots of a
 WITHIN_95 = math.sqrt(
     -2 * math.log(0.05)
 )  # standard deviations: the radius of a circle with 95 % of a round distribution
+RINGS, SPOKES = 32, 6
+EVENLY: npt.NDArray[np.complex128] = (
+    np.sqrt(-2 * np.log(1 - (np.arange(RINGS)[:, None] + 0.5) / RINGS))
+    * np.exp(2j * math.pi * (np.arange(SPOKES) / SPOKES + np.arange(RINGS)[:, None] * 0.382))
+).ravel()  # points of a round normal distribution with a deviation of 1 per axis, each as likely as the others
 GSD_M = (0.002, 2.0)  # of a canvas unit that is believed
 
 
@@ -35,13 +40,26 @@ class ErrorEllipse:
     bearing_deg: float
 
 
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Another way in which an island may lie, and how likely it is; `turn_variance`, `middle_variance`: per axis, of `turn` and
+    of where `middle` lies (square metres)."""
+
+    weight: float
+    turn: complex
+    shift: complex
+    middle: complex
+    turn_variance: float
+    middle_variance: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Anchor:
     """Where an island lies.
 
     `covariance` (4, 4): of `turn` (real, imaginary; metres per canvas unit) and of where `middle` lies (east, north; metres);
-    `map_error_m`: one standard deviation of what the map itself may be bent by; no half axis of an ellipse is less than
-    `least_error_m`.
+    `alternatives`: where there are any, they tell the errors instead; `map_error_m`: one standard deviation of what the map may
+    be bent by itself; no half axis of an ellipse is less than `least_error_m`.
     """
 
     plane: LocalPlane
@@ -51,6 +69,7 @@ class Anchor:
     covariance: tuple[tuple[float, ...], ...] = field(repr=False)
     map_error_m: float = 0.0
     least_error_m: float = 0.0
+    alternatives: tuple[Alternative, ...] = field(default=(), repr=False)
 
     @property
     def metres_per_unit(self) -> float:
@@ -72,7 +91,18 @@ class Anchor:
 
     def error(self, x: float, y: float) -> ErrorEllipse:
         """How far off the canvas place (x, y) may be."""
+        if self.alternatives:
+            radius = max(self._radius_at(complex(x, -y)), self.least_error_m)
+            return ErrorEllipse(radius, radius, 0.0)
         return ellipse(self._covariance_at(complex(x, -y)), self.least_error_m)
+
+    def _radius_at(self, place: complex) -> float:
+        """Of the circle with 95 % of what the alternatives tell of a place."""
+        told = np.array([(one.turn, one.shift, one.middle) for one in self.alternatives])
+        spread = np.array([(one.weight, one.turn_variance, one.middle_variance) for one in self.alternatives])
+        off = (told[:, 0] - self.turn) * place + told[:, 1] - self.shift
+        variances = spread[:, 1] * np.abs(place - told[:, 2]) ** 2 + spread[:, 2] + self.map_error_m**2
+        return _quantile(off, np.sqrt(variances), spread[:, 0])
 
     def _covariance_at(self, place: complex) -> Floats:
         """(2, 2) of east and north."""
@@ -80,6 +110,15 @@ class Anchor:
         slopes = np.array([[away.real, -away.imag, 1.0, 0.0], [away.imag, away.real, 0.0, 1.0]])
         spread: Floats = slopes @ np.array(self.covariance) @ slopes.T
         return spread + np.eye(2) * self.map_error_m**2
+
+
+def _quantile(off: Complexes, sigmas: Floats, weights: Floats) -> float:
+    """The radius around 0 that holds 95 % of a mixture of round normal distributions: of points spread evenly over each."""
+    distances = np.abs(off[:, None] + sigmas[:, None] * EVENLY).ravel()
+    order = np.argsort(distances)
+    shares = np.repeat(weights, len(EVENLY))[order]
+    nearer = np.cumsum(shares) - shares
+    return float(np.interp(0.95 * shares.sum(), nearer, distances[order]))
 
 
 def ellipse(covariance: Floats, least_m: float = 0.0) -> ErrorEllipse:

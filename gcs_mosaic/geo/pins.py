@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,42 +18,42 @@ from gcs_mosaic.geo.anchor import (
     similarity,
 )
 from gcs_mosaic.geo.ellipsoid import FURTHEST_M, Floats, LocalPlane
+from gcs_mosaic.geo.gross_errors import Supposition, suppositions
+from gcs_mosaic.geo.points import USUAL_SIGMA_M, Pin, Points, coordinates, plane_of, points_of
 
-USUAL_SIGMA_M = 3.0  # of a coordinate that somebody reads from a map or a receiver, in each direction
-LEAST_SIGMA_M = 0.01
+__all__ = ["USUAL_SIGMA_M", "Pin", "PinnedMap", "Refused", "anchored_by_pins", "misfit_of"]
+
 APART_SIGMAS = 10.0  # of two pins: nearer ones turn the map by more than 8 degrees of one standard deviation
 MISFIT_SIGMAS = 3.0  # a pin further from where the map lays it does not fit
 UNUSUAL = 2.75  # standard deviations of a normal distribution: 99.7 % are below
-
-
-@dataclass(frozen=True, slots=True)
-class Pin:
-    """A place of an island's canvas (units), and its coordinate (degrees) with one standard deviation in metres."""
-
-    name: str
-    x: float
-    y: float
-    longitude_deg: float
-    latitude_deg: float
-    sigma_m: float = USUAL_SIGMA_M
+POINTED_UNITS = 2.0  # how exactly people point at a place, one standard deviation in canvas units
+SURE = 0.9  # of all that is likely: so much of it must say the same
 
 
 @dataclass(frozen=True, slots=True)
 class PinnedMap:
     """An anchor, and each pin's distance (metres) from where the map lays it.
 
-    Two pins always fit, so they check nothing. Of three that do not fit nobody can say which is wrong; of more `misfit` does.
-    Where they do not fit, the anchor's stated error is what they tell of it, not what was said of each.
+    `points`: how many distinct ones the pins are of; only those check each other. `fits`: all of them do; `checked`: a gross
+    error of one of them would have been seen. `misfits`: the points that are wrong, without which the map is laid. The anchor's
+    stated error is that of all that may be wrong: of two points one may be.
     """
 
     anchor: Anchor
     residuals_m: tuple[float, ...]
     fits: bool
-    misfit: str | None = None
+    points: int
+    checked: bool = False
+    misfits: tuple[str, ...] = ()
+    if_right_m: float = 0.0  # the error in the middle (95 %) if all coordinates are as exact as is said
+
+    @property
+    def misfit(self) -> str | None:
+        return self.misfits[0] if self.misfits else None
 
     @property
     def is_checked(self) -> bool:
-        return len(self.residuals_m) > 2 and self.fits
+        return self.fits and self.checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,42 +64,62 @@ class Refused:
 
 
 def anchored_by_pins(pins: Sequence[Pin], map_error_units: float = 0.0) -> PinnedMap | Refused:
-    """The anchor of least squares; `map_error_units`: what the map may be bent by, one standard deviation in canvas units."""
-    if len(pins) < 2:
-        return Refused(f"An anchor needs two pins or more, and has {len(pins)}: set another one, far from the first.")
-    places = joined(np.array([[pin.x, pin.y] for pin in pins], np.float64))
-    plane = _plane(pins)
-    spots = as_complex(plane.spots(np.array([[pin.longitude_deg, pin.latitude_deg] for pin in pins])))
-    refused = _refused(pins, places, spots)
-    if refused is not None:
-        return refused
-    sigmas = np.array([max(pin.sigma_m, LEAST_SIGMA_M) for pin in pins])
-    turn, shift = similarity(places, spots, sigmas**-2)
-    if not GSD_M[0] <= abs(turn) <= GSD_M[1]:
-        return Refused(_absurd(turn))
-    anchor = _anchor(plane, turn, shift, places, sigmas)
-    anchor = replace(anchor, map_error_m=map_error_units * abs(turn))
-    residuals = tuple(map(float, np.abs(turn * places + shift - spots)))
-    sigmas = np.hypot(sigmas, anchor.map_error_m)
-    if misfit_of(places, spots, sigmas) <= 1:
-        return PinnedMap(anchor, residuals, fits=True)
-    anchor = _widened(anchor, residuals, sigmas)
-    return PinnedMap(anchor, residuals, fits=False, misfit=_wrong_one(pins, places, spots, sigmas))
-
-
-def _refused(pins: Sequence[Pin], places: Complexes, spots: Complexes) -> Refused | None:
-    if not np.isfinite(places).all() or not np.isfinite(spots).all() or np.abs(spots).max() > FURTHEST_M / 2:
+    """The anchor that pins tell; `map_error_units`: what the map may be bent by, one standard deviation in canvas units."""
+    places = joined(np.array([[pin.x, pin.y] for pin in pins], np.float64).reshape(-1, 2))
+    plane = plane_of(pins)
+    spots = as_complex(plane.spots(coordinates(pins)))
+    if not np.isfinite(places).all() or not np.isfinite(spots).all() or np.abs(spots).max(initial=0) > FURTHEST_M / 2:
         return Refused(
             "The pins' coordinates are further apart than any flight: look for latitude and longitude exchanged, or a sign."
         )
-    sigmas = np.array([max(pin.sigma_m, LEAST_SIGMA_M) for pin in pins])
-    if _turn_sigma(spots, sigmas) > math.sqrt(2) / APART_SIGMAS:
-        needed = APART_SIGMAS * float(sigmas.max())
+    points = points_of(pins, places, spots)
+    refused = _refused(pins, points)
+    if refused is not None:
+        return refused
+    turn, _ = similarity(points.places, points.spots, points.sigmas**-2)
+    others = np.hypot(points.scatter, math.hypot(map_error_units, POINTED_UNITS)) * abs(turn)
+    told = suppositions(points.places, points.spots, points.sigmas, others, points.supposed)
+    anchor = _anchor(plane, told, map_error_units)
+    if not GSD_M[0] <= abs(anchor.turn) <= GSD_M[1]:
+        return Refused(_absurd(anchor.turn))
+    residuals = tuple(map(float, np.abs(anchor.turn * places + anchor.shift - spots)))
+    return _judged(anchor, residuals, points, told)
+
+
+def _judged(anchor: Anchor, residuals: tuple[float, ...], points: Points, told: Sequence[Supposition]) -> PinnedMap:
+    count = len(points.names)
+    wrong = _surely_wrong(told)
+    all_right = next((one for one in told if not one.wrong), None)
+    weight = 0.0 if all_right is None else all_right.weight
+    sigmas = np.hypot(points.sigmas, np.hypot(POINTED_UNITS * abs(anchor.turn), anchor.map_error_m))
+    fits = count == 2 or (weight > 0.5 and misfit_of(points.places, points.spots, sigmas) <= 1)
+    return PinnedMap(
+        anchor,
+        residuals,
+        fits,
+        count,
+        checked=count > 2 and weight >= SURE,
+        misfits=tuple(points.names[one] for one in sorted(wrong)),
+        if_right_m=WITHIN_95 * math.hypot(float((sigmas**-2).sum()) ** -0.5, anchor.map_error_m),
+    )
+
+
+def _refused(pins: Sequence[Pin], points: Points) -> Refused | None:
+    count = len(points.names)
+    if count < 2:
+        if len(pins) > 1:
+            needed = APART_SIGMAS * float(points.sigmas.max())
+            return Refused(
+                f"The {len(pins)} pins are of a single point: set one of another, {needed:.0f} m apart or further."
+            )
+        return Refused(f"An anchor needs two pins or more, and has {len(pins)}: set another one, far from the first.")
+    if _turn_sigma(points.spots, points.sigmas) > math.sqrt(2) / APART_SIGMAS:
+        needed = APART_SIGMAS * float(points.sigmas.max())
         return Refused(
-            f"The pins' coordinates lie within {_extent(spots):.0f} m, which with their errors tells no direction: "
+            f"The pins' coordinates lie within {_extent(points.spots):.0f} m, which with their errors tells no direction: "
             f"set them {needed:.0f} m apart or further, or say that they are more exact (sigma)."
         )
-    if _extent(places) < 1.0:
+    if _extent(points.places) < 1.0:
         return Refused("The pins lie on the same spot of the map: set another one, far from the first.")
     return None
 
@@ -111,22 +131,36 @@ def _absurd(turn: complex) -> str:
     )
 
 
-def _anchor(plane: LocalPlane, turn: complex, shift: complex, places: Complexes, sigmas: Floats) -> Anchor:
-    share = sigmas**-2 / (sigmas**-2).sum()
-    middle = complex((share * places).sum())
-    at_middle = float(1 / (sigmas**-2).sum())
-    of_turn = float(1 / (sigmas**-2 * np.abs(places - middle) ** 2).sum())
-    covariance = np.diag([of_turn, of_turn, at_middle, at_middle])
-    rows = tuple(tuple(map(float, row)) for row in covariance)
-    return Anchor(plane=plane, turn=turn, shift=shift, middle=middle, covariance=rows)
+def _anchor(plane: LocalPlane, told: Sequence[Supposition], map_error_units: float) -> Anchor:
+    """The middle of what is likely: of the likeliest supposition if that is sure, else of all that leave out what is wrong."""
+    wrong = _surely_wrong(told)
+    followed = told[:1] if told[0].weight >= SURE else [one for one in told if wrong <= one.wrong]
+    ways = [one for supposition in followed for one in supposition.alternatives]
+    share = np.array([one.weight for one in ways])
+    turn, middle = (
+        complex(np.average([getattr(one, name) for one in ways], weights=share)) for name in ("turn", "middle")
+    )
+    spot = complex(np.average([one.turn * middle + one.shift for one in ways], weights=share))
+    of_turn, of_middle = (
+        float(np.average([getattr(one, name) for one in ways], weights=share))
+        for name in ("turn_variance", "middle_variance")
+    )
+    rows = tuple(tuple(map(float, row)) for row in np.diag([of_turn, of_turn, of_middle, of_middle]))
+    return Anchor(
+        plane=plane,
+        turn=turn,
+        shift=spot - turn * middle,
+        middle=middle,
+        covariance=rows,
+        map_error_m=map_error_units * abs(turn),
+        alternatives=tuple(one for supposition in told for one in supposition.alternatives),
+    )
 
 
-def _widened(anchor: Anchor, residuals: Sequence[float], sigmas: Floats) -> Anchor:
-    """With the deviation that the residuals tell; few of them tell it badly: the radius is that of Student's distribution."""
-    freedom = 2 * len(residuals) - 4
-    measured = math.sqrt(float(((np.array(residuals) / sigmas) ** 2).sum()) / freedom)
-    factor = max(measured * math.sqrt(freedom * (0.05 ** (-2 / freedom) - 1)) / WITHIN_95, 1.0)
-    return replace(anchor, covariance=tuple(tuple(factor**2 * one for one in row) for row in anchor.covariance))
+def _surely_wrong(told: Sequence[Supposition]) -> frozenset[int]:
+    """The points that nearly all suppositions call wrong."""
+    suspected = frozenset[int]().union(*(one.wrong for one in told))
+    return frozenset(at for at in suspected if sum(one.weight for one in told if at in one.wrong) >= SURE)
 
 
 def misfit_of(places: Complexes, spots: Complexes, sigmas: Floats) -> float:
@@ -139,21 +173,6 @@ def misfit_of(places: Complexes, spots: Complexes, sigmas: Floats) -> float:
     spread = 2 / (9 * freedom)
     most = freedom * (1 - spread + UNUSUAL * math.sqrt(spread)) ** 3  # Wilson and Hilferty, of the sum of squares
     return float(max(missed.max() / MISFIT_SIGMAS, (missed**2).sum() / most))
-
-
-def _wrong_one(pins: Sequence[Pin], places: Complexes, spots: Complexes, sigmas: Floats) -> str | None:
-    """The pin without which the others fit, and best."""
-    if len(pins) < 4:
-        return None
-    rest = [misfit_of(np.delete(places, at), np.delete(spots, at), np.delete(sigmas, at)) for at in range(len(pins))]
-    return pins[int(np.argmin(rest))].name if min(rest) <= 1 else None
-
-
-def _plane(pins: Sequence[Pin]) -> LocalPlane:
-    """In the middle of the pins; longitudes may lie on both sides of 180 degrees."""
-    first = pins[0].longitude_deg
-    east = [(pin.longitude_deg - first + 180) % 360 - 180 for pin in pins]
-    return LocalPlane(first + sum(east) / len(east), sum(pin.latitude_deg for pin in pins) / len(pins))
 
 
 def _turn_sigma(spots: Complexes, sigmas: Floats) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from math import ceil
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from gcs_mosaic.geo.positions import PositionedMap
 from gcs_mosaic.notes.anchoring import Anchoring, IslandAnchor
 from gcs_mosaic.notes.binding import Binding, GroundFollower
 from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.control_points import ControlPoint, read_control_points
+from gcs_mosaic.notes.checked import Unfit
+from gcs_mosaic.notes.control_points import MOST_TOLD, ControlPoint, read_control_points
+from gcs_mosaic.notes.frame_names import FramesByName, bound_in
 from gcs_mosaic.notes.pins import NewPin, Pins
 from gcs_mosaic.notes.told import shown
 from gcs_mosaic.store.folder import find_flight
@@ -41,8 +43,8 @@ def anchor_flight(flight: Path, change: AnchorChange) -> str:
     """Make a change, and tell how each island lies then. Raises UsageError, and then nothing was changed; CannotWrite."""
     view = FlightView(find_flight(flight))
     follower = GroundFollower(view)
-    told = [] if change.points is None else read_control_points(change.points)
-    new = [_pin(view, follower, change.points, point) for point in told]
+    problems: list[str] = []
+    new = [] if change.points is None else _read(view, follower, change.points, problems)
     with closing(NotesBook(view.root)) as book:
         pins = Pins(book)
         _refuse_unknown(pins, change.deleted)
@@ -50,7 +52,23 @@ def anchor_flight(flight: Path, change: AnchorChange) -> str:
             with book.change():
                 _make(pins, new, change)
         laid = Anchoring(view, follower).islands(pins.all(), by_positions=pins.by_positions)
-    return "\n".join(_lines(view, laid))
+    return "\n".join([*problems, *_lines(view, laid)])
+
+
+def _read(view: FlightView, follower: GroundFollower, path: Path, problems: list[str]) -> list[NewPin]:
+    """The pins of a file's points; what cannot be used is told among the problems. Raises UsageError if nothing can."""
+    frames, new = FramesByName(view), list[NewPin]()
+    unknown: list[str] = []
+    for point in read_control_points(path, problems):
+        try:
+            new.append(_pin(follower, frames, point))
+        except Unfit as error:
+            unknown.append(f"{path}, {point.written}: {error}")
+    if not new:
+        raise UsageError(f"{unknown[0]}; nothing was set.")
+    problems += [f"{one}; it was left out." for one in unknown[:MOST_TOLD]]
+    problems += [f"{path}: {len(unknown) - MOST_TOLD} more points were left out."] if len(unknown) > MOST_TOLD else []
+    return new
 
 
 def _make(pins: Pins, new: Sequence[NewPin], change: AnchorChange) -> None:
@@ -70,8 +88,8 @@ def _refuse_unknown(pins: Pins, numbers: Sequence[int]) -> None:
             raise UsageError(f"--delete {number}: there is no pin {number}; there are: {there}.")
 
 
-def _pin(view: FlightView, follower: GroundFollower, path: Path | None, point: ControlPoint) -> NewPin:
-    binding = _binding(view, follower, path, point)
+def _pin(follower: GroundFollower, frames: FramesByName, point: ControlPoint) -> NewPin:
+    """Raises Unfit."""
     return NewPin(
         label=point.label,
         written=decimal_text(point.longitude_deg, point.latitude_deg),
@@ -79,33 +97,24 @@ def _pin(view: FlightView, follower: GroundFollower, path: Path | None, point: C
         latitude_deg=point.latitude_deg,
         sigma_m=point.sigma_m,
         who=WHO,
-        binding=binding,
+        binding=_binding(follower, frames, point),
     )
 
 
-def _binding(view: FlightView, follower: GroundFollower, path: Path | None, point: ControlPoint) -> Binding:
+def _binding(follower: GroundFollower, frames: FramesByName, point: ControlPoint) -> Binding:
     if point.frame is None:
         return follower.bound(point.island, *point.canvas)
-    where = f"{path}, {point.written}"
-    numbers = _frames_named(view, point.frame)
-    if not numbers:
-        raise UsageError(f"{where}: no frame on the map is called {shown(point.frame)}; nothing was set.")
-    if len(numbers) > 1:
-        raise UsageError(
-            f"{where}: {len(numbers)} frames are called {shown(point.frame)}: name its folder too; nothing was set."
-        )
-    found = follower.bound_to_pixel(numbers[0], *point.pixel)
-    if found is None:
+    name = shown(point.frame)
+    found = frames.named(point.frame)
+    if not found:
+        raise Unfit(f"no frame on the map is called {name}")
+    if len(found) > 1:
+        raise Unfit(f"{len(found)} frames are called {name}: name its folder and its extension too")
+    bound = bound_in(follower, found[0], point.pixel)
+    if bound is None:
         x, y = point.pixel
-        raise UsageError(f"{where}: {shown(point.frame)} has no pixel {x:g}, {y:g} on the ground; nothing was set.")
-    return found
-
-
-def _frames_named(view: FlightView, name: str) -> list[int]:
-    """The painted frames of a name, or else those whose file is called so, whatever its folder."""
-    frames = view.table().frames
-    exact = [one.number for one in frames if one.name == name]
-    return exact or [one.number for one in frames if PurePosixPath(one.name).name == PurePosixPath(name).name]
+        raise Unfit(f"{name} has no pixel {x:g}, {y:g} on the ground")
+    return bound
 
 
 def _lines(view: FlightView, laid: Mapping[int, IslandAnchor]) -> Iterator[str]:
@@ -138,9 +147,27 @@ def _sentence(laid: IslandAnchor | None) -> str:
     longitude, latitude = laid.anchor.places(np.array([x, y])).tolist()
     where = f"{decimal_text(longitude, latitude)} ± {ceil(laid.anchor.error(x, y).major_m)} m (95 %) in the middle"
     if isinstance(laid.result, PositionedMap):
-        found = laid.result
-        return f"laid by {found.shots} positions ({found.outliers} left out, told {found.lag_s:+.2f} s late): {where}"
-    checked = {True: "checked", False: "unchecked: a third pin checks them"}[laid.result.is_checked]
-    if not laid.result.fits:
-        checked = f"{laid.result.misfit} does not fit" if laid.result.misfit else "they do not fit each other"
-    return f"laid by {len(laid.pins)} pins ({checked}): {where}"
+        by = laid.result
+        return f"laid by {by.shots} positions ({by.outliers} left out, told {by.lag_s:+.2f} s late): {where}"
+    found = laid.result
+    of = f" of {found.points} points" if found.points != len(laid.pins) else ""
+    right = f"; ± {ceil(found.if_right_m)} m if no coordinate is wrong" if found.fits and not found.is_checked else ""
+    return f"laid by {len(laid.pins)} pins{of} ({_checked(found)}): {where}{right}"
+
+
+def _checked(found: PinnedMap) -> str:
+    """What the distinct points say of each other."""
+    if found.misfits:
+        names = ", ".join(map(shown, found.misfits))
+        return (
+            f"{names} does not fit and is left out"
+            if len(found.misfits) == 1
+            else f"{names} do not fit and are left out"
+        )
+    if not found.fits:
+        return "they do not fit each other"
+    if found.is_checked:
+        return "checked"
+    if found.points == 2:
+        return f"unchecked: a third {'pin' if len(found.residuals_m) == 2 else 'point'} checks them"
+    return "unchecked: a wrong one would not show, another one far from them checks them"

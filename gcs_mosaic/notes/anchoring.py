@@ -1,7 +1,7 @@
 """The anchor of each island, of the pins that people have set or the positions that they have asked for.
 
-Pins are worth more than positions: an island with two pins or more is laid by them alone. Each island has its own anchor, and one
-that is known helps nobody else's.
+Pins are worth more than positions: an island with pins of two points or more is laid by them alone. Each island has its own
+anchor, and one that is known helps nobody else's.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geo.pins import Pin, PinnedMap, Refused, anchored_by_pins
+from gcs_mosaic.geo.points import number_of_points
 from gcs_mosaic.geo.positions import PositionedMap, ShotPosition, anchored_by_positions
 from gcs_mosaic.notes.binding import GroundFollower, GroundPlace
 from gcs_mosaic.notes.pins import SetPin
@@ -36,7 +37,7 @@ Told = TypeVar("Told")
 
 logger = logging.getLogger(__name__)
 
-LEAST_PINS = 2
+LEAST_POINTS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +77,8 @@ class Anchoring:
             for island, shots in self._shots().items():
                 found[island] = IslandAnchor(island, "positions", anchored_by_positions(shots, errors.get(island, 0.0)))
         for island, (its_pins, places) in self._by_island(pins).items():
-            if len(its_pins) >= LEAST_PINS or island not in found:
-                placed = [_pin(*one) for one in zip(its_pins, places, strict=True)]
+            placed = [_pin(*one) for one in zip(its_pins, places, strict=True)]
+            if island not in found or number_of_points(placed) >= LEAST_POINTS:
                 result = anchored_by_pins(placed, errors.get(island, 0.0))
                 found[island] = IslandAnchor(island, "pins", result, tuple(its_pins))
         return found

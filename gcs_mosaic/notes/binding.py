@@ -72,13 +72,14 @@ class GroundFollower:
         in_original = ((float(pixel[0]) + 0.5) * factor - 0.5, (float(pixel[1]) + 0.5) * factor - 0.5)
         return Binding(island=island, x=x, y=y, frame=best.name, pixel=in_original)
 
-    def bound_to_pixel(self, number: int, x: float, y: float) -> Binding | None:
-        """A pixel of a frame's original (by number); None if that is not painted, or the pixel outside or above the horizon."""
+    def bound_to_pixel(self, number: int, x: float, y: float, *, beside: bool = False) -> Binding | None:
+        """A pixel of a frame's original (by number); None if that is not painted, or the pixel above the horizon or outside
+        (`beside`: by more than the frame is large)."""
         one = next((found for found in self._view.table().frames if found.number == number), None)
         if one is None:
             return None
-        factor = self._factor(one)
-        if not (0 <= x <= factor * one.camera.width and 0 <= y <= factor * one.camera.height):
+        width, height = (self._factor(one) * side for side in (one.camera.width, one.camera.height))
+        if not (-beside * width <= x <= (1 + beside) * width and -beside * height <= y <= (1 + beside) * height):
             return None
         place = self._place(one, x, y)
         return place and Binding(island=one.island, x=place[0], y=place[1], frame=one.name, pixel=(x, y))
@@ -90,6 +91,10 @@ class GroundFollower:
         if one is None or place is None:
             return GroundPlace(island=binding.island, x=binding.x, y=binding.y, number=None)
         return GroundPlace(island=one.island, x=place[0], y=place[1], number=one.number)
+
+    def factor_of(self, number: int) -> float:
+        """Pixels of a painted frame's original for one of the frame as it is painted."""
+        return next((self._factor(one) for one in self._view.table().frames if one.number == number), 1.0)
 
     def _best(self, island: int, x: float, y: float) -> PositionRecord | None:
         table = self._view.table()

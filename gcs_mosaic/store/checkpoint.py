@@ -5,7 +5,7 @@ of a frame, the matches of a pair) is appended once, because such values are imm
 ledger, which is synced first. Frames recorded after the checkpoint are in the ledger and are processed again.
 
 The files are pickles, which could name arbitrary code; a restricted unpickler accepts only numbers, containers and this
-program's own records.
+program's own records, and nothing of them is made before it is known what it costs (`pickle_bounds`).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from typing import Any, BinaryIO, Literal, cast
 import numpy as np
 
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full, write_beside
+from gcs_mosaic.store.pickle_bounds import Budget, refuse_unbounded
 from gcs_mosaic.store.stages import stage
 
 logger = logging.getLogger(__name__)
@@ -39,6 +40,8 @@ FORMAT = 2
 MAGIC = b"gcs-mosaic checkpoint\n"
 # Format, digest of the program, digest of the payload, name of the values file, its length in bytes.
 HEAD = struct.Struct("<I16s16s16sq")
+MOST_BYTES = 1 << 30  # of the file that is rewritten each time
+LONGEST_REASON = 200  # characters
 LARGE = 1024  # bytes; smaller values are stored inline
 SHARE = 0.05  # maximum share of time spent on checkpoints
 # Allowed in a pickle besides this program's own records.
@@ -89,13 +92,12 @@ class Checkpoints:
     def load(self) -> Any:
         """Return the last checkpoint's content, or `Unusable`. Call before any write, if at all."""
         try:
-            data = self._path.read_bytes()
-            return self._loaded(data)
+            return self._loaded(_read(self._path))
         except FileNotFoundError:
             return Unusable("it has no checkpoint")
         except Exception as error:  # a damaged file may raise anything in the unpickler
             logger.warning("the checkpoint cannot be read", exc_info=True)
-            return Unusable(f"its checkpoint cannot be read ({error!r})", stitch_again=True)
+            return Unusable(f"its checkpoint cannot be read ({_short(error)})", stitch_again=True)
 
     def write(self, state: Callable[[], object], ledger_durable: Callable[[], None], *, at_once: bool = False) -> None:
         """Write the result of `state` if due or `at_once`. Failures are logged and retried with the next checkpoint.
@@ -167,9 +169,11 @@ class Checkpoints:
             return Unusable("its checkpoint was written by another version of the program", stitch_again=True)
         if _digest(data[start:]) != digest:
             return Unusable("its checkpoint is damaged", stitch_again=True)
-        self._values.open(name, end)
+        body = data[start:]
+        self._values.open(name, end, Budget(len(body) + max(end, 0)))
         try:
-            return _Reader(io.BytesIO(data[start:]), self._values.value).load()
+            refuse_unbounded(body, self._values.budget)
+            return _Reader(io.BytesIO(body), self._values.value).load()
         finally:
             self._values.loaded()
 
@@ -195,6 +199,8 @@ class _Values:
         self._seen: dict[int, tuple[object, int]] = {}  # values referenced by the checkpoint being made
         self._new: list[bytes] = []
         self._read: dict[int, object] = {}
+        self.budget = Budget(0)  # of what is read
+        self._unread = 0  # bytes: no byte belongs to two values
 
     def begin(self) -> None:
         """Start a checkpoint."""
@@ -234,25 +240,37 @@ class _Values:
         self._end = self._sure
         self._known = {key: known for key, known in self._known.items() if known[1] < self._sure}
 
-    def open(self, name: bytes, end: int) -> None:
+    def open(self, name: bytes, end: int, budget: Budget) -> None:
         """Continue a file of this name from this offset. Raises ValueError and OSError."""
+        _refuse_other_than_files(self._path)
         file: BinaryIO = self._path.open("rb" if self._read_only else "r+b", buffering=0)
-        if file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
+        if end < len(name) or file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
             file.close()
             raise ValueError(f"{self._path} is not what the checkpoint refers to")
         self._file, self.name = file, name
-        self._end = self._sure = end - len(name)
+        self._end = self._sure = self._unread = end - len(name)
+        self.budget = budget
 
     def value(self, place: int) -> object:
         """The value at an offset."""
         if place not in self._read:
-            assert self._file is not None, "opened before it is read"
-            self._file.seek(len(self.name) + place)
-            (length,) = self.LENGTH.unpack(self._file.read(self.LENGTH.size))
-            read = _Reader(io.BytesIO(self._file.read(length)), _no_values).load()
+            data = self._data(place)
+            refuse_unbounded(data, self.budget)
+            read = _Reader(io.BytesIO(data), _no_values).load()
             value = self._read[place] = self._received(read)
             self._known[id(value)] = value, place
         return self._read[place]
+
+    def _data(self, place: int) -> bytes:
+        assert self._file is not None, "opened before it is read"
+        if not 0 <= place <= self._sure - self.LENGTH.size:
+            raise ValueError("it refers to what is not there")
+        self._file.seek(len(self.name) + place)
+        (length,) = self.LENGTH.unpack(self._file.read(self.LENGTH.size))
+        self._unread -= self.LENGTH.size + length
+        if not 0 <= length <= self._sure - place or self._unread < 0:
+            raise ValueError("its values overlap, or are not there")
+        return self._file.read(length)
 
     def loaded(self) -> None:
         """Reading is complete."""
@@ -300,6 +318,28 @@ class _Reader(pickle.Unpickler):
             if record and (found.__module__, found.__qualname__) == (module, name):  # not one imported by our module
                 return found
         raise pickle.UnpicklingError(f"{module}.{name} does not belong into a checkpoint")
+
+
+def _read(path: Path) -> bytes:
+    """Raises ValueError for more than any checkpoint has; of what is no checkpoint it reads the beginning alone."""
+    _refuse_other_than_files(path)
+    with path.open("rb") as file:
+        begins = file.read(len(MAGIC) + HEAD.size)
+        size = os.fstat(file.fileno()).st_size
+        if size > MOST_BYTES:
+            raise ValueError(f"it has {size >> 20} MB, and {MOST_BYTES >> 20} MB are read at most")
+        return begins + file.read(MOST_BYTES) if begins.startswith(MAGIC) else begins
+
+
+def _refuse_other_than_files(path: Path) -> None:
+    """To open a pipe waits for somebody who writes."""
+    if path.exists() and not path.is_file():
+        raise ValueError(f"{path.name} is no file")
+
+
+def _short(error: Exception) -> str:
+    told = f"{type(error).__name__}: {error}"
+    return told if len(told) <= LONGEST_REASON else f"{told[:LONGEST_REASON]}..."
 
 
 def _write_whole(file: BinaryIO, data: bytes) -> None:
@@ -372,7 +412,9 @@ def encoded(value: object) -> bytes:
 
 
 def decoded(data: bytes) -> Any:
-    """The value of `encoded`. Whatever else the bytes are, no code is run by them; damaged ones may raise anything."""
+    """The value of `encoded`. Whatever else the bytes are, no code is run by them, and they cost little; damaged ones may raise
+    anything."""
+    refuse_unbounded(data)
     return _Reader(io.BytesIO(data), _no_values).load()
 
 

@@ -26,7 +26,14 @@ from gcs_mosaic.views.sharpness import relative_sharpness
 if TYPE_CHECKING:
     from gcs_mosaic.stitch.graph.placement import Homography
     from gcs_mosaic.store.ledger import Ledger
-    from gcs_mosaic.store.records import EventRecord, FlightRecord, FrameRecord, PositionRecord, ReportedPosition
+    from gcs_mosaic.store.records import (
+        CoveredRecord,
+        EventRecord,
+        FlightRecord,
+        FrameRecord,
+        PositionRecord,
+        ReportedPosition,
+    )
 
 logger = logging.getLogger(__name__)
 
@@ -115,6 +122,11 @@ class FlightView:
         """The frames that a painted one covers: number, record, and keyframe_from_frame in pixels as painted."""
         with self._ledger() as ledger:
             return ledger.covered_by(number)
+
+    def covered(self) -> list[CoveredRecord]:
+        """All frames that painted ones cover. Raises UsageError."""
+        with self._ledger() as ledger:
+            return ledger.covered()
 
     def _read_again(self) -> None:
         revision, start = last_revision(self.root), time.monotonic()

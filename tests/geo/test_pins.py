@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.geo.pins import Pin, PinnedMap, Refused, anchored_by_pins
+from tests.benchmarks.control_points import measured
 from tests.sure import sure
 
 GSD_M, NORTH_DEG = 0.05, 30.0
@@ -65,12 +68,90 @@ def test_two_pins_fit_always_and_are_not_checked() -> None:
     assert not found.is_checked
 
 
-@pytest.mark.parametrize(("x", "stated_m"), [(3000.0, 5.2), (0.0, 7.35), (9000.0, 11.6)])
-def test_the_stated_error_of_two_pins(x: float, stated_m: float) -> None:
-    """In the middle, at a pin, and one distance beyond."""
-    found = fitted(pin(0), pin(1))
-    error = found.anchor.error(x, 100.0 * x / 6000.0)
-    assert (error.major_m, error.minor_m) == pytest.approx((stated_m, stated_m), rel=0.01)
+def test_of_two_points_one_may_be_wrong_and_the_stated_error_holds_all_the_same() -> None:
+    """Two points check nothing: 23 m off was called good to 6 m."""
+    right = fitted(pin(0), pin(1))
+    middle, beyond = right.anchor.error(3000.0, 50.0).major_m, right.anchor.error(9000.0, 150.0).major_m
+    assert right.if_right_m == pytest.approx(5.2, rel=0.02)
+    assert 40 < middle < 60 < beyond < 150
+    wrong = fitted(pin(0), pin(1, off=(60.0, 0.0)))
+    assert off_m(wrong.anchor, 3000.0, 50.0) < wrong.anchor.error(3000.0, 50.0).major_m
+    assert wrong.anchor.error(3000.0, 50.0).major_m == pytest.approx(middle, rel=0.05)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_point_seen_three_times_is_one_point(count: int) -> None:
+    """Two points, each seen in three pictures, one 30 m wrong: "6 pins (checked) \u00b1 3 m"; three such points: a sixth of the
+    error that they had when seen once."""
+    once = [pin(at, off=(30.0, 0.0) if at == 1 else (0.0, 0.0)) for at in range(count)]
+    thrice = [replace(one, name=name) for one in once for name in (one.name, one.name.upper(), "")]
+    assert fitted(*thrice).points == count
+    assert not fitted(*thrice).is_checked
+    stated = [fitted(*pins).anchor.error(3000.0, -2000.0).major_m for pins in (once, thrice)]
+    assert stated[1] == pytest.approx(stated[0])
+    assert off_m(fitted(*thrice).anchor, 3000.0, -2000.0) < stated[1]
+
+
+def test_a_name_that_several_points_have_makes_them_no_single_one() -> None:
+    trees = [replace(pin(at), name="tree") for at in range(4)]
+    assert fitted(*trees).points == 4
+    assert fitted(*trees).is_checked
+
+
+def test_one_observation_of_several_that_is_wrong_does_no_harm() -> None:
+    seen = [replace(pin(0), x=x, y=y) for x, y in ((2.0, -1.0), (-1.0, 2.0), (900.0, 700.0))]
+    assert off_m(fitted(*seen, *map(pin, range(1, 4))).anchor, 3000.0, -2000.0) < 1.0
+
+
+def test_a_point_alone_far_away_is_checked_by_no_other() -> None:
+    """Three near each other and one far away: the far one turns the map, and nothing contradicts it."""
+    near = [replace(pin(0), name=str(k), x=x, y=y) for k, (x, y) in enumerate([(0.0, 0.0), (300.0, 0.0), (0.0, 300.0)])]
+    placed = [Pin(one.name, one.x, one.y, *_true(one.x, one.y)) for one in near]
+    found = fitted(*placed, pin(1, off=(0.0, 30.0)))
+    assert not found.is_checked
+    assert off_m(found.anchor, 6000.0, 100.0) < found.anchor.error(6000.0, 100.0).major_m
+
+
+def _true(x: float, y: float) -> tuple[float, float]:
+    longitude, latitude = map(float, TRUTH.places(np.array([x, y])))
+    return longitude, latitude
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_of_four_points_the_wrong_one_is_left_out(count: int) -> None:
+    found = fitted(*(pin(at, off=(40.0, 30.0) if at == 2 else (0.0, 0.0)) for at in range(count)))
+    assert (found.misfit, found.fits) == ("pin 2", False)
+    assert off_m(found.anchor, 3000.0, -2000.0) < 1.0
+
+
+def test_two_wrong_ones_of_eight_are_left_out() -> None:
+    chance = np.random.default_rng(4)
+    places = chance.uniform(0, 6000, (8, 2))
+    offs = chance.normal(0, 1.0, (8, 2)) + np.array([[50.0, 20.0], [-30.0, 60.0], *[[0.0, 0.0]] * 6])
+    spots = [PLANE.spots(np.array(_true(x, y))) for x, y in places.tolist()]
+    told = PLANE.places(np.array(spots) + offs)
+    found = fitted(*(Pin(str(k), places[k, 0], places[k, 1], told[k, 0], told[k, 1], 1.0) for k in range(8)))
+    assert found.misfits == ("0", "1")
+    assert off_m(found.anchor, 3000.0, 3000.0) < 2.0
+
+
+def test_a_thousand_pins_cost_little() -> None:
+    chance = np.random.default_rng(4)
+    places = chance.uniform(0, 6000, (1000, 2)).tolist()
+    pins = [Pin(str(k), x, y, *_true(x, y)) for k, (x, y) in enumerate(places)]
+    start = time.process_time()
+    assert fitted(*pins).is_checked
+    assert time.process_time() - start < 10
+
+
+def test_what_is_stated_holds_in_simulated_sets() -> None:
+    """Clustered and in line, seen once or often, in two of three sets one point wrong by 10 to 100 m; the benchmark
+    `control_points` has more of them."""
+    told = measured(100, "coordinates as exact as is said (3 m)")
+    held = [one for some in told.values() for within, _, _ in some for one in within]
+    assert 0.93 <= np.mean(held) <= 0.99
+    words = Counter(word for some in told.values() for _, _, word in some)
+    assert words["named"] > 10 * words["misnamed"]
 
 
 def test_the_map_s_own_bend_is_part_of_the_error() -> None:
@@ -106,7 +187,7 @@ def test_where_a_pin_is_wrong_the_stated_error_tells_it(count: int, wrong_m: flo
         if not found.fits:
             within += [off_m(found.anchor, x, y) <= found.anchor.error(x, y).major_m for x, y in SPOTS]
     assert len(within) > 200
-    assert np.mean(within) > 0.95
+    assert np.mean(within) >= 0.93
 
 
 def test_pins_with_their_usual_errors_fit() -> None:
@@ -126,7 +207,9 @@ def test_pins_with_their_usual_errors_fit() -> None:
     [
         ([pin(0)], "another one"),
         ([pin(0), replace(pin(1), x=0.0, y=0.0)], "same spot"),
-        ([pin(0), replace(pin(0), x=6000.0)], "apart or further"),
+        ([pin(0), replace(pin(0), x=6000.0)], "of a single point: set one of another, 30 m apart or further"),
+        ([replace(pin(0), name="A"), replace(pin(0, off=(0.5, 0.0)), name="a")], "The 2 pins are of a single point"),
+        ([pin(0), replace(pin(0, off=(2.0, 0.0)), x=6000.0, name="b")], "apart or further"),
         ([pin(0), replace(pin(1), longitude_deg=44.5, latitude_deg=7.0)], "exchanged"),
         ([pin(0), replace(pin(1), longitude_deg=-173.0)], "further apart than any flight"),
         ([pin(0), replace(pin(1), longitude_deg=7.5)], "exchanged"),
@@ -142,7 +225,7 @@ def test_what_is_refused_says_why(pins: list[Pin], told: str) -> None:
 def test_a_vague_pin_beside_exact_ones_does_not_take_the_map_away() -> None:
     exact = fitted(pin(0), pin(1), pin(2))
     with_a_vague_one = fitted(pin(0), pin(1), pin(2), pin(4, off=(30.0, 20.0), sigma_m=50.0))
-    assert with_a_vague_one.anchor.error(0.0, 0.0).major_m <= exact.anchor.error(0.0, 0.0).major_m
+    assert with_a_vague_one.anchor.error(0.0, 0.0).major_m <= 1.01 * exact.anchor.error(0.0, 0.0).major_m
     assert isinstance(anchored_by_pins([pin(0, sigma_m=50.0), pin(1, sigma_m=50.0)]), Refused)
     assert isinstance(anchored_by_pins([pin(0), pin(1, sigma_m=500.0)]), Refused)
 

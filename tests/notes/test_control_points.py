@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,14 @@ from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.notes.anchor_flight import AnchorChange, anchor_flight
 from gcs_mosaic.notes.book import NotesBook
 from gcs_mosaic.notes.control_points import read_control_points
+from gcs_mosaic.notes.frame_names import FramesByName
 from gcs_mosaic.notes.pins import NewPin, Pins, SetPin
+from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.disk import DiskFull
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.views.flight_view import FlightView
+from tests.factories import frame
 from tests.notes.mapped import MappedFlight
 
 PLANE, GSD_M = LocalPlane(7.0, 44.5), 0.1
@@ -152,13 +159,148 @@ def test_a_frame_is_found_by_its_file_s_name(flight: MappedFlight, tmp_path: Pat
         ("a.jpg,9000,2", "a.jpg has no pixel 9000, 2 on the ground"),
     ],
 )
-def test_nothing_is_set_where_one_point_cannot_be(flight: MappedFlight, tmp_path: Path, row: str, told: str) -> None:
-    text = f"frame,px,py,lat,lon\nb.jpg,200,150,{place(0, 0)}\n{row},{place(300, 0)}\n"
-    with pytest.raises(UsageError, match=f"line 3: {told}"):
+def test_a_line_that_cannot_be_used_is_told_and_the_others_are(
+    flight: MappedFlight, tmp_path: Path, row: str, told: str
+) -> None:
+    text = f"frame,px,py,lat,lon\nb.jpg,200,150,{place(0, 0)}\n{row},{place(300, 0)}\na.jpg,20,north,{place(300, 0)}\n"
+    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text))).splitlines()
+    assert "line 4: py is to be a number" in said[0]
+    assert f"line 3: {told}; it was left out." in said[1]
+    assert "an anchor needs two pins or more, and has 1" in said[2].lower()
+
+
+def test_nothing_is_set_where_no_point_can_be(flight: MappedFlight, tmp_path: Path) -> None:
+    text = f"frame,px,py,lat,lon\nz.jpg,200,150,{place(0, 0)}\n"
+    with pytest.raises(UsageError, match=r"line 2: no frame on the map is called z.jpg; nothing was set"):
         anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
     assert "no anchor" in anchor_flight(flight.root, AnchorChange())
     with pytest.raises(UsageError, match="there is no pin 4; there are: none"):
         anchor_flight(flight.root, AnchorChange(deleted=[4]))
+
+
+@pytest.mark.parametrize(
+    "name", ["a.jpg", "A.JPG", "DCIM/A.jpg", "D:\\photos\\a.JPG", "a", "A", "a.TIF", "./a.jpg", " a.jpg"]
+)
+def test_names_of_frames_as_other_programs_write_them(flight: MappedFlight, tmp_path: Path, name: str) -> None:
+    """Lower case in the list and upper case on the card (a report of OpenDroneMap's users, Lighthouse 710)."""
+    text = f"frame,px,py,lat,lon\n{name},200,150,{place(0, 0)}\nb.jpg,200,150,{place(300, 0)}\n"
+    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
+    assert "island 0 (2 frames): laid by 2 pins" in said
+
+
+def test_of_alike_names_the_most_alike(flight: MappedFlight) -> None:
+    for folder, at in (("east", 600.0), ("West", 900.0)):
+        with Ledger(flight.root / LEDGER_NAME) as ledger:
+            ledger.record_frame(frame(f"{folder}/d.jpg"))
+        flight.paint(f"{folder}/d.jpg", Pose(at, 0.0))
+    frames = FramesByName(FlightView(flight.root))
+    named = {
+        name: [one.name for one in frames.named(name)] for name in ("D.JPG", "west/D.JPG", "x/east/d", "north/d.jpg")
+    }
+    assert named["west/D.JPG"] == ["West/d.jpg"]
+    assert named["x/east/d"] == ["east/d.jpg"]
+    assert sorted(named["D.JPG"]) == sorted(named["north/d.jpg"]) == ["West/d.jpg", "east/d.jpg"]
+
+
+def test_a_point_in_a_covered_frame_is_one_of_the_frame_that_covers_it(flight: MappedFlight, tmp_path: Path) -> None:
+    """A frame of a hover is on the map although another one is painted in its stead."""
+    with Ledger(flight.root / LEDGER_NAME) as ledger:
+        ledger.record_frame(frame("hover.jpg"))
+        ledger.record_covered("hover.jpg", "b.jpg", ((1.0, 0.0, 20.0), (0.0, 1.0, -10.0), (0.0, 0.0, 1.0)))
+    rows = [f"HOVER.JPG,180,160,{place(300, 0)}", f"b.jpg,10,150,{place(110, 0)}", f"hover,390,150,{place(510, 0)}"]
+    points = "\n".join(["frame,px,py,lat,lon", *rows])
+    assert "laid by 3 pins" in anchor_flight(flight.root, AnchorChange(points=written(tmp_path, points)))
+    with closing(NotesBook(flight.root)) as book:
+        first, _, beyond = (pin.pin.binding for pin in Pins(book).all())
+    assert (first.frame, first.pixel) == ("b.jpg", (200.0, 150.0))
+    assert (first.x, first.y) == pytest.approx((300.5, 0.5), abs=1.0)
+    assert (beyond.frame, beyond.pixel) == ("b.jpg", (410.0, 140.0))  # seen beside the frame that covers it
+
+
+LIST = "500070.5{0}5399929.8{0}100.0{0}100{0}101.5{0}{1}"
+
+
+@pytest.mark.parametrize(
+    ("separator", "name", "rest", "label"),
+    [
+        ("\t", "2022-09-26 15-24-47 DJI_0001.JPG", "", ""),  # OpenDroneMap, 1575
+        ("\t", "2022-09-26 15-24-47 DJI_0001.JPG", "\tgcp 1", "gcp 1"),
+        ("\t\t", "a.jpg", "\tgcp1\textra", "gcp1"),
+        (" ", "2022-09-26 15-24-47 DJI_0001.JPG", " gcp1", "gcp1"),
+        ("  ", "a.jpg", "  gcp1 9 9", "gcp1"),
+        (",", "my picture.jpg", ",gcp1", "gcp1"),
+        ("; ", "my picture.jpg", "", ""),
+        (" ", "IMG_0001", " gcp1", "gcp1"),
+    ],
+)
+def test_separators_of_lists(tmp_path: Path, separator: str, name: str, rest: str, label: str) -> None:
+    text = "EPSG:32632\r\n" + LIST.format(separator, name) + rest + "\r\n"
+    (one,) = read_control_points(written(tmp_path, text))
+    assert (one.frame, one.label, one.pixel) == (name, label, (100.0, 101.5))
+    assert one.longitude_deg == pytest.approx(9.00096, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        *("EPSG:32632", "epsg:32632", "EPSG: 32632", "+init=epsg:32632", "EPSG::32632", "EPSG:25832"),
+        *(
+            "WGS84 UTM 32N",
+            "WGS84 UTM 32 N",
+            "wgs 84 / utm zone 32N",
+            "WGS84 UTM zone 32N",
+            "UTM 32N",
+            "ETRS89 / UTM zone 32N",
+        ),
+        *("# made by a tool\nEPSG:32632", '"EPSG:32632"', "EPSG:32632,,,,,", "\ufeffEPSG:32632"),
+        "+proj=utm +zone=32 +ellps=WGS84 +towgs84=0.0,0.0,0.0 +units=m +no_defs +type=crs",
+    ],
+)
+def test_first_lines_of_lists(tmp_path: Path, first: str) -> None:
+    (one,) = read_control_points(written(tmp_path, f"{first}\n{LIST.format(' ', 'a.jpg')}\n"))
+    true = pyproj.Transformer.from_crs(32632, 4326, always_xy=True).transform(500_070.5, 5_399_929.8)
+    assert (one.longitude_deg, one.latitude_deg) == pytest.approx(true, abs=1e-7)
+
+
+def test_web_mercator(tmp_path: Path) -> None:
+    (one,) = read_control_points(written(tmp_path, "EPSG:3857\n1001875.4 6218523.2 0 1 2 a.jpg\n"))
+    true = pyproj.Transformer.from_crs(3857, 4326, always_xy=True).transform(1_001_875.4, 6_218_523.2)
+    assert (one.longitude_deg, one.latitude_deg) == pytest.approx(true, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "image,label,lat,lon,x,y\na.jpg,g1,48.5,9.25,10,20\n",
+        "#Label,Image,X/Longitude,Y/Latitude,Image X,Image Y\ng1,a.jpg,9.25,48.5,10,20\n",
+        "# Exported\n#Label;Image name;Longitude;Latitude;px;py\ng1;a.jpg;9,25;48,5;10;20\n",
+        "gcp_label\tfilename\tlon\tlat\tim_x\tim_y\ng1\ta.jpg\t9.25\t48.5\t10,0\t20\n",
+        "EPSG:4326\nlabel,geo_x,geo_y,geo_z,im_x,im_y,image_name\ng1,9.25,48.5,100,10,20,a.jpg\n",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_tables_of_other_programs(tmp_path: Path, text: str, encoding: str) -> None:
+    path = tmp_path / "points.csv"
+    path.write_bytes(text.encode(encoding))
+    (one,) = read_control_points(path)
+    told = one.label, one.frame, one.pixel, one.longitude_deg, one.latitude_deg
+    assert told == ("g1", "a.jpg", (10.0, 20.0), 9.25, 48.5)
+
+
+def test_names_in_another_encoding(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_bytes("frame,px,py,lat,lon\nHügel.jpg,10,20,48.5,9.25\n".encode("cp1252"))
+    assert read_control_points(path)[0].frame == "Hügel.jpg"
+
+
+def test_lines_that_cannot_be_used_are_told_each(tmp_path: Path) -> None:
+    good = LIST.format(" ", "a.jpg")
+    problems: list[str] = []
+    points = read_control_points(written(tmp_path, f"EPSG:32632\n{good}\nnonsense\n{good}\n" + "1 2\n" * 30), problems)
+    assert [one.written for one in points] == ["line 2", "line 4"]
+    assert "line 3: six words are wanted" in problems[0]
+    assert len(problems) == 21
+    assert problems[-1].endswith("11 more lines cannot be used")
 
 
 def test_all_points_are_set_or_none(flight: MappedFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -182,6 +182,8 @@ def _by_pins(result: PinnedMap) -> dict[str, Any]:
         "checked": result.is_checked,
         "fits": result.fits,
         "misfit": result.misfit,
+        "points": result.points,
+        "if_right_m": result.if_right_m,
         "residuals_m": list(result.residuals_m),
     }
 

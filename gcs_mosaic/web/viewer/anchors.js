@@ -78,7 +78,7 @@ export class Anchors {
   row(pin) {
     const laid = this.answer.islands.find((one) => one.pins?.includes(pin.id));
     const residual = laid?.residuals_m?.[laid.pins.indexOf(pin.id)];
-    const off = residual !== undefined && laid.pins.length > 2 ? `, ${t("{m} m off", { m: residual.toFixed(1) })}` : "";
+    const off = residual !== undefined && laid.points > 2 ? `, ${t("{m} m off", { m: residual.toFixed(1) })}` : "";
     const drop = Object.assign(document.createElement("button"), { type: "button", textContent: t("Delete"), ariaLabel: `${t("Delete")}: ${nameOf(pin)}` });
     drop.onclick = () => trying(this.said, () => send("DELETE", `/pins/${pin.id}`)).then(() => this.read());
     const item = document.createElement("li");
@@ -144,10 +144,11 @@ function sentence(laid) {
   if (laid.refused) return laid.refused;
   const error = Math.ceil(laid.anchor.middle.error_m);
   if (laid.by === "positions") return t("Laid by {n} positions of the aircraft: ± {m} m (95 %) in the middle.", { n: laid.shots, m: error });
-  if (laid.misfit) return t("{name} does not fit the other pins: check it, or delete it.", { name: laid.misfit });
-  if (!laid.fits) return t("The three pins do not fit each other: set a fourth to find out which is wrong.");
-  if (!laid.checked) return t("Laid by two pins, unchecked: ± {m} m (95 %) in the middle. A third pin checks them.", { m: error });
-  return t("Laid by {n} pins that fit: ± {m} m (95 %) in the middle.", { n: laid.pins.length, m: error });
+  if (laid.misfit) return t("{name} does not fit the other pins and is left out, ± {m} m (95 %) in the middle: check it, or delete it.", { name: laid.misfit, m: error });
+  if (!laid.fits) return t("The pins do not fit each other, ± {m} m (95 %) in the middle: set another one to find out which is wrong.", { m: error });
+  const right = Math.ceil(laid.if_right_m);
+  if (!laid.checked) return t("Laid by {n} points, unchecked: ± {m} m (95 %) in the middle, ± {right} m if none is wrong. Another point far from them checks them.", { n: laid.points, m: error, right });
+  return t("Laid by {n} points that fit: ± {m} m (95 %) in the middle.", { n: laid.points, m: error });
 }
 
 function nameOf(pin) {
