@@ -16,6 +16,7 @@ from gcs_mosaic.frames.jpeg import jpeg_picture
 from gcs_mosaic.frames.jpeg_mend import continued, mended, rows_missing
 from gcs_mosaic.frames.png import mended_png
 from gcs_mosaic.frames.structure import StructureError, Whole, image_start
+from gcs_mosaic.frames.tiff import as_stored, first_page, unwritten
 from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.arrays import Bands
 
@@ -81,7 +82,7 @@ def decode_whole(data: bytes, whole: Whole, reduction: int = 1) -> Bands | Unrea
         logger.info("a picture cannot be decoded", exc_info=True)
         return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})", error.code == cv2.Error.StsNoMem)
     if image is None:
-        return Unreadable("cannot be decoded")
+        return Unreadable(f"cannot be decoded{_why(data, whole)}")
     wanted = reduced_shape(whole, reduction)
     if image.shape != wanted or image.dtype not in (np.uint8, np.uint16):
         return Unreadable(f"decodes to {image.shape} {image.dtype}, not to counts of 8 or 16 bits {wanted}")
@@ -105,12 +106,23 @@ def reduced_shape(whole: Whole, reduction: int) -> tuple[int, int, int]:
     return -(-whole.height // reduction), -(-whole.width // reduction), whole.bands
 
 
+def _why(data: bytes, whole: Whole) -> str:
+    """What is known of a picture that no decoder takes, as the end of a sentence."""
+    kind, _ = image_start(data) or ("", 0)
+    frame = jpeg_picture(data).frame if kind == "jpeg" else None
+    if frame is not None and (unusual := frame.unusual):
+        return f": {unusual} is not read, save it as an ordinary JPEG"
+    return f" ({whole.doubt})" if whole.doubt else ""
+
+
 def _decoded_mended(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     """Of what is needed of the file alone. Raises StructureError if rows are missing."""
     kind, _ = image_start(data) or ("", 0)
     if kind == "png":
         return _decoded(mended_png(data), whole, reduction)
-    if kind != "jpeg":
+    if kind == "tiff":
+        if share := unwritten(data, first_page(data)):
+            raise StructureError(f"damaged: {share:.0%} of the TIFF's strips were not written")
         return _decoded(data, whole, reduction) if whole.doubt else None
     picture = jpeg_picture(data)
     image = _decoded(mended(data, picture), whole, reduction)
@@ -128,7 +140,8 @@ def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
 def _by_opencv(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     """One band or three."""
     flags = (_GREY if whole.bands == 1 else _COLOUR)[reduction] | _AS_TAKEN
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    stored = as_stored(data) if data.startswith((b"II", b"MM")) else data  # IMREAD_IGNORE_ORIENTATION is not for TIFFs
+    image = cv2.imdecode(np.frombuffer(stored, np.uint8), flags)
     return image if image is None or image.ndim == 3 else image[..., None]
 
 

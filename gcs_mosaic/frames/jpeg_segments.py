@@ -9,6 +9,7 @@ from gcs_mosaic.frames.structure import unpack
 
 FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # SOFn
 PROGRESSIVE = {0xC2, 0xC6, 0xCA, 0xCE}
+_LOSSLESS, _HIERARCHICAL, _ARITHMETIC = {0xC3, 0xCB}, {0xC5, 0xC6, 0xC7, 0xCD, 0xCE, 0xCF}, {0xC9, 0xCA}
 _HUFFMAN, _QUANTISATION, _RESTART = 0xC4, 0xDB, 0xDD
 
 
@@ -27,6 +28,17 @@ class JpegFrame:
     def is_progressive(self) -> bool:
         """Whether it comes in scans of which each refines the whole picture."""
         return self.marker in PROGRESSIVE
+
+    @property
+    def unusual(self) -> str:
+        """What keeps common decoders from reading it, empty if nothing is known."""
+        if self.marker in _LOSSLESS:
+            return "a lossless JPEG"
+        if self.marker in _HIERARCHICAL:
+            return "a hierarchical JPEG"
+        if self.marker in _ARITHMETIC:
+            return "a JPEG with arithmetic coding"
+        return "" if self.bits == 8 else f"a JPEG of {self.bits} bits"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gcs_mosaic.frames.structure import StructureError, Whole, unpack
 
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _SAMPLES = 256, 257, 258, 259, 262, 277
+_ORIENTATION = 274
 _ROWS_PER_STRIP, _PLANAR, _TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT = 278, 284, 322, 323, 338, 339
 _NUMBERS = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _SAMPLES, _ROWS_PER_STRIP, _PLANAR}
 _NUMBERS |= {_TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT}
 _PIECES = ((273, 279), (324, 325))  # (offsets, byte counts) of strips, of tiles
 _WANTED = {*_NUMBERS, *_PIECES[0], *_PIECES[1]}
-_PALETTE, _ALPHA = 3, (1, 2)
+_PALETTE, _ALPHA, _UNCOMPRESSED = 3, (1, 2), 1
 _LETTERS = {1: "B", 3: "H", 4: "I", 16: "Q"}  # field types: byte, short, long, long8
 _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
 _MOST_DIRECTORIES = 64  # pages and overviews
 _MOST_ENTRIES = 4096  # of a directory: cameras write a hundred
 _MOST_NUMBERS = 65_536  # of a field of samples
-EMPTY_END = 512  # bytes
+EMPTY_END, EMPTY_STRIP = 512, 64  # bytes, of a file and of a compressed strip
 _MOST_PIECES = 1_000_000  # of all pages: 400 megapixels in tiles of 32 x 32 are 0.4 million
 
 
@@ -58,7 +60,7 @@ def tiff_header(data: bytes) -> Whole:
     page, doubt = _first(pages)
     doubt = doubt or _lacking_in_others(pages, len(page.pieces))
     # One whose room was taken before it is written ends in zeros until it is whole; a black border does, too.
-    doubt = doubt or ("" if any(data[-EMPTY_END:]) else "it ends in zeros")
+    doubt = doubt or ("" if any(data[-EMPTY_END:]) and not unwritten(data, page) else "it ends in zeros")
     bands = 3 if page.palette else page.samples - len(page.transparent)
     return Whole(page.width, page.height, bands, max(page.bits, 8), doubt)
 
@@ -66,6 +68,27 @@ def tiff_header(data: bytes) -> Whole:
 def first_page(data: bytes) -> TiffPage:
     """Storage of the first page; raises StructureError if its directory is not completely in the file."""
     return _first(_pages(data))[0]
+
+
+def unwritten(data: bytes, page: TiffPage) -> float:
+    """Share of the page's strips or tiles that are compressed, but end in zeros, as no compression does."""
+    if page.compression == _UNCOMPRESSED or not page.pieces:
+        return 0.0
+    ends = (data[max(offset, offset + count - EMPTY_STRIP) : offset + count] for offset, count in page.pieces)
+    return sum(bool(end) and not any(end) for end in ends) / len(page.pieces)
+
+
+def as_stored(data: bytes) -> bytes:
+    """The file with a first page that says its pixels are shown as they are stored: some decoders turn them otherwise."""
+    layout, start = _layout(data)
+    (entries,) = unpack(layout.order + layout.count, data, start)
+    size, first = 4 + 2 * _SIZES[layout.offset], start + _SIZES[layout.count]
+    for at in range(first, first + min(entries, _MOST_ENTRIES) * size, size):
+        tag, kind = unpack(layout.order + "HH", data, at)
+        value = at + size - _SIZES[layout.offset]
+        if (tag, kind) == (_ORIENTATION, 3) and unpack(layout.order + "H", data, value) != (1,):
+            return data[:value] + struct.pack(layout.order + "H", 1) + data[value + 2 :]
+    return data
 
 
 def _first(pages: Iterator[tuple[TiffPage, str]]) -> tuple[TiffPage, str]:
@@ -92,16 +115,22 @@ def _lacking_in_others(pages: Iterator[tuple[TiffPage, str]], pieces: int) -> st
 
 def _pages(data: bytes) -> Iterator[tuple[TiffPage, str]]:
     """Pages and overviews, and what each lacks. Raises StructureError at one whose directory is not in the file."""
-    order = "<" if data[:1] == b"I" else ">"
-    big = unpack(order + "H", data, 2) == (43,)
-    layout = _Layout(order, "Q", "Q", 8) if big else _Layout(order, "I", "H", 4)
-    (directory,) = unpack(order + layout.offset, data, layout.first)
+    layout, directory = _layout(data)
     seen = set[int]()
     while directory and directory not in seen and len(seen) < _MOST_DIRECTORIES:  # a chain may be a circle
         seen.add(directory)
         fields, directory, lacking = _directory(data, layout, directory)
         pieces, beyond = _pieces(data, fields)
         yield _page(fields, pieces), lacking or beyond
+
+
+def _layout(data: bytes) -> tuple[_Layout, int]:
+    """And the first directory's offset."""
+    order = "<" if data[:1] == b"I" else ">"
+    big = unpack(order + "H", data, 2) == (43,)
+    layout = _Layout(order, "Q", "Q", 8) if big else _Layout(order, "I", "H", 4)
+    (directory,) = unpack(order + layout.offset, data, layout.first)
+    return layout, directory
 
 
 def _page(fields: dict[int, list[int]], pieces: list[tuple[int, int]]) -> TiffPage:
