@@ -13,10 +13,10 @@ import numpy as np
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
 from gcs_mosaic.frames.jpeg import jpeg_picture
-from gcs_mosaic.frames.jpeg_mend import continued, mended, rows_missing
+from gcs_mosaic.frames.jpeg_mend import continued, has_its_end, mended, rows_missing
 from gcs_mosaic.frames.png import mended_png
 from gcs_mosaic.frames.structure import StructureError, Whole, image_start
-from gcs_mosaic.frames.tiff import as_stored, first_page, unwritten
+from gcs_mosaic.frames.tiff import as_stored, continued_tiff, first_page, unwritten
 from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.arrays import Bands
 
@@ -121,13 +121,25 @@ def _decoded_mended(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     if kind == "png":
         return _decoded(mended_png(data), whole, reduction)
     if kind == "tiff":
-        if share := unwritten(data, first_page(data)):
-            raise StructureError(f"damaged: {share:.0%} of the TIFF's strips were not written")
-        return _decoded(data, whole, reduction) if whole.doubt else None
+        return _tiff_in_doubt(data, whole, reduction) if whole.doubt else None
     picture = jpeg_picture(data)
     image = _decoded(mended(data, picture), whole, reduction)
-    if image is not None and not picture.ended and (share := share_missing(data, whole, image, reduction)):
+    if image is None or picture.ended or has_its_end(picture, image, reduction):
+        return image
+    if share := share_missing(data, whole, image, reduction):
         raise StructureError(ends_early(share, whole.height))
+    return image
+
+
+def _tiff_in_doubt(data: bytes, whole: Whole, reduction: int) -> Bands | None:
+    """Raises StructureError if strips are missing, which OpenCV paints black."""
+    page = first_page(data)
+    if share := unwritten(data, page):
+        raise StructureError(f"damaged: {share:.0%} of the TIFF's strips were not written")
+    image, more = _decoded(data, whole, reduction), continued_tiff(data, page)
+    other = image if more is None else _decoded(more, whole, reduction)
+    if image is not None and (other is None or not np.array_equal(image, other)):
+        raise StructureError("damaged: the TIFF's data end before the picture does")
     return image
 
 

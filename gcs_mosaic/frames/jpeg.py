@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from gcs_mosaic.frames.jpeg_segments import FRAMES, JpegFrame, Scan, frame_of, is_refined, is_table, scan_of
+from gcs_mosaic.frames.jpeg_segments import FRAMES, JpegFrame, JpegScan, frame_of, is_refined, is_table, scan_of
 from gcs_mosaic.frames.structure import StructureError, Whole, image_start, unpack
 
 _START, _END, _SCAN, _NO_LINES = 0xD8, 0xD9, 0xDA, 0xDC
@@ -32,7 +32,7 @@ class JpegPicture:
     """
 
     frame: JpegFrame | None = None
-    scans: list[Scan] = field(default_factory=list)
+    scans: list[JpegScan] = field(default_factory=list)
     parts: list[tuple[int, int]] = field(default_factory=list)
     ended: bool = False
     doubt: str = ""
@@ -141,7 +141,7 @@ def _after_junk(data: bytes, picture: JpegPicture, marker: int, content: int, po
     return nested.end if nested and nested.ended else len(data)
 
 
-def _take_scan(data: bytes, picture: JpegPicture, scan: Scan, begin: int, end: int) -> int:
+def _take_scan(data: bytes, picture: JpegPicture, scan: JpegScan, begin: int, end: int) -> int:
     found = _AFTER_SCAN.search(data, end)
     picture.scans.append(scan)
     picture.parts.append((begin, found.start() if found else _end_without_padding(data, end)))

@@ -18,6 +18,7 @@ _BEGIN, _END = b"\xff\xd8", b"\xff\xd9"
 _RESTART = re.compile(rb"\xff([\xd0-\xd7])")
 # Of every restart interval; more than any unit of 10 blocks of 64 coefficients takes.
 _NOISE = np.random.default_rng(0).integers(0, 255, 4096, np.uint8).tobytes()  # below 255: no markers
+NOTHING_CAME = 128  # the value of pixels whose coefficients are all zero
 UNSHARP = 2  # pixels by which colours of lower resolution reach into their neighbourhood
 
 
@@ -29,6 +30,17 @@ def mended(data: bytes, picture: JpegPicture) -> bytes:
 def continued(data: bytes, picture: JpegPicture) -> bytes:
     """The main picture with other bytes behind its data."""
     return _rebuilt(data, picture, _more(data, *picture.parts[-1]))
+
+
+def has_its_end(picture: JpegPicture, image: Bands, reduction: int = 1) -> bool:
+    """Whether the last pixel of `image` shows that the picture's last unit (MCU) was in the file. If not, nothing is known."""
+    frame, (height, width) = picture.frame, image.shape[:2]
+    # What is missing is blurred in a progressive picture, and of a scan for each colour some are there.
+    if frame is None or frame.is_progressive or len(picture.scans) > 1 or len(frame.components) not in (1, 3):
+        return False
+    across, down = (max(size // reduction, 1) for size in frame.unit)
+    inside = min((width - 1) % across, (height - 1) % down) >= UNSHARP
+    return inside and bool((image[-1, -1] != NOTHING_CAME).any())
 
 
 def rows_missing(picture: JpegPicture, image: Bands, other: Bands, reduction: int = 1) -> int:

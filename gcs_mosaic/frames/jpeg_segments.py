@@ -42,7 +42,7 @@ class JpegFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class Scan:
+class JpegScan:
     """A scan header: which coefficients (`first` to `last`) of which components it brings, up to which bit."""
 
     components: tuple[int, ...]
@@ -63,7 +63,7 @@ def frame_of(data: bytes, content: int, end: int, marker: int) -> JpegFrame | No
     return JpegFrame(marker, width, height, bits, tuple(each[::3]), (8 * max(across, 1), 8 * max(down, 1)))
 
 
-def scan_of(data: bytes, content: int, end: int, frame: JpegFrame) -> Scan | None:
+def scan_of(data: bytes, content: int, end: int, frame: JpegFrame) -> JpegScan | None:
     """The scan header of a segment's content; None if it is none of this frame's."""
     if end - content < 8:
         return None
@@ -72,7 +72,7 @@ def scan_of(data: bytes, content: int, end: int, frame: JpegFrame) -> Scan | Non
         return None
     components = tuple(data[content + 3 : content + 3 + 2 * count : 2])
     first, last, bits = unpack(">BBB", data, end - 3)
-    return Scan(components, first, min(last, 63), bits & 15) if set(components) <= set(frame.components) else None
+    return JpegScan(components, first, min(last, 63), bits & 15) if set(components) <= set(frame.components) else None
 
 
 def is_table(data: bytes, content: int, end: int, marker: int) -> bool:
@@ -91,7 +91,7 @@ def _huffman_bytes(data: bytes, at: int) -> int:
     return 17 + sum(data[at + 1 : at + 17])
 
 
-def is_refined(frame: JpegFrame, scans: Sequence[Scan]) -> bool:
+def is_refined(frame: JpegFrame, scans: Sequence[JpegScan]) -> bool:
     """Whether a progressive picture's scans bring every coefficient of every component to its last bit."""
     done = dict.fromkeys(frame.components, 0)
     for scan in scans:

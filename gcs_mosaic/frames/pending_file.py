@@ -41,7 +41,7 @@ class Unread:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FileRead:
     """A file's bytes, read now, which begin an image at least; `doubt` as in `structure.Whole`."""
 
     data: bytes
@@ -130,7 +130,7 @@ class Candidate:
         return DamagedFile(name=name, reason=reason)
 
 
-def read_whole(look: Look, settings: FolderSettings) -> Found | NotWhole | Unread | None:
+def read_whole(look: Look, settings: FolderSettings) -> FileRead | NotWhole | Unread | None:
     """The bytes of an image; or why it is not one, or cannot be read now; None if the file is gone or has changed since the
     scan."""
     if look.size > settings.max_file_bytes:
@@ -140,7 +140,7 @@ def read_whole(look: Look, settings: FolderSettings) -> Found | NotWhole | Unrea
         if len(data) != look.size:
             return None
         whole = is_whole(data, settings.max_pixels)
-        return whole if isinstance(whole, NotWhole) else Found(data, whole.doubt)
+        return whole if isinstance(whole, NotWhole) else FileRead(data, whole.doubt)
     except FileNotFoundError:
         return None
     except MemoryError:

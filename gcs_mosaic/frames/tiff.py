@@ -16,6 +16,7 @@ _NUMBERS |= {_TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT}
 _PIECES = ((273, 279), (324, 325))  # (offsets, byte counts) of strips, of tiles
 _WANTED = {*_NUMBERS, *_PIECES[0], *_PIECES[1]}
 _PALETTE, _ALPHA, _UNCOMPRESSED = 3, (1, 2), 1
+_NOISE = bytes(range(1, 256))
 _LETTERS = {1: "B", 3: "H", 4: "I", 16: "Q"}  # field types: byte, short, long, long8
 _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
 _SIZES = {"B": 1, "H": 2, "I": 4, "Q": 8}
@@ -60,7 +61,9 @@ def tiff_header(data: bytes) -> Whole:
     page, doubt = _first(pages)
     doubt = doubt or _lacking_in_others(pages, len(page.pieces))
     # One whose room was taken before it is written ends in zeros until it is whole; a black border does, too.
-    doubt = doubt or ("" if any(data[-EMPTY_END:]) and not unwritten(data, page) else "it ends in zeros")
+    empty_end = EMPTY_STRIP if _compressed(page) else EMPTY_END
+    doubt = doubt or ("" if any(data[-empty_end:]) else "it ends in zeros")
+    doubt = doubt or ("some of its strips are empty" if unwritten(data, page) else "")
     bands = 3 if page.palette else page.samples - len(page.transparent)
     return Whole(page.width, page.height, bands, max(page.bits, 8), doubt)
 
@@ -71,11 +74,25 @@ def first_page(data: bytes) -> TiffPage:
 
 
 def unwritten(data: bytes, page: TiffPage) -> float:
-    """Share of the page's strips or tiles that are compressed, but end in zeros, as no compression does."""
-    if page.compression == _UNCOMPRESSED or not page.pieces:
-        return 0.0
-    ends = (data[max(offset, offset + count - EMPTY_STRIP) : offset + count] for offset, count in page.pieces)
-    return sum(bool(end) and not any(end) for end in ends) / len(page.pieces)
+    """Share of the page's compressed strips or tiles that begin with zeros, as no compression does."""
+    begins = [data[offset : offset + min(count, EMPTY_STRIP)] for offset, count in _compressed(page)]
+    return sum(bool(begin) and not any(begin) for begin in begins) / max(len(begins), 1)
+
+
+def continued_tiff(data: bytes, page: TiffPage) -> bytes | None:
+    """The file with other bytes for the zeros in which compressed strips end: they are padding, or were never written. None if
+    there are no such zeros."""
+    other = bytearray(data)
+    for offset, count in _compressed(page):
+        end = min(offset + count, len(data))
+        if end - offset >= EMPTY_STRIP and not any(data[end - EMPTY_STRIP : end]):
+            begin = offset + len(data[offset:end].rstrip(b"\0"))
+            other[begin:end] = _NOISE * ((end - begin) // len(_NOISE)) + _NOISE[: (end - begin) % len(_NOISE)]
+    return None if other == data else bytes(other)
+
+
+def _compressed(page: TiffPage) -> tuple[tuple[int, int], ...]:
+    return () if page.compression == _UNCOMPRESSED else page.pieces
 
 
 def as_stored(data: bytes) -> bytes:

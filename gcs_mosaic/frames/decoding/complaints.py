@@ -12,11 +12,11 @@ from collections.abc import Collection
 
 from gcs_mosaic.frames.decode import ends_early, share_missing
 from gcs_mosaic.frames.jpeg import jpeg_picture
+from gcs_mosaic.frames.jpeg_mend import NOTHING_CAME
 from gcs_mosaic.frames.structure import Whole, image_start
 from gcs_mosaic.stitch.arrays import Bands
 
 MOST_BYTES = 4000  # kept of what is said of one picture
-NOTHING_CAME = 128  # the value of pixels whose coefficients are all zero
 LEAST_LOST = 0.02  # share of a picture's rows; less may be a camera's habit
 _SHORT = ("premature end of data", "found marker 0xd9 instead of")  # in libjpeg's words; it says the first trouble only
 
