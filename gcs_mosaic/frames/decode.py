@@ -97,8 +97,8 @@ def share_missing(data: bytes, whole: Whole, image: Bands, reduction: int = 1) -
 
 
 def ends_early(share: float, height: int) -> str:
-    """A sentence about a JPEG of so many rows, of which this share is missing."""
-    return f"damaged: the JPEG's data end before the picture does, {share:.0%} of {height} rows are missing"
+    """What is wrong with a JPEG of so many rows, of which this share is missing."""
+    return f"the JPEG's data end before the picture does, {share:.0%} of {height} rows are missing"
 
 
 def reduced_shape(whole: Whole, reduction: int) -> tuple[int, int, int]:
@@ -127,7 +127,7 @@ def _decoded_mended(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     if image is None or picture.ended or has_its_end(picture, image, reduction):
         return image
     if share := share_missing(data, whole, image, reduction):
-        raise StructureError(ends_early(share, whole.height))
+        raise StructureError(f"truncated: {ends_early(share, whole.height)}")
     return image
 
 
@@ -139,7 +139,7 @@ def _tiff_in_doubt(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     image, more = _decoded(data, whole, reduction), continued_tiff(data, page)
     other = image if more is None else _decoded(more, whole, reduction)
     if image is not None and (other is None or not np.array_equal(image, other)):
-        raise StructureError("damaged: the TIFF's data end before the picture does")
+        raise StructureError("truncated: the TIFF's data end before the picture does")
     return image
 
 

@@ -20,7 +20,9 @@ _NEXT_MARKER = re.compile(rb"\xff([^\x00\xff\x01\xd0-\xd7])")
 # In entropy-coded data 0xFF is followed by zero, a restart marker or a fill byte; anything else ends the scan.
 _AFTER_SCAN = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 PADDING, PADDED_TIMES = 16, 8  # so many zeros, or ones, at the end are no picture; so many of such in turn
+BLOCK = 1 << 16  # bytes of padding looked at together
 NESTED = 2  # pictures in pictures
+MOST_WRONG = 16  # segments with a wrong length
 MOST_SEGMENTS = 100_000  # thermal cameras put 10 MB of data into some hundred
 
 
@@ -38,6 +40,7 @@ class JpegPicture:
     doubt: str = ""
     end: int = 0
     suspect: int | None = None  # where the content of a segment begins whose length may be wrong
+    wrong: int = 0  # how many were
     depth: int = 0  # how many pictures it lies in
 
     def doubted(self, why: str) -> None:
@@ -82,7 +85,7 @@ def _next_segment(data: bytes, picture: JpegPicture, position: int) -> int | Non
     """Take up the next segment from `position` on; where to go on, None at the end of the picture."""
     found = _NEXT_MARKER.search(data, position)
     if found is None:
-        if not picture.scans and picture.suspect is not None:
+        if not picture.scans and picture.suspect is not None and picture.wrong < MOST_WRONG:
             return _after_junk(data, picture, 0, position, position)
         picture.doubted("it has no end marker")
         return None
@@ -129,9 +132,9 @@ def _after_comment(data: bytes, picture: JpegPicture, marker: int, content: int,
 
 def _after_junk(data: bytes, picture: JpegPicture, marker: int, content: int, position: int) -> int:
     """Behind what is no segment. A picture within that is a preview that a wrong length has laid bare."""
-    if picture.suspect is not None:
+    if picture.suspect is not None and picture.wrong < MOST_WRONG:
         picture.doubted("a segment's length is wrong")
-        position, picture.suspect = picture.suspect, None
+        position, picture.suspect, picture.wrong = picture.suspect, None, picture.wrong + 1
         return position
     if marker != _START or (content - 2 == position and not picture.parts):  # some write the first marker twice
         picture.doubted("it has bytes between its segments that are none")
@@ -152,11 +155,20 @@ def _end_without_padding(data: bytes, begin: int) -> int:
     """Where, from `begin` on, nothing but padding follows, or half a marker."""
     end = len(data)
     for _ in range(PADDED_TIMES):
-        stripped = max(begin, len(data[:end].rstrip(data[end - 1 : end]))) if data[end - 1] in (0, 255) else end
+        last = data[end - 1 : end]
+        stripped = _stripped(data, begin, end, last) if last in (b"\0", b"\xff") else end
         if end - stripped < PADDING:
             break
         end = stripped
-    return max(begin, len(data[:end].rstrip(b"\xff")))
+    return _stripped(data, begin, end, b"\xff")
+
+
+def _stripped(data: bytes, begin: int, end: int, byte: bytes) -> int:
+    """The end of `data[begin:end]` without its last bytes of this value; nothing large is copied."""
+    while end - begin >= BLOCK and data[end - BLOCK : end] == byte * BLOCK:
+        end -= BLOCK
+    start = max(begin, end - BLOCK)
+    return start + len(data[start:end].rstrip(byte))
 
 
 def _keep(picture: JpegPicture, begin: int, end: int) -> int:

@@ -12,6 +12,7 @@ from gcs_mosaic.frames.structure import StructureError, Whole, image_start, unpa
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY = (0, 4)  # colour types, without and with transparency
 _SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # of a pixel, by colour type
+_BITS = (1, 2, 4, 8, 16)
 _FRAME = 12  # length, type and checksum around a chunk's data
 _DRAWN = (b"PLTE", b"tRNS")  # chunks that pixels depend on, besides header and data
 # Of interlaced pictures: first column and row of each pass, and the steps between them.
@@ -94,6 +95,8 @@ def _size(header: memoryview) -> Whole:
 
 def _refuse_missing_rows(header: memoryview, pieces: list[_Chunk]) -> None:
     width, height, bits, colours, _, _, interlaced = unpack(">IIBBBBB", header, 0)
+    if bits not in _BITS:
+        raise StructureError(f"damaged: a PNG of {bits} bits")
     passes = _PASSES if interlaced else ((0, 0, 1, 1),)
     sizes = [(-(-(width - x) // across), -(-(height - y) // down)) for x, y, across, down in passes]
     pixel_bits = bits * _SAMPLES.get(colours, 1)
@@ -105,7 +108,7 @@ def _refuse_missing_rows(header: memoryview, pieces: list[_Chunk]) -> None:
     if unpacked < wanted:
         lost = 1 - unpacked / wanted
         raise StructureError(
-            f"damaged: the PNG's data end before the picture does, {lost:.0%} of {height} rows are missing"
+            f"truncated: the PNG's data end before the picture does, {lost:.0%} of {height} rows are missing"
         )
 
 

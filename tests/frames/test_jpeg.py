@@ -105,7 +105,7 @@ def test_how_much_is_missing_is_told() -> None:
     jpeg = JPEGS["4:2:0"]
     refused = decode_image(jpeg[: len(jpeg) // 2])
     assert isinstance(refused, Unreadable)
-    assert refused.reason == "damaged: the JPEG's data end before the picture does, 58% of 150 rows are missing"
+    assert refused.reason == "truncated: the JPEG's data end before the picture does, 58% of 150 rows are missing"
 
 
 def test_scans_that_are_missing_of_a_progressive_picture_are_noticed() -> None:
@@ -151,8 +151,10 @@ def test_a_kind_of_jpeg_that_is_not_read_is_named(marker: int, said: str) -> Non
     assert decode_image(jpeg) == Unreadable(f"cannot be decoded: {said} is not read, save it as an ordinary JPEG")
 
 
-def test_ten_megabytes_of_ones_cost_no_time() -> None:
-    """Each could begin a marker."""
+def test_megabytes_of_what_is_none_cost_no_time() -> None:
+    """Each could begin a marker; and so does each of many segments that tell to be longer than they are."""
+    wrong = JPEGS["4:2:0"][:2] + b"\xff\xe1\x70\0ab" * 50_000 + bytes(20_000_000)
+    assert isinstance(is_whole(wrong), NotWhole)
     assert decode_image(JPEGS["4:2:0"][:200] + b"\xff" * 10_000_000) == Unreadable(
         "truncated: it ends after 10000200 bytes"
     )

@@ -86,4 +86,4 @@ def test_zeros_behind_a_compressed_strip_are_padding() -> None:
     assert getattr(is_whole(padded), "doubt", "") == "it ends in zeros"
     np.testing.assert_array_equal(decode_image(padded), counts(1, np.uint8))
     begun = data[: offset + count // 2].ljust(len(data), b"\0")
-    assert decode_image(begun) == Unreadable("damaged: the TIFF's data end before the picture does")
+    assert decode_image(begun) == Unreadable("truncated: the TIFF's data end before the picture does")

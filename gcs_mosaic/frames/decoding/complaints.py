@@ -48,7 +48,7 @@ def cut_short(data: bytes, whole: Whole, image: Bands, said: str, reduction: int
     lost = _rows_without_data(image) / image.shape[0]
     if _is_progressive(data):  # what is missing is blurred then, not grey
         lost = max(lost, share_missing(data, whole, image, reduction))
-    return None if lost < LEAST_LOST else ends_early(lost, whole.height)
+    return None if lost < LEAST_LOST else f"damaged: {ends_early(lost, whole.height)}"
 
 
 def _is_progressive(data: bytes) -> bool:
