@@ -44,7 +44,7 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
 def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] | None = None) -> ItemSource:
     """The watched folder, created if missing; `taken`: files already accepted by a resumed flight. Raises UsageError."""
     failed = replace(initial_report(config), state="ended")
-    return ItemSource(watch(Path(config.watch), stop, config.frames, taken), failed)
+    return ItemSource(watch(Path(config.watch), stop, config.frames, taken, config.decode), failed)
 
 
 def attach_stream(

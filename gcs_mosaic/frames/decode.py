@@ -12,7 +12,11 @@ import numpy as np
 
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
-from gcs_mosaic.frames.structure import StructureError, Whole
+from gcs_mosaic.frames.jpeg import jpeg_picture
+from gcs_mosaic.frames.jpeg_mend import continued, has_its_end, mended, rows_missing
+from gcs_mosaic.frames.png import mended_png
+from gcs_mosaic.frames.structure import StructureError, Whole, image_start
+from gcs_mosaic.frames.tiff import as_stored, continued_tiff, first_page, unwritten
 from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.arrays import Bands
 
@@ -57,7 +61,7 @@ def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> 
 
 
 def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
-    """(height, width, bands) uint8 or uint16 from a complete JPEG, PNG or TIFF, without transparency: three bands are blue, green
+    """(height, width, bands) uint8 or uint16 from a JPEG, PNG or TIFF, without transparency: three bands are blue, green
     and red, others are in file order.
 
     A `reduction` of 2 or 4 gives half or a quarter of the size (rounded up); a JPEG is decoded directly at that size.
@@ -67,21 +71,34 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
 
 
 def decode_whole(data: bytes, whole: Whole, reduction: int = 1) -> Bands | Unreadable:
-    """As `decode_image`, for a file that is known to be complete, with this header."""
-    at_once = reduction if data.startswith(_JPEG) else 1
+    """As `decode_image`, for a file with this header. Where that is in doubt, rows are looked for that are missing."""
     try:
-        image = decode_bands(data) if needs_bands(data) else _decoded(data, whole, at_once)
+        image = _decoded(data, whole, reduction) if not whole.doubt else None
+        if image is None:
+            image = _decoded_mended(data, whole, reduction)
     except StructureError as error:
         return Unreadable(str(error))
     except cv2.error as error:
         logger.info("a picture cannot be decoded", exc_info=True)
         return Unreadable(f"cannot be decoded ({error.err or 'unknown reason'})", error.code == cv2.Error.StsNoMem)
     if image is None:
-        return Unreadable("cannot be decoded")
-    wanted = reduced_shape(whole, at_once)
+        return Unreadable(f"cannot be decoded{_why(data, whole)}")
+    wanted = reduced_shape(whole, reduction)
     if image.shape != wanted or image.dtype not in (np.uint8, np.uint16):
         return Unreadable(f"decodes to {image.shape} {image.dtype}, not to counts of 8 or 16 bits {wanted}")
-    return image if at_once == reduction else _reduced(image, reduction)
+    return image
+
+
+def share_missing(data: bytes, whole: Whole, image: Bands, reduction: int = 1) -> float:
+    """Share of the rows of `image`, which a JPEG was decoded to, that are not all in the file."""
+    picture = jpeg_picture(data)
+    other = _decoded(continued(data, picture), whole, reduction)
+    return 1.0 if other is None else rows_missing(picture, image, other, reduction) / image.shape[0]
+
+
+def ends_early(share: float, height: int) -> str:
+    """What is wrong with a JPEG of so many rows, of which this share is missing."""
+    return f"the JPEG's data end before the picture does, {share:.0%} of {height} rows are missing"
 
 
 def reduced_shape(whole: Whole, reduction: int) -> tuple[int, int, int]:
@@ -89,10 +106,54 @@ def reduced_shape(whole: Whole, reduction: int) -> tuple[int, int, int]:
     return -(-whole.height // reduction), -(-whole.width // reduction), whole.bands
 
 
+def _why(data: bytes, whole: Whole) -> str:
+    """What is known of a picture that no decoder takes, as the end of a sentence."""
+    kind, _ = image_start(data) or ("", 0)
+    frame = jpeg_picture(data).frame if kind == "jpeg" else None
+    if frame is not None and (unusual := frame.unusual):
+        return f": {unusual} is not read, save it as an ordinary JPEG"
+    return f" ({whole.doubt})" if whole.doubt else ""
+
+
+def _decoded_mended(data: bytes, whole: Whole, reduction: int) -> Bands | None:
+    """Of what is needed of the file alone. Raises StructureError if rows are missing."""
+    kind, _ = image_start(data) or ("", 0)
+    if kind == "png":
+        return _decoded(mended_png(data), whole, reduction)
+    if kind == "tiff":
+        return _tiff_in_doubt(data, whole, reduction) if whole.doubt else None
+    picture = jpeg_picture(data)
+    image = _decoded(mended(data, picture), whole, reduction)
+    if image is None or picture.ended or has_its_end(picture, image, reduction):
+        return image
+    if share := share_missing(data, whole, image, reduction):
+        raise StructureError(f"truncated: {ends_early(share, whole.height)}")
+    return image
+
+
+def _tiff_in_doubt(data: bytes, whole: Whole, reduction: int) -> Bands | None:
+    """Raises StructureError if strips are missing, which OpenCV paints black."""
+    page = first_page(data)
+    if share := unwritten(data, page):
+        raise StructureError(f"damaged: {share:.0%} of the TIFF's strips were not written")
+    image, more = _decoded(data, whole, reduction), continued_tiff(data, page)
+    other = image if more is None else _decoded(more, whole, reduction)
+    if image is not None and (other is None or not np.array_equal(image, other)):
+        raise StructureError("truncated: the TIFF's data end before the picture does")
+    return image
+
+
 def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
-    """OpenCV's result: one band or three."""
+    at_once = reduction if data.startswith(_JPEG) else 1
+    image = decode_bands(data) if needs_bands(data) else _by_opencv(data, whole, at_once)
+    return image if image is None or at_once == reduction else _reduced(image, reduction)
+
+
+def _by_opencv(data: bytes, whole: Whole, reduction: int) -> Bands | None:
+    """One band or three."""
     flags = (_GREY if whole.bands == 1 else _COLOUR)[reduction] | _AS_TAKEN
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    stored = as_stored(data) if data.startswith((b"II", b"MM")) else data  # IMREAD_IGNORE_ORIENTATION is not for TIFFs
+    image = cv2.imdecode(np.frombuffer(stored, np.uint8), flags)
     return image if image is None or image.ndim == 3 else image[..., None]
 
 

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -14,8 +15,10 @@ from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.appearance import Appearances, Pause
+from gcs_mosaic.frames.decoding.limits import DecodeSettings
+from gcs_mosaic.frames.decoding.proof import Proof, decodes_here
 from gcs_mosaic.frames.files import frames_in as frames_in
-from gcs_mosaic.frames.pending_file import Candidate, Unread
+from gcs_mosaic.frames.pending_file import Candidate, Prove, Unread
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
@@ -49,20 +52,29 @@ def watch(
     stop: threading.Event,
     settings: FolderSettings | None = None,
     taken: Mapping[str, Taken] | None = None,
+    decode: DecodeSettings | None = None,
 ) -> Iterator[Item]:
     """Frames as they become complete in `folder` and below, until `stop` is set; a missing folder is created.
 
-    A file is ready when two scans find it unchanged and it is complete. Files that become ready in one scan are sorted by
-    time, then by name. `taken`: files of a resumed flight by name; all others are new, unless they are older
-    than all of these and than the settings allow. Raises UsageError immediately for a path that cannot be a folder.
+    A file is ready when two scans find it unchanged and it is complete. One of which more may come (it has no end marker, for
+    example) is ready when it stands still and decodes whole, in a process with the limits of `decode`. Files that become
+    ready in one scan are sorted by time, then by name. `taken`: files of a resumed flight by name; all others are new, unless
+    they are older than all of these and than the settings allow. Raises UsageError immediately for a path that cannot be a
+    folder.
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
-    return _watching(FolderWatch(folder, settings, time.time(), taken), made, stop)
+    proof = Proof(decode, settings.max_pixels)
+    return _watching(FolderWatch(folder, settings, time.time(), taken, proof), made, stop, proof)
 
 
-def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event) -> Iterator[Item]:
+def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event, proof: Proof) -> Iterator[Item]:
     yield from made
+    with closing(proof):
+        yield from _polling(watched, stop)
+
+
+def _polling(watched: FolderWatch, stop: threading.Event) -> Iterator[Item]:
     while not stop.is_set():
         try:
             for item in watched.poll(time.monotonic()):
@@ -92,9 +104,14 @@ class FolderWatch:
     """State of every file in the folder; each `poll` is one scan."""
 
     def __init__(
-        self, folder: Path, settings: FolderSettings, started_utc: float, taken: Mapping[str, Taken] | None = None
+        self,
+        folder: Path,
+        settings: FolderSettings,
+        started_utc: float,
+        taken: Mapping[str, Taken] | None = None,
+        prove: Prove = decodes_here,
     ) -> None:
-        self._folder, self._settings = folder, settings
+        self._folder, self._settings, self._prove = folder, settings, prove
         # Files that arrived unwatched are no older than the flight, even if the camera's clock is wrong.
         oldest = min((one.modified for one in (taken or {}).values()), default=math.inf)
         self._oldest_ns = min(started_utc - settings.from_age_s, oldest) * 1e9
@@ -172,7 +189,7 @@ class FolderWatch:
         return before is not None and (look.size, look.modified_ns / 1e9) == (before.size, before.modified)
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:
-        item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1)
+        item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1, self._prove)
         if isinstance(item, Frame):
             self._versions[look.name] = self._versions.get(look.name, 0) + 1
             self._taken += 1

@@ -12,7 +12,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
-from gcs_mosaic.frames.pending_file import frame_of, read_whole, versioned
+from gcs_mosaic.frames.pending_file import FileRead, frame_of, read_whole, versioned
 from gcs_mosaic.frames.scan import LEDGER, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
@@ -120,8 +120,8 @@ def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | Dam
 
 
 def read_frame(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
-    """The file as a frame of this name, or why it is not one."""
-    data = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
-    if isinstance(data, bytes):
-        return frame_of(look, name, data, content_hash(data))
-    return DamagedFile(name=name, reason=data.reason if data else "it changed or went while it was read")
+    """The file as a frame of this name, or why it is not one. Whether all of its picture is there is seen when it is decoded."""
+    found = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
+    if isinstance(found, FileRead):
+        return frame_of(look, name, found.data, content_hash(found.data))
+    return DamagedFile(name=name, reason=found.reason if found else "it changed or went while it was read")

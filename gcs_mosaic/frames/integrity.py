@@ -1,4 +1,8 @@
-"""Completeness check of image files, based on their structure, because decoders fill missing parts with grey."""
+"""What the structure of an image file says of it: its size, and whether it is complete or more may come.
+
+Structure never refuses a file that stands still; it makes us wait. Whether all of it is there is decided by decoding
+(`decode`), which looks for missing rows, because decoders fill those with grey.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +11,14 @@ from dataclasses import dataclass
 
 from gcs_mosaic.frames.jpeg import jpeg_header
 from gcs_mosaic.frames.png import png_header
-from gcs_mosaic.frames.structure import StructureError, Whole
+from gcs_mosaic.frames.structure import StructureError, Whole, image_start
 from gcs_mosaic.frames.tiff import tiff_header
 
 MAX_PIXELS = 400_000_000  # larger ones are decompression bombs or finished maps, and exhaust a laptop's memory
 
 MOST_BANDS = 64  # far more than frame cameras have
 
-_HEADERS: dict[bytes, Callable[[bytes], Whole]] = {
-    b"\xff\xd8\xff": jpeg_header,
-    b"\x89PNG\r\n\x1a\n": png_header,
-    b"II*\0": tiff_header,
-    b"MM\0*": tiff_header,
-    b"II+\0": tiff_header,
-    b"MM\0+": tiff_header,
-}
+_HEADERS: dict[str, Callable[[bytes], Whole]] = {"jpeg": jpeg_header, "png": png_header, "tiff": tiff_header}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +29,12 @@ class NotWhole:
 
 
 def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
-    """Whole if `data` is a complete JPEG, PNG or TIFF of at most `max_pixels`; nothing is decoded."""
-    header = next((header for magic, header in _HEADERS.items() if data.startswith(magic)), None)
-    if header is None:
+    """Whole, with a `doubt` perhaps, if `data` is a JPEG, PNG or TIFF of at most `max_pixels`; nothing is decoded."""
+    begin = image_start(data)
+    if begin is None:
         return NotWhole("not an image (JPEG, PNG or TIFF)" if any(data) else "empty so far")
     try:
-        whole = header(data)
+        whole = _HEADERS[begin[0]](data)
     except StructureError as truncated:
         return NotWhole(str(truncated))
     if min(whole.width, whole.height, whole.bands) < 1:

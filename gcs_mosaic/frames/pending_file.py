@@ -7,8 +7,10 @@ import os
 import re
 import stat
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from gcs_mosaic.frames.appearance import Pause
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
@@ -27,8 +29,6 @@ PASSING = {
 }
 CANNOT_READ = "cannot be read"
 UNREAD_AFTER_S = 60.0  # then such a file is told as damaged; it is looked at again all the same
-# A TIFF whose room was taken before it is written ends in zeros until it is whole; a black border too, so it is only waited for.
-EMPTY_END, EMPTY_END_S = 512, 5.0  # bytes, seconds without a change
 HOPELESS = 20  # times the usual pause between two looks at a file that has been told as damaged, and does not change
 _VERSIONED = re.compile(r"(.+)#(\d+)", re.DOTALL)
 
@@ -38,6 +38,18 @@ class Unread:
     """Why a file cannot be read now."""
 
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileRead:
+    """A file's bytes, read now, which begin an image at least; `doubt` as in `structure.Whole`."""
+
+    data: bytes
+    doubt: str = ""
+
+
+Prove: TypeAlias = Callable[[bytes, str], str | None]
+"""(file, its hash) -> why its picture is not whole; None if it is, or if that cannot be told now."""
 
 
 @dataclass(slots=True)
@@ -53,6 +65,7 @@ class Candidate:
     _reported: bool = False
     _check_at: float = 0.0
     _unchanged_since: float = 0.0
+    _refused: tuple[str, str] = ("", "")  # hash of a content that does not decode whole, and why
 
     @property
     def worth_keeping(self) -> bool:
@@ -75,26 +88,36 @@ class Candidate:
             return False
         return not self._settled and now >= self._check_at
 
-    def take(self, look: Look, now: float, version: int) -> Frame | DamagedFile | Unread | None:
+    def take(self, look: Look, now: float, version: int, prove: Prove) -> Frame | DamagedFile | Unread | None:
         """The file as a frame, as damaged (once), as unread (each time), or None: not yet, gone, or content that was accepted
-        before."""
-        data = read_whole(look, self.settings)
-        if data is None:
+        before. A file of which more may come is waited for while it may, then `prove` decides."""
+        name, found = versioned(look.name, version), read_whole(look, self.settings)
+        if found is None:
             self._signature = None
             return None
-        if isinstance(data, Unread):
-            told = self._broken(versioned(look.name, version), data.reason, now, UNREAD_AFTER_S)
-            return told or data
-        if isinstance(data, NotWhole):
-            return self._broken(versioned(look.name, version), data.reason, now, self.settings.damaged_after_s)
-        if not any(data[-EMPTY_END:]) and now - self._unchanged_since < EMPTY_END_S:
-            self._check_at = now + EMPTY_END_S / 10
+        if isinstance(found, Unread):
+            return self._broken(name, found.reason, now, UNREAD_AFTER_S) or found
+        if isinstance(found, NotWhole):
+            return self._broken(name, found.reason, now, self.settings.damaged_after_s)
+        digest = content_hash(found.data)
+        if found.doubt and self._waits(now):
             return None
+        if found.doubt and (reason := self._refusal(found.data, digest, prove)):
+            return self._broken(name, reason, now, 0.0)
         self._settled, self._reported = True, False
-        taken_before, self.content = self.content, content_hash(data)
-        if self.content == taken_before:
-            return None
-        return frame_of(look, versioned(look.name, version), data, self.content)
+        taken_before, self.content = self.content, digest
+        return None if digest == taken_before else frame_of(look, name, found.data, digest)
+
+    def _waits(self, now: float) -> bool:
+        """Whether more of the file may come; then it is looked at again, for some systems show changes late."""
+        end = self._unchanged_since + self.settings.damaged_after_s
+        self._check_at = min(now + (now - self._unchanged_since) / 2, end)
+        return now < end
+
+    def _refusal(self, data: bytes, digest: str, prove: Prove) -> str | None:
+        if digest != self._refused[0]:
+            self._refused = digest, prove(data, digest) or ""
+        return self._refused[1] or None
 
     def _broken(self, name: str, reason: str, now: float, patience_s: float) -> DamagedFile | None:
         since = self._broken_since = now if self._broken_since is None else self._broken_since
@@ -107,9 +130,9 @@ class Candidate:
         return DamagedFile(name=name, reason=reason)
 
 
-def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | Unread | None:
-    """The bytes of a complete image; or why it is not one, or cannot be read now; None if the file is gone or has changed since
-    the scan."""
+def read_whole(look: Look, settings: FolderSettings) -> FileRead | NotWhole | Unread | None:
+    """The bytes of an image; or why it is not one, or cannot be read now; None if the file is gone or has changed since the
+    scan."""
     if look.size > settings.max_file_bytes:
         return NotWhole(f"{look.size} bytes, more than the limit of {settings.max_file_bytes}")
     try:
@@ -117,7 +140,7 @@ def read_whole(look: Look, settings: FolderSettings) -> bytes | NotWhole | Unrea
         if len(data) != look.size:
             return None
         whole = is_whole(data, settings.max_pixels)
-        return whole if isinstance(whole, NotWhole) else data
+        return whole if isinstance(whole, NotWhole) else FileRead(data, whole.doubt)
     except FileNotFoundError:
         return None
     except MemoryError:

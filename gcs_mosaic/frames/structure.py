@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass
+
+_BEGIN = re.compile(rb"\xff\xd8\xff[\xc0-\xfe]|\x89PNG\r\n\x1a\n")
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+MOST_JUNK = 1 << 16  # bytes in front of a picture: a transfer's head, a maker's block, the zeros of a sector
+# Files of other kinds, which have previews inside that are no frames; RIFF and its like at 0, ISO media (MP4, HEIC, CR3) at 4.
+_OTHERS = (b"%PDF", b"PK\3\4", b"RIFF", b"GIF8", b"FUJIFILM", b"8BPS", b"ID3", b"OggS", b"\x1aE\xdf\xa3")
+_MEDIA = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"jP  ", b"JXL ")
 
 
 class StructureError(Exception):
@@ -12,16 +20,34 @@ class StructureError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """A complete image of `width` x `height` pixels, as stored (no orientation applied); transparency is not a band."""
+    """An image of `width` x `height` pixels, as stored (no orientation applied); transparency is not a band.
+
+    `doubt`: why its structure does not prove that all of it is there, empty if it does. Then more of the file may come, and
+    when nothing does, decoding decides.
+    """
 
     width: int
     height: int
     bands: int = 3
     bits: int = 8  # per band
+    doubt: str = ""
 
 
-def unpack(form: str, data: bytes, offset: int) -> tuple[int, ...]:
+def unpack(form: str, data: bytes | memoryview, offset: int) -> tuple[int, ...]:
     """Like `struct.unpack_from`; raises StructureError if out of bounds."""
     if offset < 0 or offset + struct.calcsize(form) > len(data):
         raise StructureError(f"truncated: it ends after {len(data)} bytes")
     return struct.unpack_from(form, data, offset)
+
+
+def image_start(data: bytes) -> tuple[str, int] | None:
+    """Kind (jpeg, png or tiff) and offset of the first byte of the image in `data`, which may have junk in front; None if there
+    is none."""
+    if data.startswith(_TIFF):
+        return "tiff", 0
+    if data.startswith(_OTHERS) or data[4:8] in _MEDIA:
+        return None
+    if data.startswith(b"\xff\xd8\xff"):
+        return "jpeg", 0
+    found = _BEGIN.search(data, 0, MOST_JUNK)
+    return found and ("jpeg" if found[0].startswith(b"\xff") else "png", found.start())

@@ -189,7 +189,7 @@ def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
     card.put("b.jpg", OTHER)
     read = candidate.read_whole
 
-    def gone(look: Look, settings: FolderSettings) -> bytes | NotWhole | candidate.Unread | None:
+    def gone(look: Look, settings: FolderSettings) -> candidate.FileRead | NotWhole | candidate.Unread | None:
         if look.name == "a.jpg":
             look.path.unlink(missing_ok=True)
         return read(look, settings)
@@ -231,7 +231,7 @@ def test_with_from_start_old_files_are_taken(tmp_path: Path) -> None:
 
 def test_the_source_tells_how_it_is_in_one_place(card: Card, tmp_path: Path) -> None:
     card.put("a.jpg")
-    card.put("b.jpg", JPEG[:-2])
+    card.put("b.jpg", JPEG[:-200])
     card.look(60)
     shutil.move(card.folder, tmp_path / "away")
     gone = reports(card.look(8))[-1]

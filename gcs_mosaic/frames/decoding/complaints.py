@@ -10,12 +10,13 @@ import os
 import tempfile
 from collections.abc import Collection
 
-from gcs_mosaic.frames.jpeg import is_progressive
-from gcs_mosaic.frames.structure import Whole
+from gcs_mosaic.frames.decode import ends_early, share_missing
+from gcs_mosaic.frames.jpeg import jpeg_picture
+from gcs_mosaic.frames.jpeg_mend import NOTHING_CAME
+from gcs_mosaic.frames.structure import Whole, image_start
 from gcs_mosaic.stitch.arrays import Bands
 
 MOST_BYTES = 4000  # kept of what is said of one picture
-NOTHING_CAME = 128  # the value of pixels whose coefficients are all zero
 LEAST_LOST = 0.02  # share of a picture's rows; less may be a camera's habit
 _SHORT = ("premature end of data", "found marker 0xd9 instead of")  # in libjpeg's words; it says the first trouble only
 
@@ -40,16 +41,19 @@ class Complaints:
         return said.decode(errors="replace").strip()
 
 
-def cut_short(data: bytes, whole: Whole, image: Bands, said: str) -> str | None:
+def cut_short(data: bytes, whole: Whole, image: Bands, said: str, reduction: int = 1) -> str | None:
     """Why a decoded JPEG is not a whole picture, None if it is. `said`: by the decoder."""
-    if not any(words in said for words in _SHORT):
+    if not any(words in said for words in _SHORT) or (image_start(data) or ("", 0))[0] != "jpeg":
         return None
-    if is_progressive(data):  # what is missing is blurred then, not grey
-        return "damaged: the JPEG's data end before the picture does"
     lost = _rows_without_data(image) / image.shape[0]
-    if lost < LEAST_LOST:
-        return None
-    return f"damaged: the JPEG's data end before the picture does, {lost:.0%} of {whole.height} rows are missing"
+    if _is_progressive(data):  # what is missing is blurred then, not grey
+        lost = max(lost, share_missing(data, whole, image, reduction))
+    return None if lost < LEAST_LOST else f"damaged: {ends_early(lost, whole.height)}"
+
+
+def _is_progressive(data: bytes) -> bool:
+    frame = jpeg_picture(data).frame
+    return frame is not None and frame.is_progressive
 
 
 def _rows_without_data(image: Bands) -> int:

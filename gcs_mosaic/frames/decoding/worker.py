@@ -79,14 +79,14 @@ def _tried(request: Message, data: bytes, complaints: Complaints) -> Bands | Mes
     try:
         with _limited(allowed):
             found = decode_whole(data, whole, request["reduction"])
+            said = complaints.take()
+            cut = None if isinstance(found, Unreadable) else cut_short(data, whole, found, said, request["reduction"])
     except MemoryError:
         return {"reason": f"cannot be decoded within {allowed.memory_bytes / 1e9:.1f} GB of memory", "passing": True}
     except Exception as error:  # whatever a library may raise
         return {"reason": f"cannot be decoded ({error!r})", "traceback": traceback.format_exc()}
-    said = complaints.take()
     if isinstance(found, Unreadable):
         return {"reason": found.reason, "passing": found.passing, "said": said}
-    cut = cut_short(data, whole, found, said) if data.startswith(b"\xff\xd8") else None
     return found if cut is None else {"reason": cut, "said": said}
 
 
