@@ -2,8 +2,8 @@
 
     python -m tests.fuzz tiff --minutes 10
 
-Needs `pip install -e '.[fuzz]'` (Linux). Finds are written to --out, the input beside what it did; the search goes on. Inputs that
-reach something new are kept in --out, too, and the next search begins with them. Exit code 1: there were finds.
+Needs `pip install -e '.[fuzz]'` (Linux). Finds are written to --out, the input beside what it did, and the search goes on. Inputs
+that reach something new are kept there, too; the next search begins with them.
 """
 
 from __future__ import annotations

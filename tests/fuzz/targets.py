@@ -83,8 +83,7 @@ def read_wms(data: bytes) -> None:
     asked = lower_names(dict(parse_qsl(data.decode("utf-8", "surrogateescape"), keep_blank_values=True)))
     try:
         grid = map_request(asked).grid
-    except WmsFault as fault:
-        assert len(fault.said) <= LONGEST_SENTENCE
+    except WmsFault:
         return
     tile_in(grid)
     places = strip_of(grid, 0, 1).places(np.array([0.0, grid.width]), np.array([0.0, 1.0]))
