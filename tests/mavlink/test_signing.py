@@ -128,13 +128,13 @@ def test_each_stream_has_its_own_time_but_none_begins_long_ago() -> None:
 def test_what_was_heard_on_one_link_is_not_replayed_on_another() -> None:
     """A link of which nothing was heard yet took packets of any age."""
     heard = HeardTimes()
-    one, other = (Signing(SigningKey(SECRET), heard) for _ in range(2))
+    one, other, third = (Signing(SigningKey(SECRET), heard) for _ in range(3))
     assert one.admits(signed(trigger(1), SECRET, 5 * MINUTE))
     assert one.admits(signed(trigger(2), SECRET, 10 * MINUTE))
     assert not other.admits(signed(trigger(1), SECRET, 5 * MINUTE))
     assert other.refused == Refusals(replayed=1)
     assert other.admits(signed(trigger(2), SECRET, 10 * MINUTE))  # a second way by which the aircraft is heard
-    assert other.admits(signed(trigger(1), SECRET, 3, system=2))  # another aircraft, whose clock is not set
+    assert third.admits(signed(trigger(1), SECRET, 3, system=2))  # another aircraft, whose clock is not set
 
 
 def test_a_forged_packet_from_the_future_does_not_silence_the_aircraft() -> None:
