@@ -264,7 +264,7 @@ def test_what_is_no_handshake_ends_that_connection_alone(
     settings = WebSettings(request_s=0.3, certificate=str(certificate))
     server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed(), settings=settings)
     server.start()
-    for _ in range(20):
+    for _ in range(3):
         with connect(server.port) as one:
             one.sendall(sent)
             assert seconds_until_closed(one) < 5
