@@ -41,7 +41,7 @@ ALLOWED = {
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
-    "hints": {"views", "store", "render", "stitch.arrays", "stitch.camera", "errors"},
+    "hints": {"views", "store", "render", "stitch.arrays", "stitch.camera", "stitch.features", "errors"},
     "web": {
         *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
         *("messages", "errors"),
@@ -86,6 +86,7 @@ ONLY = {
     ("config", "web"): {"settings"},
     ("archive", "app"): {"prefetch"},
     ("config", "hints"): {"settings"},
+    ("hints", "stitch.features"): {"onnx_check"},
     ("cli", "hints"): {"settings"},
     ("check", "frames"): {"decode"},
     ("check", "notes"): {"schema"},

@@ -14,7 +14,7 @@ from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.link import triggers
 from gcs_mosaic.mavlink.resend import Recovery
 from gcs_mosaic.mavlink.settings import Listening
-from gcs_mosaic.mavlink.signing import Signing, load_key
+from gcs_mosaic.mavlink.signing import HeardTimes, Signing, load_key
 from gcs_mosaic.mavlink.speaker import Speaker
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.mavlink.transmitter import Transmitter, check_identity
@@ -58,12 +58,12 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
     """Open the links; `stack` closes them. Raises UsageError."""
     check_identity(config.link)
     key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
-    choice, recovery, taken = VehicleChoice(config.link), Recovery(), threading.Event()
+    choice, recovery, taken, heard = VehicleChoice(config.link), Recovery(), threading.Event(), HeardTimes()
     links = Links([], Recording(), [], choice, Trust())
     stack.callback(links.recording.close)
     for link_id, address in enumerate(map(parse_address, config.mavlink)):
         name = connection_string(address)
-        signing = Signing(key) if key else None
+        signing = Signing(key, heard) if key else None
         speaker = None
         if config.link.announce is not None:
             transmitter = Transmitter(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)

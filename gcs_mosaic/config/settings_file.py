@@ -11,9 +11,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from gcs_mosaic.config import yaml_text
 from gcs_mosaic.errors import UsageError
+
+LONGEST_SHOWN = 80  # characters of a value that is refused
 
 
 def documented_defaults() -> str:
@@ -26,20 +27,21 @@ def documented_defaults() -> str:
 def read_settings(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file. Raises UsageError if it cannot be read or is not a mapping."""
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            document = yaml_text.parsed(file.read(yaml_text.MOST_BYTES + 1))
     except OSError as error:
         raise UsageError(
             f"The configuration {path} cannot be read ({error.strerror}); give an existing YAML file."
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f"The configuration {path} is not YAML: {' '.join(str(error).split())}") from None
+    except yaml_text.NotReadable as error:
+        raise UsageError(f"The configuration {path} is not YAML with settings: {error}.") from None
     return as_mapping({} if document is None else document, str(path))
 
 
 def as_mapping(values: object, where: str) -> dict[str, Any]:
     """The values as a mapping of settings. Raises UsageError if they are none."""
     if not isinstance(values, dict):
-        raise UsageError(f"{where}: expected settings as 'name: value' lines, got {values!r}.")
+        raise UsageError(f"{where}: expected settings as 'name: value' lines, got {shown(values)}.")
     return values
 
 
@@ -49,7 +51,7 @@ def from_mapping(kind: type, values: object, where: str) -> Any:
     for key in values:
         if key not in hints:
             raise UsageError(
-                f"{where}: {key!r} is not a setting{_nearest(str(key), hints)}; gcs-mosaic config shows all."
+                f"{where}: {shown(key)} is not a setting{_nearest(str(key), hints)}; gcs-mosaic config shows all."
             )
     given = {key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()}
     try:
@@ -58,11 +60,20 @@ def from_mapping(kind: type, values: object, where: str) -> Any:
         raise UsageError(f"{where}: {error}.") from None
 
 
+def shown(value: object) -> str:
+    """What somebody has written, in so many characters and on one line."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of more than 4,300 digits
+        return "a very long number"
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"
+
+
 def _nearest(key: str, known: dict[str, Any]) -> str:
     deeper = [name for name, kind in known.items() if key in _fields_of(kind)]
     if deeper:
         return " (did you mean " + " or ".join(f"'{name}: {{{key}: ...}}'" for name in deeper) + "?)"
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(key[:LONGEST_SHOWN], known, n=1, cutoff=0.5)
     return f" (did you mean {close[0]!r}?)" if close else f" (there are {', '.join(known)})"
 
 
@@ -82,7 +93,7 @@ def _value(kind: Any, value: object, where: str) -> Any:
         return _value(next((kind for kind in wanted if type(value) is kind), wanted[-1]), value, where)
     if origin is typing.Literal:
         if value not in arguments:
-            raise UsageError(f"{where}: expected one of {', '.join(map(str, arguments))}, got {value!r}.")
+            raise UsageError(f"{where}: expected one of {', '.join(map(str, arguments))}, got {shown(value)}.")
         return value
     if origin is tuple:
         items = value if isinstance(value, list) else [value]
@@ -96,5 +107,8 @@ def _plain(kind: type, value: object, where: str) -> Any:
     if isinstance(value, bool) and kind is not bool:
         fits = False
     if not fits or (isinstance(value, float) and not math.isfinite(value)):
-        raise UsageError(f"{where}: expected {names.get(kind, kind.__name__)}, got {value!r}.")
-    return kind(value)
+        raise UsageError(f"{where}: expected {names.get(kind, kind.__name__)}, got {shown(value)}.")
+    try:
+        return kind(value)
+    except OverflowError:
+        raise UsageError(f"{where}: expected {names[kind]}, got {shown(value)}, which is too large.") from None

@@ -17,11 +17,14 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.arrays import Array, ImageBGR
+from gcs_mosaic.stitch.features.onnx_check import read_model, trouble_of
 
 FREE_SIDE = 640  # px of a piece where the model takes any size
+MOST_SIDE = 4096  # px
 OVERLAP = 0.2  # of a piece: what lies across a border is whole in the next
 SAME = 0.5  # share of their common area from which two boxes are one thing
 MOST_BOXES = 300  # of a picture
+MOST_ASKED = 10_000  # boxes of a piece of which doubles are sought
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +43,7 @@ class Detector:
     """Raises UsageError for a file that cannot be used."""
 
     def __init__(self, path: Path, confidence: float) -> None:
-        self._confidence = confidence
+        self._confidence, self._path = confidence, path
         self._session = _session(path)
         (given,) = self._session.get_inputs()[:1]
         self._name = given.name
@@ -64,8 +67,8 @@ class Detector:
         padded = np.zeros((self._height, self._width, 3), np.uint8)
         padded[: piece.shape[0], : piece.shape[1]] = piece
         given = np.ascontiguousarray(padded[..., ::-1].transpose(2, 0, 1)[None], np.float32) / np.float32(255)
-        for x0, y0, x1, y1, confidence, label in _boxes(np.asarray(self._session.run(None, {self._name: given})[0])):
-            if confidence >= self._confidence and np.isfinite([x0, y0, x1, y1]).all() and x1 > x0 and y1 > y0:
+        for x0, y0, x1, y1, confidence, label in self._sure(given):
+            if np.isfinite([x0, y0, x1, y1]).all() and x1 > x0 and y1 > y0:
                 yield Detection(
                     left=left + float(x0),
                     top=top + float(y0),
@@ -75,22 +78,55 @@ class Detector:
                     label=int(label),
                 )
 
+    def _sure(self, given: Array) -> Array:
+        """(n, 6) boxes of a piece, the surest first.
+
+        Raises UsageError if the model cannot be run, for want of memory, or of sense.
+        """
+        try:
+            output = np.asarray(self._session.run(None, {self._name: given})[0], np.float64)
+        except Exception as error:  # its own errors have no common base
+            raise UsageError(f"hints: the model {self._path} cannot be run ({_told(error)})") from error
+        boxes = _boxes(output)
+        sure = boxes[boxes[:, 4] >= self._confidence]
+        return sure[np.argsort(-sure[:, 4], kind="stable")[:MOST_ASKED]]
+
 
 def _session(path: Path) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
         raise UsageError(f"hints: the model {path} needs onnxruntime: pip install 'gcs-mosaic[detector]'") from error
+    _check(path)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     try:
         session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # its own errors have no common base
-        raise UsageError(f"hints: {path} is no model that onnxruntime can load ({error})") from error
-    shape = session.get_inputs()[0].shape
+        raise UsageError(f"hints: {path} is no model that onnxruntime can load ({_told(error)})") from error
+    shape = next((one.shape for one in session.get_inputs()), None) or []
     if len(shape) != 4 or (shape[1] not in (3, "3") and isinstance(shape[1], int)):
-        raise UsageError(f"hints: the model {path} takes {shape}, wanted is (1, 3, height, width)")
+        raise UsageError(f"hints: the model {path} takes {str(shape)[:80]}, wanted is (1, 3, height, width)")
+    if any(isinstance(side, int) and side > MOST_SIDE for side in shape[2:]):
+        raise UsageError(f"hints: the model {path} takes {shape}, and at most {MOST_SIDE} px a side are given")
     return session
+
+
+def _check(path: Path) -> None:
+    """Raises UsageError for a file that is not even loaded."""
+    try:
+        trouble = trouble_of(read_model(path), path.parent)
+    except OSError as error:
+        raise UsageError(f"hints: {path} is no model that can be read ({error.strerror})") from error
+    except ValueError as error:
+        raise UsageError(f"hints: {path} is no model that can be loaded ({error})") from error
+    if trouble is not None:
+        raise UsageError(f"hints: the model {path} is not loaded, because it {trouble}")
+
+
+def _told(error: Exception) -> str:
+    """On one line that can be read."""
+    return " ".join(str(error).split())[:300]
 
 
 def _boxes(output: Array) -> Array:

@@ -22,9 +22,15 @@ from gcs_mosaic.hints.seeker import Seeker
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.hints.sought import SoughtColour
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
 NICENESS = 15  # of 19: the flight and its page come first
 REST_S = 1.0  # until the next look whether there is a new frame
 BESIDE = 0.25  # rest after each frame, of the time that it took: the aircraft's machine has other work
+MOST_BYTES = 4 << 30  # of address space, of which libraries and threads take one
 WHILE_IT_RUNS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # they are for the flight
 
 
@@ -34,6 +40,8 @@ def main() -> None:
     logging.basicConfig(level=logging.WARNING, stream=sys.stdout)
     lines = iter(sys.stdin)
     task = json.loads(next(lines, None) or sys.exit())
+    if task["settings"].get("model"):
+        _limit_memory()
     try:
         seeker = Seeker(Path(task["root"]), HintSettings(**task["settings"]))
     except UsageError as error:
@@ -91,6 +99,15 @@ def _outlive_signals() -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     if hasattr(os, "nice"):  # not on Windows
         os.nice(NICENESS)
+
+
+def _limit_memory() -> None:
+    """What a model asks for beyond that fails in here, and takes nothing from the flight; where systems can."""
+    if resource is None:
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    if soft == resource.RLIM_INFINITY:
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, hard))
 
 
 if __name__ == "__main__":

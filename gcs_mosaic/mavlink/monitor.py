@@ -11,7 +11,7 @@ from gcs_mosaic.mavlink.flood import FloodGate, Trust, Verdict
 from gcs_mosaic.mavlink.left_out import LeftOut
 from gcs_mosaic.mavlink.messages import MavMessage, decode, decode_offer
 from gcs_mosaic.mavlink.settings import LinkSettings
-from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
+from gcs_mosaic.mavlink.vehicle_choice import MOST_AIRCRAFT, VehicleChoice
 from gcs_mosaic.mavlink.vehicle_time import VehicleTimes
 from gcs_mosaic.messages import Aircraft, LinkReport, Notice, Refusals, StreamOffer, Teller, TriggerEvent
 
@@ -57,6 +57,7 @@ class Listener:
         self._silent, self._silences = False, 0
         self._left_out = LeftOut()  # triggers of other aircraft
         self._others_said: set[int] = set()
+        self._greeted: set[int] = set()  # systems whose first heartbeat was told of
         self._changes = choice.changes
         self._times = VehicleTimes()
         self._refusals_said: set[str] = set()
@@ -257,14 +258,24 @@ class Listener:
         known = self._aircraft.get(system)
         if known is None or known.last_heard_utc is None:
             self._first_vehicle = received if self._first_vehicle is None else self._first_vehicle
-            described = f" ({_described(message)})" if _described(message) else ""
-            yield self._notice("info", f"first heartbeat on {self._name}: system {system}{described}")
+            yield from self._greet(system, _described(message))
         if known is None or known.last_heard_utc is None or _is_of_autopilot(message):
             described = _described(message)
         else:
             described = known.described
         heard_utc = received + self._utc_of_zero
         self._aircraft[system] = Aircraft(system=system, described=described, last_heard_utc=heard_utc)
+
+    def _greet(self, system: int, described: str) -> Iterator[Notice]:
+        """A first heartbeat, of whom the operator has named, and as long as those who send one are as few as aircraft."""
+        most = MOST_AIRCRAFT if self._choice.is_of_several else MOST_NAMED
+        if self._choice.counts(system) or len(self._greeted) < most:
+            shown = f" ({described})" if described else ""
+            yield self._notice("info", f"first heartbeat on {self._name}: system {system}{shown}")
+        elif len(self._greeted) == most:
+            text = f"more than {most} systems are heard on {self._name}; further ones are not named"
+            yield self._notice("warning", f"{text} (a signing key keeps forgers out)")
+        self._greeted.add(system)
 
     def _notice(self, level: Literal["info", "warning"], text: str) -> Notice:
         return Notice(source=self._name, level=level, text=text)

@@ -13,6 +13,7 @@ import hmac
 import os
 import re
 import stat
+import threading
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -81,12 +82,37 @@ def secret_of(content: bytes) -> bytes | None:
     return secret if len(secret) == KEY_BYTES and any(secret) else None
 
 
-class Signing:
-    """One link's signing state: verifies incoming packets and timestamps outgoing ones."""
+class HeardTimes:
+    """The newest timestamp of each system, on whichever link: what was heard on one is not to be replayed on another.
 
-    def __init__(self, key: SigningKey) -> None:
+    By system, because the clocks of two aircraft may be years apart. Thread-safe.
+    """
+
+    def __init__(self) -> None:
+        self._newest: dict[int, int] = {}
+        self._lock = threading.Lock()
+
+    def newest(self, system: int) -> int:
+        """In ticks; 0 if nothing of it was heard."""
+        with self._lock:
+            return self._newest.get(system, 0)
+
+    def note(self, system: int, ticks: int) -> None:
+        with self._lock:
+            self._newest[system] = max(ticks, self._newest.get(system, 0))
+
+
+class Signing:
+    """One link's signing state: verifies incoming packets and timestamps outgoing ones. Links with one key share `heard`.
+
+    Timestamps are not kept from one start of the program to the next: an aircraft whose clock is not set yet would be refused. So
+    what was recorded in an earlier flight can be replayed until the aircraft itself is heard, and no longer.
+    """
+
+    def __init__(self, key: SigningKey, heard: HeardTimes | None = None) -> None:
         self.key = key
         self.refused = Refusals()
+        self._heard = heard or HeardTimes()
         # Ticks. The first packet heard sets the start: an aircraft without a GPS fix, or a laptop, may be years off.
         self._newest, self._sent = 0, 0
         self._streams: dict[tuple[int, int, int], int] = {}  # newest timestamp by (link id, system id, component id)
@@ -101,11 +127,13 @@ class Signing:
             return False
         stream = (packet[_LINK_ID], packet[5], packet[6])
         ticks = int.from_bytes(packet[_LINK_ID + 1 : _SIGNATURE], "little")
-        if ticks <= self._streams.get(stream, self._newest - _NEW_STREAM_TICKS):
+        newest = max(self._newest, self._heard.newest(packet[5]))
+        if ticks <= self._streams.get(stream, newest - _NEW_STREAM_TICKS):
             self.refused = replace(self.refused, replayed=self.refused.replayed + 1)
             return False
         self._streams[stream] = ticks
         self._newest = max(self._newest, ticks)
+        self._heard.note(packet[5], ticks)
         return True
 
     def next_timestamp(self, utc: float) -> int:

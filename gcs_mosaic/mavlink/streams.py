@@ -25,11 +25,29 @@ _CHUNK = 4096
 _MOST_HELD = 1 << 22  # bytes of a pause that are read at once; more than the kernel holds
 _KEEPALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}  # s, s, probes: a dead peer is found after 25 s
 
+# Of bytes that are not MAVLink: each 128 of them cost the check of a packet, and a peer can send without end. Serial lines bring
+# up to 300 kB/s; what comes faster waits in the kernel.
+_NOISE_PER_S, _NOISE_AT_ONCE, _LONGEST_PAUSE_S = 400_000, 1 << 20, 0.05
+
 _SILENT_S = 5.0  # five heartbeats: after that another client takes a server's place
 
 Mode = Literal["rb", "rwb"]
 Opener = Callable[[], io.RawIOBase | None]
 """Opens the stream; None without a peer yet, OSError if it cannot be opened now."""
+
+
+class NoisePace:
+    """How long to leave a stream alone, by the noise that it has brought: a leaky bucket."""
+
+    def __init__(self, now: float) -> None:
+        self._held, self._at, self._known = 0.0, now, 0
+
+    def pause_s(self, skipped_bytes: int, now: float) -> float:
+        """Seconds to wait before the next read; 0 for a stream without much noise."""
+        held = max(0.0, self._held - (now - self._at) * _NOISE_PER_S) + skipped_bytes - self._known
+        self._held = min(held, 2.0 * _NOISE_AT_ONCE)  # a pause of the program may have held more
+        self._at, self._known = now, skipped_bytes
+        return min(max(0.0, self._held - _NOISE_AT_ONCE) / _NOISE_PER_S, _LONGEST_PAUSE_S)
 
 
 class StreamChannel:
@@ -54,6 +72,7 @@ class StreamChannel:
         self._looked = time.monotonic()  # when it was last seen whether there is anything to read
         self._heard = self._looked  # the last message, or the connection itself
         self._wait_s, self._next_try = settings.reconnect_first_s, 0.0
+        self._pace = NoisePace(self._looked)
 
     @property
     def skipped_bytes(self) -> int:
@@ -64,6 +83,7 @@ class StreamChannel:
             return self._reopened(timeout_s)
         if isinstance(self._open, TcpServer) and self._open.is_called() and self._is_silent():
             return self._lost("nothing has come from it, and another calls")
+        time.sleep(self._pace.pause_s(self.skipped_bytes, time.monotonic()))
         ready = select.select([self._stream], [], [], timeout_s)[0]
         looked, self._looked = self._looked, time.monotonic()
         if not ready:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from gcs_mosaic.mavlink.settings import AircraftIds, LinkSettings
 
 MOST_AIRCRAFT = 16  # of `all`: system ids can be forged
+MOST_TOLD = 8  # others in a sentence
 
 
 class VehicleChoice:
@@ -142,7 +143,8 @@ class VehicleChoice:
         known = [system for system in order if system in self._autopilots]
         if known:
             others = [str(system) for system in sorted(self._autopilots - {known[0]})]
-            choose = f"; heard too: {', '.join(others)} (gcs-mosaic vehicle ID follows another)" if others else ""
+            told = ", ".join(others[:MOST_TOLD]) + (f" and {len(others) - MOST_TOLD} more" * (len(others) > MOST_TOLD))
+            choose = f"; heard too: {told} (gcs-mosaic vehicle ID follows another)" if others else ""
             self._follow(known[0], f"system {known[0]} is followed, the first to trigger a camera{choose}")
         elif order and now - self._first_trigger[order[0]] >= self._settings.decide_after_s:
             text = f"system {order[0]} is followed, the first to trigger a camera, though no autopilot of it is heard"

@@ -7,6 +7,7 @@ be in the address.
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import secrets
 import time
@@ -23,6 +24,8 @@ COOKIE_S = 30 * 24 * 3600  # a tablet is switched off between flights
 TRIES, TRIES_S = 10, 60.0  # wrong tokens of one address within so long
 MAPS = "/maps/"  # what other programs read
 REMEMBERED = 1000  # addresses of wrong tokens
+# Before an address that guesses is answered to a wrong cookie: with the places that it has, it has 32 guesses a second.
+GUESS_S = 1.0
 NOT_YET = """\
 <!doctype html>
 <html lang="en">
@@ -45,7 +48,7 @@ def access_check(access: Access) -> Middleware:
                 admit(access, wrong, request, request.query["token"])
             raise admitted(request, None if free else access.token)
         if not free:
-            identify(access, wrong, request)
+            await identify(access, wrong, request)
         return await handler(request)
 
     return check
@@ -57,11 +60,17 @@ def is_local(request: web.Request) -> bool:
     return is_loopback(origin_of(request.remote)) and split is not None and is_local_name(split[0])
 
 
-def identify(access: Access, wrong: WrongTokens, request: web.Request) -> None:
-    """Raises HTTPUnauthorized unless the request's cookie, a program's `Authorization: Bearer`, or a map's address has the
-    token."""
-    if same(request.cookies.get(cookie_name(request)), access.token):
+async def identify(access: Access, wrong: WrongTokens, request: web.Request) -> None:
+    """Raises HTTPUnauthorized or HTTPTooManyRequests unless the request's cookie, a program's `Authorization: Bearer`, or a map's
+    address has the token.
+
+    The right cookie is let in at any time: a device that looks must not be shut out by another one of its address that guesses.
+    """
+    cookie = request.cookies.get(cookie_name(request))
+    if same(cookie, access.token):
         return
+    if cookie is not None:
+        await note_guess(wrong, origin_of(request.remote), cookie)
     if request.path.startswith(MAPS) and request.method == "GET" and "token" in request.query:
         admit(access, wrong, request, request.query["token"])
         return
@@ -71,14 +80,27 @@ def identify(access: Access, wrong: WrongTokens, request: web.Request) -> None:
     admit(access, wrong, request, given.strip())
 
 
+async def note_guess(wrong: WrongTokens, origin: str, cookie: str) -> None:
+    """Note a wrong cookie; an address that brings many is answered slowly. Raises HTTPTooManyRequests."""
+    wrong.note(origin, time.monotonic(), cookie)
+    if wrong.are_too_many(origin, time.monotonic()):
+        await asyncio.sleep(GUESS_S)
+        raise too_many()
+
+
 def admit(access: Access, wrong: WrongTokens, request: web.Request, given: str) -> None:
     """Check a token that somebody has typed or opened. Raises HTTPUnauthorized and HTTPTooManyRequests."""
     origin = origin_of(request.remote)
     if wrong.are_too_many(origin, time.monotonic()):
-        raise web.HTTPTooManyRequests(text="Too many wrong tokens: wait a minute.\n", headers={"Retry-After": "60"})
+        raise too_many()
     if not same(given, access.token):
         wrong.note(origin, time.monotonic(), given)
         raise refusal(request)
+
+
+def too_many() -> web.HTTPException:
+    """429, of an address that has sent many wrong tokens."""
+    return web.HTTPTooManyRequests(text="Too many wrong tokens: wait a minute.\n", headers={"Retry-After": "60"})
 
 
 def same(given: str | None, token: str | None) -> bool:

@@ -32,7 +32,7 @@ from gcs_mosaic.web.api.routes import add_api
 from gcs_mosaic.web.change import Change, NotesChange
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
 from gcs_mosaic.web.feed import Feed, News
-from gcs_mosaic.web.guard import add_headers, host_check, origin_check
+from gcs_mosaic.web.guard import add_headers, dates_check, host_check, origin_check
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.maps.routes import add_maps
 from gcs_mosaic.web.places import Places, origin_of
@@ -72,7 +72,7 @@ def make_app(
 ) -> web.Application:
     """The application serving the output folder `root`; polls mosaic.json without a feed. Without `access`, for nobody else."""
     settings, access, names = settings or WebSettings(), access or Access(), set(own_names())
-    checks = [host_check(address, names), origin_check, access_check(access)]
+    checks = [host_check(address, names), origin_check, access_check(access), dates_check]
     app = web.Application(middlewares=[*checks, note_request])
     app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
     app[ACCESS], app[CHOOSING] = access, asyncio.Lock()

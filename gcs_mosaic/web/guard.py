@@ -52,6 +52,16 @@ async def origin_check(request: web.Request, handler: Handler) -> web.StreamResp
     return await handler(request)
 
 
+@web.middleware
+async def dates_check(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Reject dates of which the HTTP library makes no date and raises, when it sends a file and nobody can answer any more."""
+    try:
+        _ = request.if_modified_since, request.if_unmodified_since, request.if_range
+    except (ValueError, OverflowError):
+        raise web.HTTPBadRequest(text="A date in the request's headers is none.\n") from None
+    return await handler(request)
+
+
 def _is_of(origin: str, host: str) -> bool:
     try:
         return urlsplit(origin).netloc == host

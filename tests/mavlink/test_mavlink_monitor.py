@@ -132,3 +132,36 @@ def test_how_the_link_is_is_reported_when_it_changes_and_once_a_second() -> None
         (0.0, "listening", None), (1.0, "heard", 1.0), (2.0, "heard", 2.0), (3.0, "heard", 3.0),
         (13.2, "silent", 3.0), (13.8, "failed", 3.0),
     ]  # fmt: skip
+
+
+def test_a_forger_with_many_names_is_greeted_in_nine_lines() -> None:
+    """A forger that sent a heartbeat in the name of each of 254 systems brought 254 lines."""
+    ours = listener()
+    said = [text for system in range(1, 255) for text in texts(ours.hear(received(heartbeat(), system=system), 1.0))]
+    assert sum("first heartbeat" in text for text in said) == 8
+    assert "more than 8 systems are heard" in said[8]
+    assert len(said) == 9
+    assert texts(ours.hear(received(heartbeat(), system=200), 2.0)) == []
+
+
+def test_who_the_operator_has_named_is_greeted_whoever_came_before() -> None:
+    ours = listener(VehicleChoice(LinkSettings(vehicle=200)))
+    for system in range(1, 100):
+        list(ours.hear(received(heartbeat(), system=system), 1.0))
+    assert "first heartbeat" in texts(ours.hear(received(heartbeat(), system=200), 2.0))[0]
+
+
+def test_as_many_aircraft_as_count_are_greeted() -> None:
+    choice = VehicleChoice(SETTINGS)
+    choice.count("all")
+    ours = listener(choice)
+    said = [text for system in range(1, 17) for text in texts(ours.hear(received(heartbeat(), system=system), 1.0))]
+    assert len(said) == 16
+
+
+def test_a_choice_among_many_forged_systems_is_told_in_a_short_sentence() -> None:
+    ours = listener()
+    for system in range(1, 255):
+        list(ours.hear(received(heartbeat(), system=system), 1.0))
+    (said,) = texts(ours.hear(received(trigger(1), system=7), 2.0))
+    assert "and 245 more" in said

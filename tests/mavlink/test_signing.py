@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.mavlink.parser import PacketReader
-from gcs_mosaic.mavlink.signing import Signing, SigningKey, load_key, secret_of
+from gcs_mosaic.mavlink.signing import HeardTimes, Signing, SigningKey, load_key, secret_of
 from gcs_mosaic.messages import Refusals
 from tests.mavlink.mavlink_peer import packet, signed, trigger
 
@@ -123,6 +123,18 @@ def test_each_stream_has_its_own_time_but_none_begins_long_ago() -> None:
     assert ours.admits(signed(trigger(1), SECRET, MINUTE + 5, link_id=3))
     assert not ours.admits(signed(trigger(1), SECRET, MINUTE - 5, component=101))
     assert ours.refused == Refusals(replayed=1)
+
+
+def test_what_was_heard_on_one_link_is_not_replayed_on_another() -> None:
+    """A link of which nothing was heard yet took packets of any age."""
+    heard = HeardTimes()
+    one, other, third = (Signing(SigningKey(SECRET), heard) for _ in range(3))
+    assert one.admits(signed(trigger(1), SECRET, 5 * MINUTE))
+    assert one.admits(signed(trigger(2), SECRET, 10 * MINUTE))
+    assert not other.admits(signed(trigger(1), SECRET, 5 * MINUTE))
+    assert other.refused == Refusals(replayed=1)
+    assert other.admits(signed(trigger(2), SECRET, 10 * MINUTE))  # a second way by which the aircraft is heard
+    assert third.admits(signed(trigger(1), SECRET, 3, system=2))  # another aircraft, whose clock is not set
 
 
 def test_a_forged_packet_from_the_future_does_not_silence_the_aircraft() -> None:

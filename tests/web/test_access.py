@@ -8,6 +8,7 @@ import socket
 import ssl
 import stat
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from http.cookies import SimpleCookie
@@ -142,6 +143,26 @@ def test_guessing_is_stopped_but_not_for_who_is_let_in_already(stranger: Served)
     assert stranger.status(f"/?token={TOKEN_OF_THE_FLIGHT}") == 429
     assert stranger.status(Authorization=f"Bearer {TOKEN_OF_THE_FLIGHT}") == 429
     assert stranger.status(Cookie=stranger.cookie()) == 200
+
+
+def test_guesses_by_cookie_are_limited_in_rate_and_shut_nobody_out(
+    stranger: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links and bearers had a limit, cookies none: they could be guessed as fast as the server answers."""
+    monkeypatch.setattr(module, "GUESS_S", 0.3)
+    tried = [stranger.status(Cookie=stranger.cookie(f"{n:016}")) for n in range(module.TRIES - 1)]
+    assert tried == [401] * (module.TRIES - 1)
+    began = time.monotonic()
+    assert [stranger.status(Cookie=stranger.cookie(f"x{n}")) for n in range(2)] == [429] * 2
+    assert time.monotonic() - began > 0.6
+    assert [stranger.status(Cookie=stranger.cookie()) for _ in range(3)] == [200] * 3
+    assert stranger.status(Authorization="Bearer x") == 429
+
+
+def test_a_tablet_with_the_cookie_of_an_earlier_flight_is_no_guesser(stranger: Served) -> None:
+    old = stranger.cookie("zzzzzzzz99999999")
+    assert [stranger.status(Cookie=old) for _ in range(3 * module.TRIES)] == [401] * 3 * module.TRIES
+    assert stranger.status(f"/?token={TOKEN_OF_THE_FLIGHT}", Cookie=old) == 303
 
 
 def test_wrong_tokens_are_forgotten_in_time_and_of_many_addresses() -> None:

@@ -252,3 +252,25 @@ def test_who_shakes_no_hands_over_https_is_not_waited_for(tmp_path: Path, certif
         secured.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         assert secured.recv(100).startswith(b"HTTP/1.1 200")
     server.stop()
+
+
+@pytest.mark.parametrize(
+    "sent", [b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", bytes(range(256)) * 40, b"\x16\x03\x01\xff\xff"]
+)
+def test_what_is_no_handshake_ends_that_connection_alone(
+    tmp_path: Path, certificate: Path, sent: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Plain HTTP, noise, a handshake that claims more than there is."""
+    settings = WebSettings(request_s=0.3, certificate=str(certificate))
+    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed(), settings=settings)
+    server.start()
+    for _ in range(3):
+        with connect(server.port) as one:
+            one.sendall(sent)
+            assert seconds_until_closed(one) < 5
+    context = ssl.create_default_context(cafile=str(certificate))
+    with connect(server.port) as one, context.wrap_socket(one, server_hostname="127.0.0.1") as secured:
+        secured.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert secured.recv(100).startswith(b"HTTP/1.1 200")
+    server.stop()
+    assert "Traceback" not in caplog.text

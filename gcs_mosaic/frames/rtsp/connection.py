@@ -75,7 +75,7 @@ class Connection:
         options = _OPTIONS | {"rtsp_transport": settings.transport}
         try:
             container = av.open(final.url, format="rtsp", options=options, timeout=timeout)
-        except (av.error.FFmpegError, OSError, ValueError) as error:
+        except (av.error.FFmpegError, OSError, ValueError, MemoryError) as error:
             return NotConnected(_left_for(address, settings, log) or _reason(error))
         finally:
             av.logging.set_level(av.logging.WARNING)
@@ -87,6 +87,9 @@ class Connection:
             container.close()
             return NotConnected("it has no video")
         video = container.streams.video[0]
+        if video.codec_context is None:
+            container.close()
+            return NotConnected("its video is of a kind that cannot be decoded")
         # With one thread, log messages belong to the current image, and no images are delayed.
         video.codec_context.thread_type = "NONE"
         return cls(address, container, video, settings, log)
@@ -102,7 +105,7 @@ class Connection:
         self.paused_s = None
         try:
             packet = next(self._packets, None)
-        except (av.error.FFmpegError, OSError, ValueError) as error:
+        except (av.error.FFmpegError, OSError, ValueError, MemoryError) as error:
             return NotConnected(_reason(error))
         # The final empty packet would flush the decoder, returning images from long ago.
         if packet is None or not packet.size:
@@ -121,7 +124,7 @@ class Connection:
     def _decode(self, packet: Packet[VideoStream], arrival: float) -> list[StreamPicture]:
         try:
             frames = packet.decode()
-        except (av.error.FFmpegError, ValueError):
+        except (av.error.FFmpegError, ValueError, MemoryError):
             frames, self._fault = [], True
         self._fault |= tells_of_damage(self._log)
         self._log.clear()

@@ -21,6 +21,7 @@ from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
 
+MOST_SIZES, MOST_GAPS = 4, 20  # changes of size, and gaps, that are told: damaged streams bring many
 _STOP_S = 0.5  # for the thread to end; one that waits for a silent camera is abandoned
 
 
@@ -47,6 +48,11 @@ class Receiver:
         self._addressed = threading.Event()
         self._said = ""  # last reported reason for having no connection
         self._size: tuple[int, int] | None = None
+        self._sizes_said = self._gaps_said = 0
+        self._seen_before = -1  # pictures when it was connected last
+        self._untold: str | None = (
+            None  # that it is connected: one that brings pictures as little as the one before is not told
+        )
         self._thread = threading.Thread(target=self._run, name="stream", daemon=True)
 
     def start(self) -> None:
@@ -104,6 +110,7 @@ class Receiver:
             now = time.monotonic()
             self._note_gap(connection, now)
             for picture in pictures:
+                self._note_picture(connection.address)
                 self.tally.seen += 1
                 self.tally.damaged += picture.damaged
                 self._note_size(connection.address, (picture.video.width, picture.video.height))
@@ -115,16 +122,26 @@ class Receiver:
     def _connected(self, address: StreamAddress, connection: Connection) -> None:
         now, tally = time.monotonic(), self.tally
         after = f" again after {now - tally.since:.1f} s" if tally.state == "lost" else ""
+        text = f"is connected{after}: {connection.described}"
         tally.state, tally.since, tally.last_arrival, self._said = "connected", now, now, ""
-        self._say(address, "info", f"is connected{after}: {connection.described}")
+        brought_nothing, self._seen_before = tally.seen == self._seen_before, tally.seen
+        self._untold = text if brought_nothing else None
+        if not brought_nothing:
+            self._say(address, "info", text)
+
+    def _note_picture(self, address: StreamAddress) -> None:
+        if self._untold is not None:
+            self._say(address, "info", self._untold)
+            self._untold = None
 
     def _lost(self, address: StreamAddress, reason: str) -> None:
         if self._stop.is_set():
             return
         if self.tally.state == "connected":
             self.tally.state, self.tally.since = "lost", time.monotonic()
-            self.tally.gaps += 1
-            self._say(address, "error", f"is lost ({reason}); trying again until it is back")
+            self.tally.gaps += self._untold is None
+            if self._untold is None:
+                self._say(address, "error", f"is lost ({reason}); trying again until it is back")
         elif reason != self._said:
             self._say(address, "warning", f"cannot be received ({reason}); trying again until it can")
         self._said = reason
@@ -132,13 +149,18 @@ class Receiver:
     def _note_gap(self, connection: Connection, now: float) -> None:
         if connection.paused_s is not None:
             self.tally.gaps += 1
-            text = f"brought nothing for {connection.paused_s:.1f} s; frames of that time are missing"
-            self._say(connection.address, "warning", text)
+            self._gaps_said += 1
+            if self._gaps_said <= MOST_GAPS:
+                last = "; further gaps are counted and not told" if self._gaps_said == MOST_GAPS else ""
+                text = f"brought nothing for {connection.paused_s:.1f} s; frames of that time are missing{last}"
+                self._say(connection.address, "warning", text)
         self.tally.last_arrival = now
 
     def _note_size(self, address: StreamAddress, size: tuple[int, int]) -> None:
-        if self._size not in (None, size):
-            self._say(address, "warning", f"has changed its pictures to {size[0]} x {size[1]} pixels")
+        if self._size not in (None, size) and self._sizes_said < MOST_SIZES:
+            self._sizes_said += 1
+            last = "; further changes are not told" if self._sizes_said == MOST_SIZES else ""
+            self._say(address, "warning", f"has changed its pictures to {size[0]} x {size[1]} pixels{last}")
         self._size = size
 
     def _say(self, address: StreamAddress, level: Literal["info", "warning", "error"], text: str) -> None:

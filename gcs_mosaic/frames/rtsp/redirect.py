@@ -1,4 +1,5 @@
-"""Where a camera redirects us to, asked before FFmpeg connects: FFmpeg follows every redirect, and cannot be told not to.
+"""Where a camera redirects us to, asked before FFmpeg connects: FFmpeg follows every redirect, and cannot be told not to, and
+takes a description of any length.
 
 One DESCRIBE over a connection of our own. Whoever answers FFmpeg otherwise than us is found by FFmpeg's log, and left at once.
 """
@@ -11,6 +12,7 @@ import socket
 import ssl
 import time
 from collections.abc import Iterable
+from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from gcs_mosaic.errors import UsageError
@@ -23,6 +25,8 @@ _PORTS = {"rtsp": 554, "rtsps": 322}
 _LONGEST_ANSWER = 8192  # bytes of a response's head
 _STATUS = re.compile(rb"RTSP/\d\.\d (\d{3})")
 _LOCATION = re.compile(rb"^location:[ \t]*(\S+)", re.IGNORECASE | re.MULTILINE)
+_LENGTH = re.compile(rb"^content-length:[ \t]*(\d{1,18})", re.IGNORECASE | re.MULTILINE)
+MOST_DESCRIBED = 1 << 20  # bytes of an SDP: FFmpeg takes 2 GB into memory, if a camera announces them
 _FOLLOWED = re.compile(r"[Rr]edirecting to (\S+)")
 
 
@@ -34,11 +38,13 @@ def final_address(address: StreamAddress, allowed: Iterable[str], timeout_s: flo
     allowed = [address.host, *allowed]
     deadline = time.monotonic() + timeout_s
     for _ in range(MOST_REDIRECTS + 1):
-        location = _location(address, deadline)
-        if location is None:
+        answer = _answer(address, deadline)
+        if answer.described_bytes > MOST_DESCRIBED:
+            return f"it announces a description of {answer.described_bytes} bytes, and streams have some hundred"
+        if answer.location is None:
             return address
         try:
-            target = parse_stream(location)
+            target = parse_stream(answer.location)
         except UsageError:
             return "it redirects to an address that is not understood"
         if not is_allowed(target.host, allowed):
@@ -75,8 +81,15 @@ def _with_login_of(address: StreamAddress, target: StreamAddress) -> StreamAddre
     return parse_stream(parts._replace(netloc=f"{login}@{parts.netloc}").geturl())
 
 
-def _location(address: StreamAddress, deadline: float) -> str | None:
-    """Where one DESCRIBE is redirected to."""
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """To one DESCRIBE: where it is redirected to, and the length of the description that is announced."""
+
+    location: str | None = None
+    described_bytes: int = 0
+
+
+def _answer(address: StreamAddress, deadline: float) -> _Answer:
     parts = urlsplit(address.url)
     try:
         where = (address.host, parts.port or _PORTS[parts.scheme])
@@ -88,11 +101,12 @@ def _location(address: StreamAddress, deadline: float) -> str | None:
                     head = _asked(connection, parts.geturl(), address.host, deadline)
     except (OSError, ValueError):
         logger.debug("the camera does not tell whether it redirects", exc_info=True)
-        return None
-    status, location = _STATUS.match(head), _LOCATION.search(head)
+        return _Answer()
+    status, location, length = _STATUS.match(head), _LOCATION.search(head), _LENGTH.search(head)
+    described = int(length[1]) if length else 0
     if status is None or location is None or not status[1].startswith(b"3"):
-        return None
-    return location[1].decode("latin-1")
+        return _Answer(None, described)
+    return _Answer(location[1].decode("latin-1"), described)
 
 
 def _encrypted(plain: socket.socket, host: str) -> ssl.SSLSocket:

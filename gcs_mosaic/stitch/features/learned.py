@@ -26,6 +26,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import FloatImage, FloatPlanes, FloatRows, ImageGrey, IndexRows, PointsNx2
 from gcs_mosaic.stitch.features.detectors import Found, rounded
+from gcs_mosaic.stitch.features.onnx_check import read_model, trouble_of
 from gcs_mosaic.stitch.features.onnx_input import declared_inputs, fits
 
 WIDTH, HEIGHT = 640, 480  # px of the input
@@ -126,17 +127,21 @@ def read_detector(path: Path) -> LearnedDetector:
 def model_bytes(path: Path) -> bytes:
     """Raises UnusableModel if the file cannot be read."""
     try:
-        return path.read_bytes()
+        return read_model(path)
+    except ValueError as error:
+        raise UnusableModel(f"{path} cannot be read ({error}); {REMEDY}") from None
     except OSError as error:
         raise UnusableModel(f"{path} cannot be read ({error.strerror}); {REMEDY}") from None
 
 
 def _check_input(model: bytes, name: str) -> None:
-    """Raises UnusableModel if the file declares another input, or is no ONNX file."""
+    """Raises UnusableModel if the file declares another input, would not be good to load, or is no ONNX file."""
     try:
-        declared = declared_inputs(model)
+        trouble, declared = trouble_of(model), declared_inputs(model)
     except ValueError as error:
         raise UnusableModel(f"{name} is no ONNX model ({error}); {REMEDY}") from None
+    if trouble is not None:
+        raise UnusableModel(f"{name} is not loaded, because it {trouble}; {REMEDY}")
     if len(declared) != 1 or not fits(declared[0], INPUT):
         given = ", ".join(f"({', '.join('any' if one is None else str(one) for one in shape)})" for shape in declared)
         raise UnusableModel(f"{name} takes {given or 'nothing'}, wanted is {INPUT}; {REMEDY}")

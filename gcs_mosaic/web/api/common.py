@@ -48,11 +48,18 @@ def missing(text: str) -> web.HTTPNotFound:
 
 
 async def body_of(request: web.Request) -> dict[str, Any]:
-    """The JSON object that was sent. Raises HTTPBadRequest and HTTPRequestEntityTooLarge."""
+    """The JSON object that was sent. Raises HTTPBadRequest, HTTPRequestEntityTooLarge and HTTPUnsupportedMediaType."""
     if (request.content_length or 0) > LARGEST_BODY:
         raise web.HTTPRequestEntityTooLarge(LARGEST_BODY, request.content_length or 0)
     try:
-        told = json.loads(await request.text())
+        data = await request.read()
+        if len(data) > LARGEST_BODY:  # of an unknown length, or unpacked
+            raise web.HTTPRequestEntityTooLarge(LARGEST_BODY, len(data))
+        told = json.loads(data.decode(request.charset or "utf-8"))
+    except web.RequestPayloadError as error:
+        raise bad("The body cannot be unpacked as its Content-Encoding says: send it as it is.") from error
+    except LookupError as error:
+        raise web.HTTPUnsupportedMediaType(text="The charset is not known: send the JSON as UTF-8.\n") from error
     except (ValueError, RecursionError) as error:
         raise bad("A JSON object is to be sent.") from error
     if not isinstance(told, dict):

@@ -5,7 +5,10 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import math
-from contextlib import nullcontext
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
 
 import numpy as np
 from aiohttp import web
@@ -23,12 +26,41 @@ from gcs_mosaic.web.maps.wms_capabilities import capabilities, fault_document
 from gcs_mosaic.web.maps.wms_request import MapRequest, WmsFault, lower_names, map_request, version_of
 
 LARGE_PX = 1 << 20  # of such pictures one is made at a time
+MOST_WAITING = 4  # for a large picture, the one that is made included
+LONGEST_S = 30.0  # of wall time for a picture, on a machine that has other things to do
 SAME_PX = 1e-3  # a box so near that of a tile is the tile's
-ONE_AT_A_TIME = web.AppKey("one_at_a_time", asyncio.Lock)
+
+
+@dataclass(slots=True)
+class LargePictures:
+    """One is made at a time, and few wait."""
+
+    waiting: int = 0
+    _one: asyncio.Lock = field(default_factory=asyncio.Lock)
+
+    @asynccontextmanager
+    async def turn(self, asked: MapRequest) -> AsyncIterator[None]:
+        """Raises WmsFault when as many wait already. A small picture waits for nobody."""
+        if asked.grid.width * asked.grid.height <= LARGE_PX:
+            yield
+            return
+        if self.waiting >= MOST_WAITING:
+            raise WmsFault(
+                asked.version, None, "Several large pictures are being made: ask again, or for a smaller one."
+            )
+        self.waiting += 1
+        try:
+            async with self._one:
+                yield
+        finally:
+            self.waiting -= 1
+
+
+LARGE = web.AppKey("large_pictures", LargePictures)
 
 
 def add_routes(app: web.Application) -> None:
-    app[ONE_AT_A_TIME] = asyncio.Lock()
+    app[LARGE] = LargePictures()
     app.router.add_get(f"{FLIGHT}/wms", wms)
 
 
@@ -56,9 +88,8 @@ async def picture(request: web.Request, now: MapNow, asked: MapRequest) -> web.R
     tile = tile_in(asked.grid)
     if tile is not None:
         return await tile_of(request, *tile, asked.look)
-    is_large = asked.grid.width * asked.grid.height > LARGE_PX
-    async with request.app[ONE_AT_A_TIME] if is_large else nullcontext():
-        made = await drawn(request, now, asked.grid)
+    async with request.app[LARGE].turn(asked):
+        made = await drawn(request, now, asked)
         encoded_picture = await request.app[MAP].work(encoded, made, asked.look)
     etag = hashlib.blake2b(encoded_picture.data, digest_size=12).hexdigest()
     if any(known.value == etag for known in request.if_none_match or ()):
@@ -68,10 +99,16 @@ async def picture(request: web.Request, now: MapNow, asked: MapRequest) -> web.R
     )
 
 
-async def drawn(request: web.Request, now: MapNow, grid: PictureGrid) -> ImageBGRA:
-    """A picture strip by strip, so that tiles are answered meanwhile, and that it ends when nobody waits for it any more."""
+async def drawn(request: web.Request, now: MapNow, asked: MapRequest) -> ImageBGRA:
+    """A picture strip by strip, so that tiles are answered meanwhile, and that it ends when nobody waits for it any more.
+
+    Raises WmsFault if it takes too long.
+    """
+    grid, end = asked.grid, time.monotonic() + LONGEST_S
     whole = np.zeros((grid.height, grid.width, 4), np.uint8)
     for top in range(0, grid.height, BLOCK):
+        if time.monotonic() > end:
+            raise WmsFault(asked.version, None, f"This picture takes more than {LONGEST_S:g} s: ask for a smaller one.")
         strip = strip_of(grid, top, min(top + BLOCK, grid.height))
         part = await request.app[MAP].work(now.pyramid.picture, strip)
         if part is not None:

@@ -8,7 +8,7 @@ from gcs_mosaic.geotiles.earth_islands import Bounds
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses
 from gcs_mosaic.web.maps.common import about
 from gcs_mosaic.web.maps.served_map import MapNow
-from gcs_mosaic.web.maps.wms_request import DEGREES, MERCATOR, MOST_SIDE, Version, WmsFault
+from gcs_mosaic.web.maps.wms_request import DEGREES, MERCATOR, TOLD_SIDE, Version, WmsFault
 
 XML = '<?xml version="1.0" encoding="UTF-8"?>\n'
 XLINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
@@ -47,7 +47,7 @@ def _of_1_1_1(now: MapNow, addresses: MapAddresses) -> str:
 
 def _of_1_3_0(now: MapNow, addresses: MapAddresses) -> str:
     bounds = now.pyramid.bounds
-    limits = f"<LayerLimit>1</LayerLimit><MaxWidth>{MOST_SIDE}</MaxWidth><MaxHeight>{MOST_SIDE}</MaxHeight>"
+    limits = f"<LayerLimit>1</LayerLimit><MaxWidth>{TOLD_SIDE}</MaxWidth><MaxHeight>{TOLD_SIDE}</MaxHeight>"
     return (
         f'{XML}<WMS_Capabilities version="1.3.0" xmlns="http://www.opengis.net/wms" {XLINK}>'
         f"<Service><Name>WMS</Name>{_service(now, addresses)}{limits}</Service>"

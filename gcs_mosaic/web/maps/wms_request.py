@@ -14,6 +14,8 @@ from gcs_mosaic.web.maps.pictures import MapLook, Suffix
 
 Version: TypeAlias = Literal["1.1.1", "1.3.0"]
 MOST_SIDE = 4096  # px
+MOST_PIXELS = 1 << 23  # a screen of 3840 x 2160; it is made in some ten seconds of one core
+TOLD_SIDE = 2048  # px a side, by which programs divide larger pictures
 FURTHEST = 1e9  # of a box, in metres or degrees
 LEAST_STEP = 1e-14  # of a pixel beside the box's own numbers: of less they have no digits left
 FORMATS: dict[str, Suffix] = {"image/png": "png", "image/jpeg": "jpg", "image/jpg": "jpg", "image/webp": "webp"}
@@ -23,7 +25,7 @@ COLOUR = re.compile("0[xX]([0-9a-fA-F]{6})")
 STYLES = ("", "default")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(eq=False)  # not frozen: contextlib sets the traceback of what passes it
 class WmsFault(Exception):  # noqa: N818 - its name in the protocol's world
     """`code`: of the standard, or none; `said`: a sentence."""
 
@@ -60,6 +62,8 @@ def map_request(asked: Mapping[str, str]) -> MapRequest:
     if suffix is None:
         raise WmsFault(version, "InvalidFormat", f"FORMAT is to be one of {', '.join(FORMATS)}.")
     width, height = (_side(asked, name, version) for name in ("width", "height"))
+    if width * height > MOST_PIXELS:
+        raise WmsFault(version, None, f"A picture has at most {MOST_PIXELS} pixels: ask for it in parts.")
     grid = _grid(asked, version, width, height)
     is_transparent = asked.get("transparent", "").upper() == "TRUE" and suffix != "jpg"
     background = None if is_transparent else _background(asked, version)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import math
 from urllib.parse import quote
 from xml.etree import ElementTree
@@ -14,7 +16,7 @@ from gcs_mosaic.geo.mercator import mercator
 from gcs_mosaic.geotiles.picture_grid import PictureGrid
 from gcs_mosaic.stitch.arrays import AnyImage
 from gcs_mosaic.web.maps import wms as module
-from gcs_mosaic.web.maps.wms_request import MOST_SIDE
+from gcs_mosaic.web.maps.wms_request import MOST_PIXELS, TOLD_SIDE, MapRequest, WmsFault, map_request
 from tests.web.maps.anchored_flight import FLIGHT, AnchoredFlight, laid_at, picture_of
 from tests.web.test_notes_api import Writer
 
@@ -135,7 +137,7 @@ def test_a_service_of_1_3_0_says_what_qgis_reads(pinned: Writer, flight: Anchore
     where = root.find(f".//{SPACE}GetMap//{SPACE}OnlineResource")
     assert where is not None
     assert where.get("{http://www.w3.org/1999/xlink}href") == f"http://{pinned.netloc}{WMS}?"
-    assert [one.text for one in root.iter(f"{SPACE}MaxWidth")] == [str(MOST_SIDE)]
+    assert [one.text for one in root.iter(f"{SPACE}MaxWidth")] == [str(TOLD_SIDE)]
 
 
 def test_without_an_anchor_there_is_a_layer_without_bounds_that_says_how_to_set_one(client: Writer) -> None:
@@ -171,6 +173,7 @@ GOOD = {
     "HEIGHT": "300",
     "FORMAT": "image/png",
 }
+GOOD_IN_LOWER = {name.lower(): value for name, value in GOOD.items()}
 BAD = [
     ({"LAYERS": "roads"}, "LayerNotDefined"),
     ({"LAYERS": "mosaic,roads"}, "LayerNotDefined"),
@@ -182,6 +185,8 @@ BAD = [
     ({"REQUEST": ""}, "OperationNotSupported"),
     ({"WIDTH": "0"}, None),
     ({"WIDTH": "4097"}, None),
+    ({"WIDTH": "4096", "HEIGHT": "4096"}, None),
+    ({"WIDTH": "4096", "HEIGHT": "2049"}, None),
     ({"HEIGHT": "99999999999999999999"}, None),
     ({"HEIGHT": "-3"}, None),
     ({"HEIGHT": "٣"}, None),
@@ -244,6 +249,39 @@ def test_a_large_picture_is_the_same_as_its_parts(pinned: Writer, flight: Anchor
     assert off.mean() < 0.02
     small = cv2.resize(whole, (350, 275), interpolation=cv2.INTER_AREA)
     assert small[..., 3].max() == 255
+
+
+def test_a_picture_of_a_large_screen_is_given_but_none_that_takes_too_long(
+    pinned: Writer, flight: AnchoredFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of 4096 x 4096 took 28 s, and any number of them could be asked for."""
+    assert MOST_PIXELS > 3840 * 2160
+    box = ",".join(map(str, flight.laid.bounds))
+    query = "&".join(f"{name}={value}" for name, value in {**GOOD, "BBOX": box, "WIDTH": "1200"}.items())
+    assert seen(pinned, query).shape[:2] == (300, 1200)
+    monkeypatch.setattr(module, "LONGEST_S", -1.0)
+    assert "takes more than" in fault_of(pinned.ask(f"{WMS}?{query}")[1])[1]
+
+
+def test_few_wait_for_a_large_picture_and_small_ones_for_nobody() -> None:
+    async def asked() -> None:
+        large = module.LargePictures()
+        many, few = (map_request({**GOOD_IN_LOWER, "width": side, "height": side}) for side in ("2000", "1000"))
+        async with contextlib.AsyncExitStack() as making:
+            await making.enter_async_context(large.turn(many))
+            waiting = [asyncio.create_task(enter(large, many)) for _ in range(module.MOST_WAITING - 1)]
+            await asyncio.sleep(0)
+            with pytest.raises(WmsFault, match="being made"):
+                await enter(large, many)
+            await enter(large, few)
+        await asyncio.gather(*waiting)
+        assert large.waiting == 0
+
+    async def enter(large: module.LargePictures, one: MapRequest) -> None:
+        async with large.turn(one):
+            pass
+
+    asyncio.run(asked())
 
 
 def test_a_box_near_a_tile_s_is_no_tile() -> None:
