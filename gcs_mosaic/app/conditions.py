@@ -23,8 +23,8 @@ BEHIND_S = 10.0  # less is a burst of the camera
 SILENT_S = 10.0  # ten heartbeats of an aircraft, as `silent_after_s` of a link
 HELD_S = 10.0  # how long something must have been so that passes by itself as messages and files arrive
 OLD_RANGE = (
-    "A frame was far brighter or darker than the range its camera was shown in, so that was fitted again: parts of the map are "
-    "too dark or too bright until they are painted anew, which is done in pauses and at the end"
+    "The range of brightness that a camera's counts are shown in was fitted again, because frames lay beyond it: parts of the "
+    "map are too dark or too bright until they are painted anew, in pauses and at the end"
 )
 SOURCE_AWAY = {
     "missing": "The folder {name} is missing: it is waited for; see that the card or the share is there",

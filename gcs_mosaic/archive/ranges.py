@@ -1,5 +1,5 @@
-"""Stage 10, of counts: in which range the counts of each camera's frames are shown, and by which step each frame's differ; from all that
-were placed and from what they see in common. Frames of 8 bits are shown as they are."""
+"""Stage 10, of counts: in which range those of each camera's frames are shown, and by which step each frame's differ; from all
+that were placed and from what they see in common. Frames of 8 bits are shown as they are."""
 
 from __future__ import annotations
 
@@ -39,9 +39,7 @@ def with_ranges(
     parts = [task(count_overlaps, book, first, stop) for first, stop in pairwise(starts)]
     engine.made("counts in overlaps", parts)
     keys = engine.listed([one.key for one in parts])
-    (displays,) = engine.made(
-        "ranges", [task(ranges, book, keys, settings.bands, settings.brightness == "auto")]
-    )
+    (displays,) = engine.made("ranges", [task(ranges, book, keys, settings.bands, settings.brightness == "auto")])
     return [
         replace(kind, display=displays.get(one.frame.name, kind.display))
         for one, kind in zip(frames, kinds, strict=True)

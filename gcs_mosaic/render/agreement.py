@@ -36,7 +36,7 @@ def counts_overlap_of(i: Painted, small_i: Bands, j: Painted, small_j: Bands) ->
     _, _, seen, shared = seen_from(counts_i, counts_j, _mapping(i, counts_i, j, counts_j))
     for counts in (counts_i, seen):
         shared &= ((counts > 0) & (counts < SATURATED)).all(axis=-1)
-    return counts_in_overlap(counts_i[shared], seen[shared])
+    return counts_in_overlap(counts_i[shared], seen[shared].astype(np.float32))
 
 
 def _mapping(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Callable[[PointsNx2], PointsNx2]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, counts_overlap_of, overlap_of
-from gcs_mosaic.render.count_steps import CountsInOverlap, Step, step_beside
+from gcs_mosaic.render.count_steps import CountsInOverlap, CountStep, step_beside
 from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
@@ -42,11 +42,11 @@ class Brightness(Kept):
         self._carriers: dict[str, Aircraft] = {}  # of each frame's camera
 
     def step_of(
-        self, new: Painted, thumbnail: Bands, beside: Iterable[tuple[Painted, Step]], aircraft: Aircraft = None
-    ) -> Step:
+        self, new: Painted, thumbnail: Bands, beside: Iterable[tuple[Painted, CountStep]], aircraft: Aircraft = None
+    ) -> CountStep:
         """How the counts of a new frame compare to those of frames `beside` it with known steps; kept for the end."""
         camera = aircraft, size_of(new), thumbnail.shape[2]
-        found: list[tuple[CountsInOverlap, Step]] = []
+        found: list[tuple[CountsInOverlap, CountStep]] = []
         for painted, step in beside:
             if painted.island == new.island and self.camera_of(painted) == camera:
                 counts = counts_overlap_of(new, thumbnail, painted, self._thumbnails[painted.name])

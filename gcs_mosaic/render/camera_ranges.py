@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gcs_mosaic.render.brightness import Camera, CountOverlap
-from gcs_mosaic.render.count_steps import Step, agreed_steps, no_step
+from gcs_mosaic.render.count_steps import CountStep, agreed_steps, no_step
 from gcs_mosaic.render.counts_range import Sketch, are_far_above_zero, sketch_of
 from gcs_mosaic.render.display import Display, camera_display, display_of
 from gcs_mosaic.render.painted import Painted
@@ -32,7 +32,7 @@ class CameraRanges(Kept):
         self._fixed: dict[int, Display] = {}  # of 8-bit frames, by number of bands
         self._displays: dict[Camera, Display] = {}  # of cameras of counts
         self._sketches: dict[str, Sketch] = {}  # of their frames
-        self._steps: dict[str, Step] = {}
+        self._steps: dict[str, CountStep] = {}
         self._cameras: dict[str, Camera] = {}
 
     def known(self, image: Bands, camera: Camera) -> Display | None:
@@ -49,7 +49,7 @@ class CameraRanges(Kept):
         """Whether it is a frame of counts."""
         return name in self._sketches
 
-    def step(self, name: str) -> Step:
+    def step(self, name: str) -> CountStep:
         return self._steps[name]
 
     def of(self, painted: Painted) -> Display:
@@ -62,7 +62,7 @@ class CameraRanges(Kept):
         """The camera's frames of counts so far."""
         return [name for name, other in self._cameras.items() if other == camera]
 
-    def take(self, name: str, image: Bands, camera: Camera, step: Step) -> bool:
+    def take(self, name: str, image: Bands, camera: Camera, step: CountStep) -> bool:
         """Take in a frame of counts (h, w, bands); returns whether the range of its camera has changed."""
         self._sketches[name], self._steps[name], self._cameras[name] = sketch_of(image), step, camera
         names, present = self.frames_of(camera), self._displays.get(camera)
@@ -75,7 +75,9 @@ class CameraRanges(Kept):
         self._displays[camera] = fitted
         return present is not None
 
-    def settle(self, camera: Camera, overlaps: Sequence[CountOverlap], painted: Mapping[str, Painted]) -> dict[str, Display]:
+    def settle(
+        self, camera: Camera, overlaps: Sequence[CountOverlap], painted: Mapping[str, Painted]
+    ) -> dict[str, Display]:
         """The final displays of a camera's frames, from all they have in common; of those that look as they are painted, the
         present ones."""
         names = self.frames_of(camera)
@@ -98,7 +100,7 @@ class CameraRanges(Kept):
         """Those of counts."""
         return list(self._displays)
 
-    def _fitted(self, names: Sequence[str], steps: Mapping[str, Step]) -> Display:
+    def _fitted(self, names: Sequence[str], steps: Mapping[str, CountStep]) -> Display:
         sketches = usual_sketches([self._sketches[name] for name in names], [steps[name] for name in names])
         return camera_display(sketches, self._bands, lighten=self._lighten)
 
@@ -121,7 +123,7 @@ def fitted_displays(
     return {name: _own(display, steps[name]) for name in sketches}
 
 
-def usual_sketches(sketches: Sequence[Sketch], steps: Iterable[Step]) -> list[Sketch]:
+def usual_sketches(sketches: Sequence[Sketch], steps: Iterable[CountStep]) -> list[Sketch]:
     """A camera's frames as they would be without their steps. Bands of counts that begin near zero have gains, not steps."""
     seen = np.array(sketches)  # (frames, bands, shares)
     far = [are_far_above_zero(seen[:, band]) for band in range(seen.shape[1])]
@@ -131,7 +133,7 @@ def usual_sketches(sketches: Sequence[Sketch], steps: Iterable[Step]) -> list[Sk
     return [tuple(tuple(band) for band in one) for one in seen.tolist()]
 
 
-def _own(display: Display, step: Step) -> Display:
+def _own(display: Display, step: CountStep) -> Display:
     """How a frame with this step is displayed by a camera's display; as all others, if that is not seen."""
     own = [(1.0, 0.0)] * len(display.black)
     for band, (black, white) in enumerate(zip(display.black, display.white, strict=True)):

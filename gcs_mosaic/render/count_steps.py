@@ -2,8 +2,8 @@
 
 Its gain mode, its shutter (a flat-field correction) and its own warmth move all counts of a frame by hundreds, or stretch them.
 What two frames see of the same ground tells both: the difference of the means is the offset, the ratio of what they span the
-scale. Most frames have none, so frames are held at their own counts, but by a prior (Cauchy's) that lets go of those for which the
-overlaps tell otherwise. A scale counts only where it is certain: it would add up along a flight.
+scale. Most frames have none, so frames are held at their own counts, but by a prior (Cauchy's) that lets go of those for which
+the overlaps tell otherwise. A scale counts only where it is certain: it would add up along a flight.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import spsolve
 
-from gcs_mosaic.stitch.arrays import Matrix, Vector
+from gcs_mosaic.stitch.arrays import FloatImage, Vector
 
 INNER = (0.1, 0.9)  # quantiles; what moves, or is far hotter than all around, lies beyond them in either frame
 FULL_TRUST = 200  # thumbnail px of overlap that have half the weight of an infinite overlap
@@ -41,18 +42,18 @@ class CountsInOverlap:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class CountStep:
     """What a frame's counts are multiplied by, and what is added, to be the camera's usual ones; by band."""
 
     scale: tuple[float, ...]
     offset: tuple[float, ...]
 
 
-def no_step(bands: int) -> Step:
-    return Step((1.0,) * bands, (0.0,) * bands)
+def no_step(bands: int) -> CountStep:
+    return CountStep((1.0,) * bands, (0.0,) * bands)
 
 
-def counts_in_overlap(pixels_i: Matrix, pixels_j: Matrix) -> CountsInOverlap | None:
+def counts_in_overlap(pixels_i: FloatImage, pixels_j: FloatImage) -> CountsInOverlap | None:
     """From the counts (n, bands) of the pixels that two frames share; None with too few."""
     if len(pixels_i) < 2 * PX_PER_SAMPLE:
         return None
@@ -61,7 +62,7 @@ def counts_in_overlap(pixels_i: Matrix, pixels_j: Matrix) -> CountsInOverlap | N
     return CountsInOverlap(mean_i, mean_j, log_scale, len(pixels_i))
 
 
-def _of_band(i: Vector, j: Vector) -> tuple[float, float, float]:
+def _of_band(i: FloatImage, j: FloatImage) -> tuple[float, float, float]:
     (low_i, high_i), (low_j, high_j) = np.quantile(i, INNER), np.quantile(j, INNER)
     inner = (i >= low_i) & (i <= high_i) & (j >= low_j) & (j <= high_j)
     if not inner.any():
@@ -77,7 +78,7 @@ def _of_band(i: Vector, j: Vector) -> tuple[float, float, float]:
     return *means, log_scale if sure else 0.0
 
 
-def step_beside(seen: Sequence[tuple[CountsInOverlap, Step]], bands: int) -> Step:
+def step_beside(seen: Sequence[tuple[CountsInOverlap, CountStep]], bands: int) -> CountStep:
     """The step of a new frame i beside frames j with known ones; none without overlaps."""
     if not seen:
         return no_step(bands)
@@ -87,14 +88,14 @@ def step_beside(seen: Sequence[tuple[CountsInOverlap, Step]], bands: int) -> Ste
     wanted = [
         np.array(step.scale) * one.mean_j + np.array(step.offset) - scale * np.array(one.mean_i) for one, step in seen
     ]
-    return Step(tuple(scale.tolist()), tuple((trust @ np.array(wanted) / trust.sum()).tolist()))
+    return CountStep(tuple(scale.tolist()), tuple((trust @ np.array(wanted) / trust.sum()).tolist()))
 
 
 def agreed_steps(
     spans: Mapping[str, Sequence[float]],
     seen: Sequence[tuple[str, str, CountsInOverlap]],
-    present: Mapping[str, Step] | None = None,
-) -> dict[str, Step]:
+    present: Mapping[str, CountStep] | None = None,
+) -> dict[str, CountStep]:
     """The step of each frame of a camera from all overlaps between them; `spans`: what each frame's counts span, by band.
     `present`: the steps known so far, which stay as far as all of them together can."""
     names = {name: number for number, name in enumerate(spans)}
@@ -112,7 +113,7 @@ def agreed_steps(
         wanted = scales[at[:, 1], band] * means[:, 1] - scales[at[:, 0], band] * means[:, 0]
         offset = _held(at, wanted, trust / (OFFSET_SIGMA * max(span, 1.0)) ** 2, len(names), max(span, 1.0))
         offsets[:, band] = _as_before(offset, np.array([one.offset[band] for one in before]))
-    return {name: Step(tuple(scales[k].tolist()), tuple(offsets[k].tolist())) for name, k in names.items()}
+    return {name: CountStep(tuple(scales[k].tolist()), tuple(offsets[k].tolist())) for name, k in names.items()}
 
 
 def _as_before(values: Vector, before: Vector) -> Vector:
@@ -120,7 +121,7 @@ def _as_before(values: Vector, before: Vector) -> Vector:
     return np.asarray(values - np.median(values - before))
 
 
-def _held(at: Matrix, wanted: Vector, weight: Vector, count: int, prior: float) -> Vector:
+def _held(at: NDArray[np.intp], wanted: Vector, weight: Vector, count: int, prior: float) -> Vector:
     """Values (count,) whose differences between pairs `at` (n, 2) are as `wanted` (n,), each held at 0 by Cauchy's prior."""
     if not len(at):
         return np.zeros(count)

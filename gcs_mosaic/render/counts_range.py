@@ -22,6 +22,7 @@ HEADROOM = 0.25  # of the range between them, reserved for later frames: aerial 
 LEAST_RANGE = 16  # counts; less is sensor noise
 OUTLIERS = 0.1  # share of frames whose brightest pixels may be clipped, where counts begin near zero
 RARE = 0.2  # share of all pixels; what is rarer gets less of the range, in proportion
+MOST = 65_535  # counts
 GAP = 0.25  # of all counts that occur; more of them in a row without a pixel is a gap
 GAPS = 0.125  # of the range for all gaps together
 
@@ -58,7 +59,7 @@ def fitted_range(sketches: Sequence[Sketch], count: int) -> tuple[tuple[int, ...
     if count == 3 and not all(far):
         far = [False] * count
     ranges = [_of_far(seen[:, band]) if far[band] else _from_zero(seen[:, band]) for band in range(count)]
-    black, white = [round(one[0]) for one in ranges], [round(one[1]) for one in ranges]
+    black, white = [round(one[0]) for one in ranges], [min(round(one[1]), MOST) for one in ranges]
     if count == 3:
         return (min(black),) * count, (max(white),) * count, ()
     knots = tuple(one[2] for one in ranges)
@@ -82,18 +83,18 @@ def _of_far(seen: Quantiles) -> Range:
     counts = np.sort(seen, axis=None)
     bounds = _bounds(counts)
     first, last = counts[bounds[:-1]], counts[bounds[1:] - 1]
-    rare = np.minimum(np.diff(bounds) / len(counts) / RARE, 1)
-    widths = np.maximum(last - first, LEAST_RANGE / 2) * rare
-    room = HEADROOM * max(float(widths.sum()), LEAST_RANGE)
-    gap = GAPS * float(widths.sum()) / max(len(first) - 1, 1)
-    starts = room + np.r_[0, np.cumsum(widths + gap)[:-1]]
-    ends, whole = starts + widths, float(starts[-1] + widths[-1]) + room
-    black, white = max(0.0, float(first[0]) - room), float(last[-1]) + room
-    if len(first) == 1:
-        return black, max(white, round(black) + LEAST_RANGE), ()
-    places, levels = np.c_[first, last].ravel(), np.c_[starts, ends].ravel() * (255 / whole)
-    knots = list(zip(places.tolist(), levels.tolist(), strict=True))
-    return black, white, _rising(knots)
+    room, between = HEADROOM * np.maximum(last - first, LEAST_RANGE), first[1:] - last[:-1]
+    low = first - np.r_[room[0], np.minimum(room[1:], between / 3)]
+    high = last + np.r_[np.minimum(room[:-1], between / 3), room[-1]]
+    widths = (high - low) * np.minimum(np.diff(bounds) / len(counts) / RARE, 1)
+    gap = GAPS * float(widths.sum()) / max(len(widths) - 1, 1)
+    ends = np.cumsum(widths + gap) - gap
+    places, levels = (
+        np.stack([above[:-1], below[1:]], 1).ravel() for above, below in ((high, low), (ends, ends - widths))
+    )
+    knots = zip(places.round(1).tolist(), (levels * (255 / ends[-1])).round(2).tolist(), strict=True)
+    black = max(0.0, float(low[0]))
+    return black, max(float(high[-1]), round(black) + LEAST_RANGE), tuple(knots)
 
 
 def _bounds(counts: Vector) -> NDArray[np.intp]:
@@ -104,14 +105,5 @@ def _bounds(counts: Vector) -> NDArray[np.intp]:
         occurring = max(float(steps[~gaps].sum()), LEAST_RANGE)
         found = steps > max(GAP * occurring, LEAST_RANGE)
         if (found == gaps).all():
-            return np.r_[0, np.flatnonzero(gaps) + 1, len(counts)]
+            return np.asarray(np.r_[0, np.flatnonzero(gaps) + 1, len(counts)], np.intp)
         gaps = found
-
-
-def _rising(knots: list[Knot]) -> tuple[Knot, ...]:
-    """Those of which each has a higher count than the one before."""
-    rising: list[Knot] = []
-    for at, level in knots:
-        if not rising or round(at, 1) > rising[-1][0]:
-            rising.append((round(at, 1), round(level, 2)))
-    return tuple(rising)

@@ -208,6 +208,7 @@ class Painter(Kept):
         if self._stale:
             most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
             return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
+        self._refitted = self.shows_old_range
         return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
 
     def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
@@ -222,6 +223,7 @@ class Painter(Kept):
             yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
         while self.canvas.behind:
             yield [self._tiles_step(BLOCK)]
+        self._refitted = False
 
     def close(self) -> None:
         self.canvas.close()
@@ -361,4 +363,3 @@ class Painter(Kept):
 def _camera_of(image: Bands, aircraft: Aircraft) -> Camera:
     height, width, bands = image.shape
     return aircraft, (width, height), bands
-

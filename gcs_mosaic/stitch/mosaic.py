@@ -40,7 +40,6 @@ from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLookSettings
 from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
 
-
 NOTHING = ", it is flat or noise alone, as of a closed shutter or a covered lens"
 
 

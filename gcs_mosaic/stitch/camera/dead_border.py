@@ -178,7 +178,7 @@ class BorderWatch:
         return BorderWatch((left, top, right, bottom))
 
     def anew(self) -> BorderWatch:
-        """When frames will have other levels from now on: sides known to be dead stay so, the others are watched from the start."""
+        """When frames have other levels from now on: sides known to be dead stay so, the others are watched from the start."""
         left, top, right, bottom = (_Side(side.dead, settled=True) if side.dead else _Side() for side in self._sides)
         return BorderWatch((left, top, right, bottom))
 

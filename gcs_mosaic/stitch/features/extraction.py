@@ -37,9 +37,9 @@ from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rou
 from gcs_mosaic.stitch.features.faint import HALF, detect_faint, equalised, faint_picture, is_noise
 from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, UnusableModel, read_detector
 from gcs_mosaic.stitch.features.sharpness import sharpness
-from gcs_mosaic.stitch.features.structure import shows_nothing
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 from gcs_mosaic.stitch.features.still import masked
+from gcs_mosaic.stitch.features.structure import shows_nothing
 from gcs_mosaic.stitch.features.texture import texture
 
 logger = logging.getLogger(__name__)
