@@ -25,7 +25,7 @@ LEAST_ALIKE = 0.7  # correlation of the two pictures; less is noise, or heights
 LEAST_SCALE = 0.15  # log; less is not seen
 SURE = 5.0  # deviations by which a scale must differ from 1
 OFFSET_SIGMA = 0.02  # of what a frame spans: deviation between the means of an overlap, of either's counts
-SCALE_SIGMA = 0.02  # log
+SCALE_SIGMA = 0.001  # log; small, for what is not certain counts as none and adds up to nothing
 SCALE_PRIOR = 0.1  # log, deviation of most frames' scales
 TURNS = 8  # of the reweighting; each moves less than the one before
 
