@@ -22,6 +22,10 @@ FRAMES_WITHOUT_TRIGGER = 5  # before any: the first message may follow its file 
 BEHIND_S = 10.0  # less is a burst of the camera
 SILENT_S = 10.0  # ten heartbeats of an aircraft, as `silent_after_s` of a link
 HELD_S = 10.0  # how long something must have been so that passes by itself as messages and files arrive
+OLD_RANGE = (
+    "The range of brightness that a camera's counts are shown in was fitted again, because frames lay beyond it: parts of the "
+    "map are too dark or too bright until they are painted anew, in pauses and at the end"
+)
 SOURCE_AWAY = {
     "missing": "The folder {name} is missing: it is waited for; see that the card or the share is there",
     "silent": "The stream {name} is silent: see that the camera is on and in reach",
@@ -58,6 +62,7 @@ class Conditions:
 
     def __init__(self) -> None:
         self.disk: str | None = None  # what is wrong with it, as long as it is
+        self.old_range = False  # whether parts of the map show a range of counts that was fitted anew since
         self._unmatched = Counter[Aircraft]()  # frames in a row that matched nothing, of each aircraft
         self._since: dict[str, float] = {}
         self._told: set[str] = set()
@@ -115,6 +120,8 @@ class Conditions:
                 whose = "" if vehicle is None else f" of aircraft {vehicle}"
                 text = f"The last {count} frames{whose} match nothing on the map: fly back over ground that is on it"
                 yield _Found(f"overlap{whose}", "warning", text)
+        if self.old_range:
+            yield _Found("range", "warning", OLD_RANGE)
         if facts.islands > 1:
             text = (
                 f"The map is in {facts.islands} parts, and how they lie to each other is not known: "
@@ -130,6 +137,8 @@ class Conditions:
 def _over(key: str) -> str | None:
     """What to say once this is so no more, if anything."""
     what, _, system = key.partition(" of aircraft ")
+    if what == "range":
+        return "the whole map is shown in its camera's new range"
     if what == "overlap":
         return f"frames{key.removeprefix('overlap')} match the map again"
     return f"aircraft {system} is heard again" if what == "silence" else None

@@ -445,6 +445,7 @@ class _Daemon:
             self.say(notice)
         pipeline = self._pipeline
         pipeline.tell_troubles()
+        self._reporter.conditions.old_range = pipeline.shows_old_range
         behind = self._behind(time.monotonic())
         if told := self._backlog.notice(behind):
             self.say(told)

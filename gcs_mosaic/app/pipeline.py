@@ -128,6 +128,11 @@ class Pipeline(Kept):
         """Whether some frames have moved from where they are painted."""
         return self._painter.has_repaints
 
+    @property
+    def shows_old_range(self) -> bool:
+        """Whether parts of the map are still shown in a range of counts that was fitted anew since."""
+        return self._painter.shows_old_range
+
     def accounts(self) -> Accounts:
         return self.store.accounts()
 

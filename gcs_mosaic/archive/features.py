@@ -21,6 +21,7 @@ from gcs_mosaic.frames.decode import Unreadable, load_frame
 from gcs_mosaic.frames.decoding.limits import DecodeSettings, refusal
 from gcs_mosaic.frames.structure import Whole
 from gcs_mosaic.messages import Frame, content_hash
+from gcs_mosaic.render.counts_range import Sketch, sketch_of
 from gcs_mosaic.stitch.arrays import Bands, Descriptors
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract, model_digest, without_border
@@ -43,6 +44,7 @@ class FrameFacts:
     scale: float
     sharpness: float
     faint: bool  # whether its picture is so faint that a fixed pattern may show more than the ground
+    counts: Sketch = ()  # of a frame of counts: their quantiles
 
     @property
     def kind(self) -> tuple[Size, int, str]:
@@ -129,6 +131,7 @@ def features(
         scale=seen.scale,
         sharpness=seen.sharpness,
         faint=seen.faint is not None,
+        counts=() if image.dtype == np.uint8 else sketch_of(image),
     )
     return {"summary": facts, **parts_of(seen), "thumbnail": found.thumbnail}
 

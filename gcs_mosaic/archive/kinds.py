@@ -13,7 +13,8 @@ from gcs_mosaic.archive.features import SeenFrame, image_of
 from gcs_mosaic.archive.sources import SourceFile
 from gcs_mosaic.archive.tasks import Parts, StageTask, task
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.render.display import Display, display_of
+from gcs_mosaic.render.display import Display, camera_display, display_of
+from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.stitch.camera.dead_border import FRAMES, BorderWatch, DeadBorder
 
 FIRST = 24  # frames of a camera that are looked at: a flight knows a dead border after five
@@ -40,13 +41,31 @@ def kinds_of(engine: Engine, frames: Sequence[SeenFrame], config: Config) -> lis
 
 
 def _displays(engine: Engine, frames: Sequence[SeenFrame], config: Config) -> list[Display]:
-    """How each frame is shown: as the first of its number of bands and depth, whatever its camera, as in a flight."""
+    """How each frame is shown: one of 8 bits as the first of its number of bands, whatever its camera, as in a flight; those of
+    counts in the range of their camera's frames, until more is known of them (`ranges`)."""
     settings = config.reduction, config.frames.max_pixels, config.paint.bands, config.paint.brightness == "auto"
 
     def of(some: Sequence[SeenFrame]) -> StageTask:
         return task(display, _digests(some[:TRIED]), *settings, hints=(_files(some[:TRIED]),))
 
-    return _by_group(engine, "displays", frames, [(one.facts.bands, one.facts.depth) for one in frames], of)
+    plain = [one for one in frames if not one.facts.counts]
+    fixed = iter(_by_group(engine, "displays", plain, [one.facts.bands for one in plain], of))
+    ranges = _ranges(frames, config.paint)
+    return [ranges[one.frame.name] if one.facts.counts else next(fixed) for one in frames]
+
+
+def _ranges(frames: Sequence[SeenFrame], settings: PaintSettings) -> dict[str, Display]:
+    """Of each frame of counts the range of its camera's frames, but for those that show nothing."""
+    cameras: dict[Hashable, list[SeenFrame]] = {}
+    of_counts = [one for one in frames if one.facts.counts]
+    for one, camera in zip(of_counts, by_camera(of_counts, FRAMES), strict=True):
+        cameras.setdefault(camera, []).append(one)
+    found: dict[str, Display] = {}
+    for some in cameras.values():
+        seen = [one.facts.counts for one in some if one.facts.features] or [some[0].facts.counts]
+        shown = camera_display(seen, settings.bands, lighten=settings.brightness == "auto")
+        found |= {one.frame.name: shown for one in some}
+    return found
 
 
 def _borders(

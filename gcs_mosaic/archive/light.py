@@ -57,12 +57,7 @@ def lit(
     settings: PaintSettings,
 ) -> Lit:
     """Gain, vignetting and level of all frames of these chunks of placements."""
-    numbers = {one.frame.name: number for number, one in enumerate(frames)}
-    booked = [
-        BookedFrame(frames[numbers[name]].frame.order, frames[numbers[name]], kinds[numbers[name]], key, place)
-        for key, names in chunks
-        for place, name in enumerate(names)
-    ]
+    booked = booked_frames(frames, kinds, chunks)
     book = engine.listed(booked)
     starts = tuple(int(at) for at in np.cumsum([0, *(len(names) for _, names in chunks)]))
     overlaps = [task(overlaps_of, book, first, stop) for first, stop in pairwise(starts)]
@@ -71,6 +66,18 @@ def lit(
     one = task(looks, keys, settings.exposure, settings.vignetting)
     engine.made("gains", [one])
     return Lit(book, one.key, starts, tuple(booked))
+
+
+def booked_frames(
+    frames: Sequence[SeenFrame], kinds: Sequence[FrameKind], chunks: Sequence[tuple[str, Sequence[str]]]
+) -> list[BookedFrame]:
+    """The placed frames in the order of these chunks."""
+    numbers = {one.frame.name: number for number, one in enumerate(frames)}
+    return [
+        BookedFrame(frames[numbers[name]].frame.order, frames[numbers[name]], kinds[numbers[name]], key, place)
+        for key, names in chunks
+        for place, name in enumerate(names)
+    ]
 
 
 @lru_cache(4)
@@ -132,7 +139,7 @@ def _overlaps(
     linked = placements_of(artefacts, one.placements)[one.place].neighbours
     for other in (known[name] for name in linked if name in known and known[name].order < one.order):
         beside, beside_small = unlit(artefacts, other), _thumbnail(artefacts, other)
-        alike = beside.island == painted.island and beside.display == painted.display
+        alike = beside.island == painted.island and beside.display.kind == painted.display.kind
         if alike and not is_false_colour(beside_small):
             means = overlap_of(painted, small, beside, beside_small)
             if means is not None:

@@ -24,6 +24,7 @@ from gcs_mosaic.archive.packing import Outcome, Reprocessed, beside, move_into_p
 from gcs_mosaic.archive.painting import painted_map
 from gcs_mosaic.archive.pairs import registered
 from gcs_mosaic.archive.progress import Progress
+from gcs_mosaic.archive.ranges import with_ranges
 from gcs_mosaic.archive.relief import with_relief
 from gcs_mosaic.archive.retrieval import pairs_of
 from gcs_mosaic.archive.sights import looked_at
@@ -116,6 +117,7 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, request: Reque
     adjusted = adjusted_islands(engine, found)
     chunks = with_relief(engine, adjusted, config.stitch.adjustment.relief)
     held_out = measured(engine, adjusted, [key for key, _ in chunks], config.stitch.adjustment.relief)
+    kinds = with_ranges(engine, seen, kinds, chunks, config.paint)
     seen = looked_at(engine, seen, kinds, config)
     bright = lit(engine, seen, kinds, chunks, config.paint)
     painted = painted_map(engine, bright, config, request.side)

@@ -46,6 +46,7 @@ class PaperPainter(Kept):
     FIXED = frozenset({"_mosaic", "canvas"})  # the image belongs to the mosaic
 
     has_repaints = False
+    shows_old_range = False
 
     def __init__(self, mosaic: PaperMosaic) -> None:
         self._mosaic = mosaic

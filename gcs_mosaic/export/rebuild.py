@@ -67,8 +67,8 @@ def source_of(flight: Path, island: int) -> RebuildSource:
         raise UsageError(
             f"{flight} is a map of --method paper, which is not painted again from its frames: give --format png."
         )
-    kinds = Counter(one.display for one in painted)
-    of_kind = [one for one in painted if one.display == kinds.most_common(1)[0][0]]
+    kinds = Counter(one.display.kind for one in painted)
+    of_kind = [one for one in painted if one.display.kind == kinds.most_common(1)[0][0]]
     there = [one for one in of_kind if _is_there(flight, frames[one.name])]
     if not there:
         raise UsageError(

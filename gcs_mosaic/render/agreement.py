@@ -2,22 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.exposure import ExposureSettings, Gain, Observation, OverlapMeans, overlap_means, solve_gains
+from gcs_mosaic.render.count_steps import CountsInOverlap, counts_in_overlap
+from gcs_mosaic.render.exposure import (
+    ExposureSettings,
+    Gain,
+    Observation,
+    OverlapMeans,
+    overlap_means,
+    seen_from,
+    solve_gains,
+)
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting
-from gcs_mosaic.stitch.arrays import Levels, Mask, PointsNx2
+from gcs_mosaic.stitch.arrays import Bands, Levels, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
+SATURATED = 65_535  # counts
 Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
 
 
 def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> OverlapMeans | None:
     """Overlap of two frames in their thumbnails (h, w, bands) in grey levels; None if empty."""
+    return overlap_means(small_i, small_j, _mapping(i, small_i, j, small_j))
+
+
+def counts_overlap_of(i: Painted, small_i: Bands, j: Painted, small_j: Bands) -> CountsInOverlap | None:
+    """What two frames have in common in their thumbnails (h, w, bands) of counts; None if next to nothing."""
+    counts_i, counts_j = small_i.astype(np.float32), small_j.astype(np.float32)
+    _, _, seen, shared = seen_from(counts_i, counts_j, _mapping(i, counts_i, j, counts_j))
+    for counts in (counts_i, seen):
+        shared &= ((counts > 0) & (counts < SATURATED)).all(axis=-1)
+    return counts_in_overlap(counts_i[shared], seen[shared].astype(np.float32))
+
+
+def _mapping(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Callable[[PointsNx2], PointsNx2]:
+    """From pixels (n, 2) of a thumbnail to those of another, NaN for nowhere."""
     scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
 
     def j_from_i(pixels: PointsNx2) -> PointsNx2:
@@ -27,7 +50,7 @@ def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Over
         alive &= _is_alive(j, scale_j, there, small_j)
         return np.where(alive[:, None], there, np.nan)
 
-    return overlap_means(small_i, small_j, j_from_i)
+    return j_from_i
 
 
 def _is_alive(painted: Painted, scale: float, pixels: PointsNx2, thumbnail: Levels) -> Mask:
@@ -41,14 +64,14 @@ def agreed_gains(
     frames: Iterable[Painted], overlaps: Sequence[Overlap], curves: Mapping[str, Vignetting], settings: ExposureSettings
 ) -> dict[str, Gain]:
     """The gain of each frame from all overlaps; `curves`: vignetting by name."""
-    kinds: dict[Display, list[Painted]] = {}  # frames of different kinds are not comparable in exposure
+    kinds: dict[tuple[int, bool], list[Painted]] = {}  # frames of different kinds are not comparable in exposure
     for painted in frames:
-        kinds.setdefault(painted.display, []).append(painted)
+        kinds.setdefault(painted.display.kind, []).append(painted)
     gains: dict[str, Gain] = {}
-    for display, alike in kinds.items():
+    for (bands, _), alike in kinds.items():
         names = {painted.name: number for number, painted in enumerate(alike)}
         seen: list[Observation] = [
             (names[i], names[j], means.flattened(curves[i], curves[j])) for i, j, means in overlaps if i in names
         ]
-        gains |= dict(zip(names, solve_gains(len(names), seen, settings, len(display.black)), strict=True))
+        gains |= dict(zip(names, solve_gains(len(names), seen, settings, bands), strict=True))
     return gains

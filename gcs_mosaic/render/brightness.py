@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 
-from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
+from gcs_mosaic.render.agreement import Overlap, agreed_gains, counts_overlap_of, overlap_of
+from gcs_mosaic.render.count_steps import CountsInOverlap, CountStep, step_beside
 from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
-from gcs_mosaic.stitch.arrays import Levels
+from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept
 
 Size = tuple[int, int]  # width, height of frames as painted
 Aircraft = int | None  # None: the only one
 Camera = tuple[Aircraft, Size, int]  # with the number of bands
+CountOverlap = tuple[str, str, CountsInOverlap]  # frame i, frame j, what they have in common
 
 
 class Brightness(Kept):
@@ -32,17 +34,32 @@ class Brightness(Kept):
         self._exposure = exposure
         self._no_estimate = VignettingEstimate(vignetting)
         self._dead_of = dead_of
-        self._thumbnails: dict[str, Levels] = {}
+        self._thumbnails: dict[str, Bands] = {}  # as they came
         self._false_colour: set[str] = set()  # a palette that follows each frame's own range carries no exposure
         self._overlaps: list[Overlap] = []
+        self.counts: list[CountOverlap] = []  # of frames of counts, each pair of one camera
         self._estimates: dict[Camera, VignettingEstimate] = {}
         self._carriers: dict[str, Aircraft] = {}  # of each frame's camera
 
-    def settled(self, new: Painted, thumbnail: Levels, beside: Iterable[Painted], aircraft: Aircraft = None) -> Painted:
+    def step_of(
+        self, new: Painted, thumbnail: Bands, beside: Iterable[tuple[Painted, CountStep]], aircraft: Aircraft = None
+    ) -> CountStep:
+        """How the counts of a new frame compare to those of frames `beside` it with known steps; kept for the end."""
+        camera = aircraft, size_of(new), thumbnail.shape[2]
+        found: list[tuple[CountsInOverlap, CountStep]] = []
+        for painted, step in beside:
+            if painted.island == new.island and self.camera_of(painted) == camera:
+                counts = counts_overlap_of(new, thumbnail, painted, self._thumbnails[painted.name])
+                if counts is not None:
+                    self.counts.append((new.name, painted.name, counts))
+                    found.append((counts, step))
+        return step_beside(found, thumbnail.shape[2])
+
+    def settled(self, new: Painted, thumbnail: Bands, beside: Iterable[Painted], aircraft: Aircraft = None) -> Painted:
         """A frame with gain and vignetting that match painted frames beside it; used as a reference from now on. Another
         `aircraft` has another lens."""
         self._thumbnails[new.name], self._carriers[new.name] = thumbnail, aircraft
-        if is_false_colour(thumbnail):
+        if is_false_colour(new.display.levels(thumbnail)):
             self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
         curves = self.curves_of(new)
@@ -50,7 +67,7 @@ class Brightness(Kept):
         return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
 
     def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
-        """Recompute overlaps of these frames, whose dead borders have changed.
+        """Recompute overlaps of these frames, whose dead borders or displays have changed.
 
         After a merge two frames may be painted on different islands for a while: their overlap is kept.
         """
@@ -80,7 +97,7 @@ class Brightness(Kept):
         both."""
         found: list[tuple[OverlapMeans, Painted]] = []
         for painted in beside:
-            if painted.island == new.island and painted.display == new.display:
+            if painted.island == new.island and painted.display.kind == new.display.kind:
                 means = self._overlap(new, painted)
                 if means is not None:
                     self._overlaps.append((new.name, painted.name, means.without_sums()))
@@ -95,7 +112,8 @@ class Brightness(Kept):
         if not self._false_colour.isdisjoint((one.name, other.name)):
             return None
         i, j = (replace(painted, dead=self._dead_of(self.camera_of(painted))) for painted in (one, other))
-        return overlap_of(i, self._thumbnails[i.name], j, self._thumbnails[j.name])
+        small_i, small_j = (painted.display.levels(self._thumbnails[painted.name]) for painted in (i, j))
+        return overlap_of(i, small_i, j, small_j)
 
 
 def size_of(painted: Painted) -> Size:

@@ -1,7 +1,7 @@
 """How the bands of a frame are displayed: band selection, stretch to 8 bit, and brightening of dark flights.
 
-All are fixed when the first frame of a kind (number of bands, depth) is painted, and are inputs of every tile: a map whose
-brightness followed every new frame could not be painted incrementally.
+All are inputs of every tile. Of 8-bit frames they are fixed by the first of a kind; the range of counts is that of a camera's
+frames, see `counts_range`, and each frame says how its own counts compare to it.
 """
 
 from __future__ import annotations
@@ -13,12 +13,9 @@ from functools import cache
 import cv2
 import numpy as np
 
+from gcs_mosaic.render.counts_range import BRIGHT, HEADROOM, Counts, Knot, Sketch, fitted_range, sample_of, sketch_of
 from gcs_mosaic.stitch.arrays import Band, Bands, FloatImage, ImageBGR, ImageGrey, Levels, LookupTable
 
-SAMPLE = 200_000  # maximum number of pixels sampled for a stretch
-DARK, BRIGHT = 0.005, 0.995  # quantiles; beyond them are dead pixels, glints and fires
-HEADROOM = 0.25  # of the range between them, reserved for later frames: aerial frames are similar to each other
-LEAST_RANGE = 16  # counts; less is sensor noise
 MIDDLE = 100.0  # grey levels; a frame with a lower median is dark, and its median is mapped to this
 # Beyond these limits noise would show: 8 bits have no more precision in the dark.
 MOST_FACTOR, LEAST_GAMMA = 6.0, 0.4
@@ -27,19 +24,34 @@ MOST_FACTOR, LEAST_GAMMA = 6.0, 0.4
 @dataclass(frozen=True, slots=True)
 class Display:
     """Parameters of a display. `shown`: the bands displayed as blue, green and red, counted from 0, one band three times for
-    grey; `black`, `white`: for each band of the frame (displayed or not), the counts mapped to 0 and 255; finally a level from
-    0 to 1 is multiplied by `factor` and raised to the power of `gamma`, for display only."""
+    grey; `black`, `white`: for each band of the frame (displayed or not), the counts mapped to 0 and 255, and `knots`: further
+    (count, level) between them, linear between these; finally a level from 0 to 1 is multiplied by `factor` and raised to the
+    power of `gamma`, for display only. These counts are those of the camera at its usual gain; a frame's own become these if
+    they are multiplied by `scale` and added to `offset`, by band. Empty: as they are, and no knots."""
 
     shown: tuple[int, int, int] = (0, 1, 2)
     black: tuple[int, ...] = (0, 0, 0)
     white: tuple[int, ...] = (255, 255, 255)
     factor: float = 1.0
     gamma: float = 1.0
+    knots: tuple[tuple[Knot, ...], ...] = ()
+    scale: tuple[float, ...] = ()
+    offset: tuple[float, ...] = ()
 
     @property
     def is_plain(self) -> bool:
         """Whether frames are 8-bit colour images that need no stretch."""
         return (self.shown, self.black, self.white) == (PLAIN.shown, PLAIN.black, PLAIN.white)
+
+    @property
+    def of_camera(self) -> Display:
+        """That of the camera's frames at its usual gain."""
+        return replace(self, scale=(), offset=())
+
+    @property
+    def kind(self) -> tuple[int, bool]:
+        """Number of bands, and whether they have 8 bits: what frames of one kind have in common."""
+        return len(self.black), not any(self.black) and set(self.white) == {255}
 
     def fits(self, image: Bands) -> bool:
         """Whether the image (h, w, bands) has the expected number of bands."""
@@ -53,15 +65,16 @@ class Display:
         return np.asarray(cv2.merge([chosen[band] for band in self.shown]), dtype=np.uint8)
 
     def gained(self, image: Bands, gain: tuple[float, ...]) -> Bands:
-        """All bands (h, w, bands) with their gains applied above black, at their own depth."""
+        """All bands (h, w, bands) as counts at the camera's usual gain, their gains applied above black, at their own depth."""
         most = np.iinfo(image.dtype).max
-        counts = np.arange(most + 1, dtype=np.float64)
-        tables = [np.clip(np.rint(b + g * (counts - b)), 0, most) for b, g in zip(self.black, gain, strict=True)]
+        every = np.arange(most + 1, dtype=np.float64)
+        counts = [self._usual(every, band) for band in range(len(self.black))]
+        tables = [np.clip(np.rint(b + g * (c - b)), 0, most) for b, g, c in zip(self.black, gain, counts, strict=True)]
         bands = [table.astype(image.dtype)[image[..., band]] for band, table in enumerate(tables)]
         return np.stack(bands, axis=-1)
 
     def times(self, image: Bands, factor: FloatImage) -> Bands:
-        """All bands (h, w, bands) with a factor (h, w, bands) applied above black, at their own depth."""
+        """What `gained` gives (h, w, bands), with a factor (h, w, bands) applied above black, at its own depth."""
         black = np.array(self.black, np.float32)
         counts = black + (image - black) * factor
         return np.clip(np.rint(counts), 0, np.iinfo(image.dtype).max).astype(image.dtype)
@@ -75,8 +88,8 @@ class Display:
         """All bands (h, w, bands) in grey levels, neither rounded nor clipped: 0 is black, 255 white."""
         if self.is_plain and image.dtype == np.uint8:
             return image
-        black, white = np.array(self.black, np.float32), np.array(self.white, np.float32)
-        return np.asarray((image.astype(np.float32) - black) * (255 / (white - black)), dtype=np.float32)
+        bands = [self._levels_of(image[..., band].astype(np.float32), band) for band in range(len(self.black))]
+        return np.stack(bands, axis=-1).astype(np.float32)
 
     def lightened(self, picture: ImageBGR) -> ImageBGR:
         """An image (h, w, 3) with the final brightening."""
@@ -87,9 +100,23 @@ class Display:
     def _level(self, band: Band, number: int) -> ImageGrey:
         if (self.black[number], self.white[number]) == (0, 255) and band.dtype == np.uint8:
             return band
-        counts = np.arange(np.iinfo(band.dtype).max + 1, dtype=np.float64)
-        scaled = (counts - self.black[number]) * (255 / (self.white[number] - self.black[number]))
-        return np.asarray(np.clip(np.rint(scaled), 0, 255).astype(np.uint8)[band])
+        levels = self._levels_of(np.arange(np.iinfo(band.dtype).max + 1, dtype=np.float64), number)
+        return np.asarray(np.clip(np.rint(levels), 0, 255).astype(np.uint8)[band])
+
+    def _usual(self, counts: Counts, band: int) -> Counts:
+        """A frame's counts as those of the camera at its usual gain."""
+        return counts * self.scale[band] + self.offset[band] if self.scale else counts
+
+    def _levels_of(self, counts: Counts, band: int) -> Counts:
+        black, white = self.black[band], self.white[band]
+        usual = self._usual(counts, band)
+        if not self.knots or not self.knots[band]:
+            return np.asarray((usual - black) * (255 / (white - black)))
+        at, levels = zip((black, 0.0), *self.knots[band], (white, 255.0), strict=True)
+        inside = np.interp(usual, at, levels)
+        below = (usual - black).clip(max=0) * (levels[1] / (at[1] - black))
+        above = (usual - white).clip(min=0) * ((255 - levels[-2]) / (white - at[-2]))
+        return np.asarray(inside + below + above)
 
 
 PLAIN = Display()  # of an 8-bit colour image, displayed as it is
@@ -101,18 +128,29 @@ def _table(factor: float, gamma: float) -> LookupTable:
 
 
 def display_of(image: Bands, chosen: Sequence[int] = (), *, lighten: bool = False) -> Display:
-    """The display of frames of this one's kind. 8-bit images are not stretched. Three bands are a colour image and keep their
-    balance. Of others the `chosen` bands are displayed: one, or three as red, green and blue, counted from 1. Without it, or if
-    the frame has no such bands: the first three as blue, green and red (multispectral cameras order them by wavelength), with
-    one or two bands the first. `lighten`: if this frame is dark, its median is mapped to a middle grey; nothing is darkened."""
-    count = image.shape[2]
-    stretches = [_stretch(image[..., band]) for band in range(count)]
-    black, white = [b for b, _ in stretches], [w for _, w in stretches]
-    if count == 3:
-        black, white = [min(black)] * 3, [max(white)] * 3
-    display = Display(_shown(count, chosen), tuple(black), tuple(white))
+    """The display of frames of this one's kind. Three bands are a colour image and keep their balance. Of others the `chosen`
+    bands are displayed: one, or three as red, green and blue, counted from 1. Without it, or if the frame has no such bands: the
+    first three as blue, green and red (multispectral cameras order them by wavelength), with one or two bands the first.
+
+    8-bit images are not stretched; the range of others is that of this one alone.
+    `lighten`: if this frame is dark, its median is mapped to a middle grey; nothing is darkened."""
+    black, white, knots = fitted_range([] if image.dtype == np.uint8 else [sketch_of(image)], image.shape[2])
+    display = Display(_shown(image.shape[2], chosen), black, white, knots=knots)
     if lighten:
-        factor, gamma = _light(display.picture(_sample(image)))
+        factor, gamma = _light(display.picture(sample_of(image)))
+        display = replace(display, factor=factor, gamma=gamma)
+    return display
+
+
+def camera_display(sketches: Sequence[Sketch], chosen: Sequence[int] = (), *, lighten: bool = False) -> Display:
+    """As `display_of`, of all frames of a camera of counts by their sketches, at its usual gain."""
+    count = len(sketches[0])
+    black, white, knots = fitted_range(sketches, count)
+    display = Display(_shown(count, chosen), black, white, knots=knots)
+    if lighten:
+        seen = np.moveaxis(np.array(sketches), 1, 2)  # (frames, shares, bands)
+        picture = np.clip(display.levels(seen)[..., display.shown], 0, 255)
+        factor, gamma = _light(np.rint(picture).astype(np.uint8))
         display = replace(display, factor=factor, gamma=gamma)
     return display
 
@@ -129,11 +167,6 @@ def _light(picture: ImageBGR) -> tuple[float, float]:
     return factor, round(float(np.clip(gamma, LEAST_GAMMA, 1)), 3)
 
 
-def _sample(image: Bands) -> Bands:
-    step = max(1, int(np.sqrt(image.shape[0] * image.shape[1] / SAMPLE)))
-    return np.ascontiguousarray(image[::step, ::step])
-
-
 def _shown(count: int, chosen: Sequence[int]) -> tuple[int, int, int]:
     there = count != 3 and all(1 <= band <= count for band in chosen)
     if there and len(chosen) == 3:
@@ -142,14 +175,3 @@ def _shown(count: int, chosen: Sequence[int]) -> tuple[int, int, int]:
     if there and len(chosen) == 1:
         return (chosen[0] - 1,) * 3
     return (0, 1, 2) if count >= 3 else (0, 0, 0)
-
-
-def _stretch(band: Band) -> tuple[int, int]:
-    """Black and white of one band. Black is the sensor's zero unless the counts are far above it, as from thermal cameras: then
-    most of the range would be unused."""
-    if band.dtype == np.uint8:
-        return 0, 255
-    dark, bright = np.quantile(_sample(band), (DARK, BRIGHT)).tolist()
-    room = HEADROOM * max(bright - dark, LEAST_RANGE)
-    black = 0 if dark < 2 * (bright - dark) else max(0, round(dark - room))
-    return black, max(round(bright + room), black + LEAST_RANGE)

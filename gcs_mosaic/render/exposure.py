@@ -18,7 +18,7 @@ from scipy.sparse.linalg import spsolve
 
 from gcs_mosaic.render.vignetting import NO_SUMS, RadialSums, Vignetting, log_brightness, radial_sums, radii
 from gcs_mosaic.render.warp import warped
-from gcs_mosaic.stitch.arrays import ImageBGR, Levels, Mask, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, Levels, Mask, PointsNx2, Vector
 
 Gain = tuple[float, ...]  # one per band
 
@@ -77,11 +77,8 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx
     if small_i.shape[2] != small_j.shape[2]:
         return None
     height, width = small_i.shape[:2]
-    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
-    there = np.nan_to_num(j_from_i(grid.reshape(-1, 2)).reshape(height, width, 2), nan=-1e4).astype(np.float32)
-    limits = np.array([small_j.shape[1], small_j.shape[0]]) - 1
-    seen_from_i = warped(small_j, there, cv2.INTER_LINEAR)
-    usable = ((there >= 0) & (there <= limits)).all(axis=-1) & _unclipped(small_i) & _unclipped(seen_from_i)
+    grid, there, seen_from_i, usable = seen_from(small_i, small_j, j_from_i)
+    usable &= _unclipped(small_i) & _unclipped(seen_from_i)
     if not usable.any():
         return None
     log_ratio = np.log(small_i[usable] / seen_from_i[usable])
@@ -91,6 +88,19 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx
     )
     sums = radial_sums(at_i, at_j, log_ratio)
     return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()), sums)
+
+
+def seen_from(
+    small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx2], PointsNx2]
+) -> tuple[PointsNx2, FloatImage, Levels, Mask]:
+    """Of each pixel of thumbnail i (h, w, ...): where it is, where that is in thumbnail j, what j shows there, and whether it
+    does."""
+    height, width = small_i.shape[:2]
+    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
+    there = np.nan_to_num(j_from_i(grid.reshape(-1, 2)).reshape(height, width, 2), nan=-1e4).astype(np.float32)
+    limits = np.array([small_j.shape[1], small_j.shape[0]]) - 1
+    inside = np.asarray(((there >= 0) & (there <= limits)).all(axis=-1))
+    return grid, there, warped(small_j, there, cv2.INTER_LINEAR), inside
 
 
 def solve_gains(

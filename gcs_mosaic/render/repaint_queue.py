@@ -10,10 +10,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gcs_mosaic.render.brightness import Aircraft, Brightness, Camera
+from gcs_mosaic.render.camera_ranges import CameraRanges
 from gcs_mosaic.render.canvas import BLOCK, Canvas, CanvasSettings
 from gcs_mosaic.render.displacement import displacement
-from gcs_mosaic.render.display import Display, display_of
+from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.levels import PaintingLevels
 from gcs_mosaic.render.painted import Painted, TileKey, brightness_apart
@@ -95,14 +98,14 @@ class Painter(Kept):
         self._load_image = load_image
         self.canvas = Canvas(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
         self._painted: dict[str, Painted] = {}
-        # By number of bands and depth, from the first frame of each kind.
-        self._displays: dict[tuple[int, str], Display] = {}
+        self._ranges = CameraRanges(settings.bands, lighten=settings.brightness == "auto")
+        self._refitted = False  # whether parts of the map may still show a range that was fitted anew since
         self._levels = PaintingLevels()
         self._borders: dict[Camera, BorderWatch] = {}
         self._overlays: dict[Camera, StillMask] = {}
         self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
         self._changed: dict[str, float] = {}  # frames the canvas is to be told of, with their urgency
-        self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border or overlay
+        self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border, overlay or display
         self._unchecked: dict[str, Placement] = {}  # present placements of frames that may have moved
         # Frames displaced too far, with their displacement in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
@@ -126,6 +129,11 @@ class Painter(Kept):
         """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance."""
         return bool(self._unchecked or self._stale or self._rimmed or self._changed) or self.canvas.behind > 0
 
+    @property
+    def shows_old_range(self) -> bool:
+        """Whether parts of the map are still shown in a range of counts that was fitted anew since."""
+        return self._refitted and self.has_repaints
+
     def is_painted(self, name: str) -> bool:
         return name in self._painted
 
@@ -136,14 +144,15 @@ class Painter(Kept):
 
     def begin_look(self, name: str, image: Bands, aircraft: Aircraft = None) -> None:
         """Begin to analyse a frame's image while it is being placed."""
-        display = self._displays.get(_kind_of(image))
+        camera = _camera_of(image, aircraft)
+        display = self._ranges.known(image, camera)
         if self._live and display is not None:
-            self.canvas.begin_look(name, image, display, self._dead_of(_camera_of(image, aircraft)))
+            self.canvas.begin_look(name, image, display, self._dead_of(camera))
 
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that changed."""
-        display = self._display_of(image)
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
+        whose = _camera_of(image, placement.aircraft)
         new = Painted(
             name=placement.name,
             order=order,
@@ -151,13 +160,15 @@ class Painter(Kept):
             pose=pose,
             camera=camera,
             relief=placement.relief,
-            display=display,
-            dead=self._watch_border(image, display, placement.aircraft),
-            still=self._watch_overlay(_camera_of(image, placement.aircraft), placement.still),
+            dead=self._dead_of(whose),
+            still=self._watch_overlay(whose, placement.still),
             level=0,  # until its level is chosen
         )
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
-        bright = self._brightness.settled(new, display.levels(thumbnail), beside, placement.aircraft)
+        new = replace(new, display=self._display_of(new, image, thumbnail, beside, whose))
+        new = replace(new, dead=self._watch_border(image, new.display.of_camera, whose))
+        beside = [replace(one, display=self._ranges.of(one)) for one in beside]
+        bright = self._brightness.settled(new, thumbnail, beside, placement.aircraft)
         painted = self._levels.settled(bright)
         self._note(painted)
         if self._live:
@@ -197,6 +208,7 @@ class Painter(Kept):
         if self._stale:
             most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
             return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
+        self._refitted = self.shows_old_range
         return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
 
     def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
@@ -211,6 +223,7 @@ class Painter(Kept):
             yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
         while self.canvas.behind:
             yield [self._tiles_step(BLOCK)]
+        self._refitted = False
 
     def close(self) -> None:
         self.canvas.close()
@@ -237,7 +250,8 @@ class Painter(Kept):
         del self._rimmed[name]
         painted = self._painted[name]
         camera = self._brightness.camera_of(painted)
-        self._change(replace(painted, dead=self._dead_of(camera), still=self._overlays.get(camera)))
+        hidden, display = (self._dead_of(camera), self._overlays.get(camera)), self._ranges.of(painted)
+        self._change(replace(painted, dead=hidden[0], still=hidden[1], display=display))
         self._carry_over(name)
 
     def _move_stale(self, name: str) -> None:
@@ -247,15 +261,28 @@ class Painter(Kept):
 
     def _take_final_looks(self) -> set[TileKey]:
         self._forget_moves()
-        looks = self._brightness.final(self._painted)
-        for painted in list(self._painted.values()):
+        present = dict(self._painted)
+        relit = self._final_displays()
+        self._brightness.compare_again(present | relit, relit)
+        looks = self._brightness.final(present | relit)
+        for painted in present.values():
             gain, vignetting = looks[painted.name]
             camera = self._brightness.camera_of(painted)
             hidden = self._dead_of(camera), self._overlays.get(camera)
-            final = replace(painted, gain=gain, vignetting=vignetting, dead=hidden[0], still=hidden[1])
-            if hidden != (painted.dead, painted.still) or brightness_apart(final, painted) > self._settings.final_gain:
+            shown = relit.get(painted.name, painted)
+            final = replace(shown, gain=gain, vignetting=vignetting, dead=hidden[0], still=hidden[1])
+            is_new = painted.name in relit or hidden != (painted.dead, painted.still)
+            if is_new or brightness_apart(final, painted) > self._settings.final_gain:
                 self._change(final)
         return set()
+
+    def _final_displays(self) -> dict[str, Painted]:
+        """Frames whose display changes at the end, with their final one."""
+        displays: dict[str, Display] = {}
+        for camera in self._ranges.cameras:
+            displays |= self._ranges.settle(camera, self._brightness.counts, self._painted)
+        changed = {name: one for name, one in displays.items() if one != self._painted[name].display}
+        return {name: replace(self._painted[name], display=display) for name, display in changed.items()}
 
     def _forget_moves(self) -> None:
         self._unchecked.clear()
@@ -294,19 +321,26 @@ class Painter(Kept):
         self._record(painted)
         self._painted[painted.name] = painted
 
-    def _display_of(self, image: Bands) -> Display:
-        kind = _kind_of(image)
-        if kind not in self._displays:
-            self._displays[kind] = display_of(image, self._settings.bands, lighten=self._settings.brightness == "auto")
-        return self._displays[kind]
+    def _display_of(
+        self, new: Painted, image: Bands, thumbnail: Bands, beside: Iterable[Painted], camera: Camera
+    ) -> Display:
+        """How a new frame is displayed. If it changes the range of its camera, its other frames are updated when idle."""
+        if image.dtype == np.uint8:
+            return self._ranges.fixed(image)
+        of_counts = [(one, self._ranges.step(one.name)) for one in beside if self._ranges.has(one.name)]
+        step = self._brightness.step_of(new, thumbnail, of_counts, camera[0])
+        if self._ranges.take(new.name, new.dead.filled(image), camera, step):
+            self._rimmed |= {name: None for name in self._ranges.frames_of(camera) if name in self._painted}
+            self._borders[camera] = self._borders.get(camera, BorderWatch()).anew()
+            self._refitted = True
+        return self._ranges.of(new)
 
     def _dead_of(self, camera: Camera) -> DeadBorder:
         watch = self._borders.get(camera)
         return NO_BORDER if watch is None else watch.border
 
-    def _watch_border(self, image: Bands, display: Display, aircraft: Aircraft) -> DeadBorder:
+    def _watch_border(self, image: Bands, display: Display, camera: Camera) -> DeadBorder:
         """Dead border of this camera's frames, for which this one is evidence too; painted frames are updated when idle."""
-        camera = _camera_of(image, aircraft)
         before = self._dead_of(camera)
         self._borders[camera] = self._borders.get(camera, BorderWatch()).after(image, display.levels)
         if self._dead_of(camera) != before:
@@ -329,8 +363,3 @@ class Painter(Kept):
 def _camera_of(image: Bands, aircraft: Aircraft) -> Camera:
     height, width, bands = image.shape
     return aircraft, (width, height), bands
-
-
-def _kind_of(image: Bands) -> tuple[int, str]:
-    """Number of bands and depth."""
-    return image.shape[2], str(image.dtype)

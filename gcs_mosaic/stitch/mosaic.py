@@ -40,6 +40,8 @@ from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLookSettings
 from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Kept, transaction
 
+NOTHING = ", it is flat or noise alone, as of a closed shutter or a covered lens"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StitchSettings:
@@ -117,7 +119,8 @@ class Mosaic(Kept):
             self._graph.turn_to(self._graph.order + 1 if order is None else order, aircraft)
             features = self._still.without(features, self.settings.features, aircraft)
             if len(features) < self.settings.plausibility.least_features:
-                return Rejection(name, f"too little to see: {len(features)} features")
+                why = NOTHING if features.shows_nothing else ""
+                return Rejection(name, f"too little to see: {len(features)} features{why}")
             compared = self._covering.look(name, features)
             if isinstance(compared, Covered):
                 self._covered.append(compared)

@@ -239,6 +239,13 @@ class Ledger(LedgerFile):
         )
         return [(row["id"], frame_record_of(row), nine_numbers(row["keyframe_from_frame"])) for row in rows]
 
+    def keyframe_of(self, number: int) -> int | None:
+        """The number of the frame that covers this one, if it is covered."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'covered'"):
+            return None
+        rows = self.rows("SELECT keyframe FROM covered WHERE frame = ?", number)
+        return int(rows[0]["keyframe"]) if rows else None
+
     def newest_on_map(self) -> str | None:
         """The most recently arrived frame that has a place."""
         rows = self.rows("SELECT name FROM frames WHERE state IN ('placed', 'covered') ORDER BY id DESC LIMIT 1")

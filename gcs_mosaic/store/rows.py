@@ -223,7 +223,9 @@ def display_of(row: sqlite3.Row) -> Display:
         return PLAIN
     blue, green, red = (values := json.loads(row["display"]))["shown"]
     light = values.get("factor", 1.0), values.get("gamma", 1.0)
-    return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]), *light)
+    knots = tuple(tuple((at, level) for at, level in band) for band in values.get("knots", ()))
+    step = tuple(values.get("scale", ())), tuple(values.get("offset", ()))
+    return Display((blue, green, red), tuple(values["black"]), tuple(values["white"]), *light, knots, *step)
 
 
 def homography_row(homography: Homography | None) -> bytes | None:

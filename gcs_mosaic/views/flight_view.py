@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.tile_grid import Box
 from gcs_mosaic.stitch.arrays import Array, PointsNx2
@@ -87,6 +88,15 @@ class FlightView:
     def painted(self, number: int) -> Painted | None:
         """How a frame is painted, with relief; None if it is not."""
         return self._painted(number, self.table().revision)
+
+    def display(self, number: int) -> Display | None:
+        """How a painted frame's bands are displayed; a covered one's as its keyframe's. None if neither is painted."""
+        painted = self.painted(number)
+        if painted is None:
+            with self._ledger() as ledger:
+                keyframe = ledger.keyframe_of(number)
+            painted = None if keyframe is None else self.painted(keyframe)
+        return None if painted is None else painted.display
 
     def flight(self) -> FlightRecord | None:
         """What the ledger says of the flight. Raises UsageError."""

@@ -21,7 +21,7 @@ class PictureTiles:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: tuple[str, ImageBGR] | None = None  # content hash
+        self._kept: tuple[str, ImageBGR] | None = None  # see `Original.shown_as`
         self._asked = 0.0
 
     def piece(self, view: FlightView, number: int, column: int, row: int) -> bytes:
@@ -44,12 +44,12 @@ class PictureTiles:
                 self._kept = None
 
     def _picture(self, view: FlightView, number: int) -> ImageBGR:
-        content_hash = original(view, number).content_hash
+        shown_as = original(view, number).shown_as
         with self._lock:  # others wait: two decoded at a time would be twice the memory
             self._asked = time.monotonic()
-            if self._kept is None or self._kept[0] != content_hash:
+            if self._kept is None or self._kept[0] != shown_as:
                 self._kept = None
-                self._kept = content_hash, displayed(view, number, 1)
+                self._kept = shown_as, displayed(view, number, 1)
             return self._kept[1]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.render.display import PLAIN
+from gcs_mosaic.render.display import PLAIN, Display
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -31,12 +32,19 @@ class Original:
     name: str
     media_type: str | None  # None: of a kind that browsers do not show
     content_hash: str
+    display: Display | None  # None: it was never painted
+
+    @property
+    def shown_as(self) -> str:
+        """What tells one picture of it from another: a camera's range of counts may be fitted again."""
+        look = "" if self.display in (None, PLAIN) else f"-{zlib.crc32(repr(self.display).encode()):08x}"
+        return self.content_hash + look
 
 
 def original(view: FlightView, number: int) -> Original:
     """A frame's original. Raises NoPicture."""
     try:
-        frame = view.frame(number)
+        frame, display = view.frame(number), view.display(number)
     except UsageError as error:
         raise NoPicture("There is no flight here yet.") from error
     if frame is None:
@@ -49,7 +57,7 @@ def original(view: FlightView, number: int) -> Original:
     with path.open("rb") as file:
         head = file.read(8)
     kinds = [kind for magic, kind in _AS_THEY_ARE.items() if head.startswith(magic)]
-    return Original(path, frame.name, kinds[0] if kinds else None, frame.content_hash)
+    return Original(path, frame.name, kinds[0] if kinds else None, frame.content_hash, display)
 
 
 def picture(view: FlightView, number: int, reduction: int) -> tuple[bytes, str]:
@@ -71,14 +79,12 @@ def displayed(view: FlightView, number: int, reduction: int) -> ImageBGR:
     image = load_image(source.path, reduction=reduction)
     if isinstance(image, Unreadable):
         raise NoPicture(f"{source.name} cannot be shown: {image.reason}.")
-    painted = view.painted(number)
-    display = PLAIN if painted is None else painted.display
+    display = source.display or PLAIN
     if not display.fits(image):
         raise NoPicture(f"{source.name} was never painted, so how its bands are to be shown is not known.")
     return np.ascontiguousarray(display.lightened(display.picture(image)))
 
 
-def is_shown_as_it_is(view: FlightView, number: int, source: Original) -> bool:
+def is_shown_as_it_is(source: Original) -> bool:
     """Whether a browser shows the file itself as the map shows it."""
-    painted = view.painted(number)
-    return source.media_type is not None and (painted is None or painted.display == PLAIN)
+    return source.media_type is not None and source.display in (None, PLAIN)

@@ -157,3 +157,14 @@ def test_the_worst_comes_first_and_the_disk_lasts_as_long_as_its_trouble() -> No
     assert [one.level for one in found] == ["error", "warning"]
     conditions.disk = None
     assert conditions.so_now(FLYING) == ()
+
+
+def test_an_old_range_of_counts_is_told_until_all_is_painted_anew() -> None:
+    conditions = Conditions()
+    conditions.old_range = True
+    (found,) = conditions.so_now(FLYING)
+    assert (found.key, found.level) == ("range", "warning")
+    assert "painted anew" in found.text
+    conditions.old_range = False
+    assert conditions.so_now(FLYING) == ()
+    assert len(conditions.fresh()) == 2

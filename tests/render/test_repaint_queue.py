@@ -120,13 +120,13 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
         list(painter.repaint_all(there))
     last = {painted.name: painted for painted in recorded}
     assert [len(last[name].gain) for name in names] == [3, 1, 3, 1, 3, 1]
-    assert len({last[name].display for name in names}) == 2
+    assert len({last[name].display.of_camera for name in names}) == 2
     for darker, brighter in (("0", "4"), ("1", "5")):
         before, after = [], []
         for name in (darker, brighter):
             display = last[name].display
-            before.append(display.levels(seen(name)).mean())
-            after.append(display.levels(display.gained(seen(name), last[name].gain)).mean())
+            before.append(display.of_camera.levels(seen(name)).mean())
+            after.append(display.of_camera.levels(display.gained(seen(name), last[name].gain)).mean())
         assert before[1] / before[0] > 1.4
         assert after[1] / after[0] == pytest.approx(1, abs=0.05)
 

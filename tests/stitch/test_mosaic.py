@@ -94,7 +94,8 @@ def test_one_thing_that_looks_alike_founds_no_island(ground: Image, other_ground
 @pytest.mark.parametrize("grey", [0, 128, 255])
 def test_an_empty_picture_is_rejected_with_a_reason(grey: int) -> None:
     outcome = Mosaic().add(np.full((360, 480, 3), grey, np.uint8), "empty")
-    assert outcome == Rejection("empty", "too little to see: 0 features")
+    assert isinstance(outcome, Rejection)
+    assert outcome.reason.startswith("too little to see: 0 features, it is flat or noise alone")
 
 
 def test_a_frame_of_another_size_is_another_camera(ground: Image) -> None:

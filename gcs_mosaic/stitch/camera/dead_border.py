@@ -177,6 +177,11 @@ class BorderWatch:
         )
         return BorderWatch((left, top, right, bottom))
 
+    def anew(self) -> BorderWatch:
+        """When frames have other levels from now on: sides known to be dead stay so, the others are watched from the start."""
+        left, top, right, bottom = (_Side(side.dead, settled=True) if side.dead else _Side() for side in self._sides)
+        return BorderWatch((left, top, right, bottom))
+
 
 def _lines_along(image: Bands, side: int, levels: Callable[[Bands], AnyImage]) -> Lines:
     """Lines along one side (left, top, right or bottom), from the border inwards, as means of the bands' levels."""

@@ -39,6 +39,7 @@ from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, Unusa
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 from gcs_mosaic.stitch.features.still import masked
+from gcs_mosaic.stitch.features.structure import shows_nothing
 from gcs_mosaic.stitch.features.texture import texture
 
 logger = logging.getLogger(__name__)
@@ -87,6 +88,7 @@ class Features:
     kept_texture: Texture | Shelved | None = None
     still: StillMask | None = None
     learned: Features | None = None  # of a model, if one is given: where these propose nothing
+    shows_nothing: bool = False  # see `structure`; then there are none
 
     def __len__(self) -> int:
         return self.kept_points.shape[0]
@@ -132,14 +134,15 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     An image with enough features is used as it is. One with fewer SIFT features than `faint_below`, or with fewer than `count`
     and mostly noise, is faint: features of its contrast-equalised version are added, so that it matches both faint frames and
     slightly less faint ones. (The other detectors' thresholds do not measure contrast, and their descriptors do not tolerate
-    the change.)
+    the change.) One that shows nothing, see `structure`, has none.
     """
     height, width = image.shape[0] * reduction, image.shape[1] * reduction
     counts = _reduced(image, settings.megapixels, settings.band)
-    small = _grey(counts, image)
+    small, mean = _grey(counts, image), _mean_of(counts)
+    if shows_nothing(mean, image):
+        return replace(_no_features(settings, width, height, width / small.shape[1]), shows_nothing=True)
     found = detect(small, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, width, height, width / small.shape[1])
-    mean = _mean_of(counts)
     features = replace(features, sharpness=sharpness(image), kept_texture=texture(mean))
     least = settings.count if is_noise(small) else min(settings.faint_below, settings.count)
     if settings.kind != "sift" or len(features) >= least:
@@ -148,6 +151,11 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
     both = joined(features, faint_features(faint, features, settings))
     both = replace(both, kept_faint=faint, ordinary=len(features), is_faint=True)
     return _with_learned(both, equalised(faint, FINE_BLUR), HALF, settings)
+
+
+def _no_features(settings: FeatureSettings, width: int, height: int, scale: float) -> Features:
+    nothing = detect(np.zeros((HALF, HALF), np.uint8), settings.kind, settings.count, settings.contrast)
+    return _features(nothing, settings, width, height, scale)
 
 
 def _with_learned(frame: Features, picture: ImageGrey, reduced: int, settings: FeatureSettings) -> Features:

@@ -45,10 +45,10 @@ async def shown(request: web.Request) -> web.StreamResponse:
         raise bad(f"reduction= is to be one of {', '.join(map(str, REDUCTIONS))}.")
     view, frame, reduction = request.app[VIEW], int(request.match_info["frame"]), int(wanted)
     source = await _source(request)
-    etag = f"{source.content_hash}-{reduction}"
+    etag = f"{source.shown_as}-{reduction}"
     if any(known.value == etag for known in request.if_none_match or ()):
         return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    if reduction == 1 and await in_thread(request, is_shown_as_it_is, view, frame, source):
+    if reduction == 1 and is_shown_as_it_is(source):
         return web.FileResponse(
             source.path, CHUNK, headers={"Content-Type": source.media_type or "", "ETag": f'"{etag}"'}
         )
@@ -63,7 +63,7 @@ async def piece(request: web.Request) -> web.StreamResponse:
     """GET: 512 x 512 px of a frame as it is shown, at full resolution; for large ones."""
     frame, column, row = (int(request.match_info[name]) for name in ("frame", "column", "row"))
     source = await _source(request)
-    etag = f"{source.content_hash}-{column}-{row}"
+    etag = f"{source.shown_as}-{column}-{row}"
     if any(known.value == etag for known in request.if_none_match or ()):
         return web.Response(status=304, headers={"ETag": f'"{etag}"'})
     pieces = request.app[PIECES]
@@ -81,7 +81,7 @@ async def crop(request: web.Request) -> web.StreamResponse:
     frame, x, y = int(request.match_info["frame"]), number(request, "x"), number(request, "y")
     side = int(number(request, "side", least=16, most=LARGEST_CROP))
     source = await _source(request)
-    etag = f"{source.content_hash}-{x:.0f}-{y:.0f}-{side}"
+    etag = f"{source.shown_as}-{x:.0f}-{y:.0f}-{side}"
     headers = {"ETag": f'"{etag}"', "Cache-Control": f"private, max-age={CROP_KEPT_S}"}
     if any(known.value == etag for known in request.if_none_match or ()):
         return web.Response(status=304, headers=headers)

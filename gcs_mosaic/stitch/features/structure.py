@@ -1,0 +1,78 @@
+"""Pictures that show nothing: a closed shutter, a covered lens, noise.
+
+Averaged over squares, white noise loses three quarters of its variance each time the squares are doubled, whatever its strength.
+Ground loses far less: it has things of all sizes. So the differences between neighbouring squares of two sizes tell them apart.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.stitch.arrays import Band, Bands, FloatImage, Matrix
+
+COARSE = (32, 16, 8)  # px, side of the large squares: the first that leaves enough of them
+FINER = 8  # times smaller are the small ones
+FEWEST_SQUARES = 150  # a variance of fewer is known too badly
+# Variance among small squares over that among large ones, as a share of what it is for white noise: 0.09 and less in all recorded
+# flights (most over dry grass), 0.9 of noise, before and after JPEG; 0.3 where ground is a sixth as strong as the noise over it.
+LEAST_LIKE_NOISE = 0.4
+# Noise is white from pixel to pixel, too; what a lens draws is not: 2.4 and less of 4 in recorded frames.
+WHITE = 3.0
+# Deviation of a sensor's noise, in levels or counts: at most; and where compression or a Bayer pattern has smoothed it.
+LOUDEST = {"uint8": 40.0, "uint16": 4000.0}
+FAINT = {"uint8": 3.0, "uint16": 12.0}
+CROP = 512  # px a side, in the middle of the picture as it is: enough to see whether its noise is white
+
+
+def shows_nothing(small: Band, image: Bands) -> bool:
+    """Whether a picture is flat or noise alone. `small`: its grey (h, w) at the size that features are sought at; `image` (h, w[,
+    bands]): as it came."""
+    grey = small.astype(np.float32)
+    if grey.max() == grey.min():
+        return True
+    sides = [side for side in COARSE if (grey.shape[0] // side) * (grey.shape[1] // side) >= FEWEST_SQUARES]
+    if not sides:
+        return False
+    fine = _without_stripes(_squares(grey, sides[0] // FINER))
+    coarse = _without_shading(_squares(fine, FINER))
+    like_noise = _variance(fine) / max(_variance(coarse), 1e-9) / FINER**2
+    return like_noise > LEAST_LIKE_NOISE and _is_sensor_noise(image)
+
+
+def _is_sensor_noise(image: Bands) -> bool:
+    """Whether what varies from pixel to pixel of an image (h, w[, bands]), uint8 or uint16, is as white, or as faint, as a
+    sensor's noise."""
+    band = image[..., image.shape[2] // 2] if image.ndim == 3 else image
+    top, left = (max(0, (size - CROP) // 2) for size in band.shape)
+    crop = band[top : top + CROP, left : left + CROP].astype(np.float32)
+    deviation, smoothed = (float(np.sqrt(_variance(one))) for one in (crop, _squares(crop, 2)))
+    kind = str(image.dtype)
+    return deviation < FAINT[kind] or (deviation < LOUDEST[kind] and deviation**2 > WHITE * smoothed**2)
+
+
+def _squares(grey: FloatImage, side: int) -> FloatImage:
+    """Means of squares of so many pixels a side; what is left over at the right and below is left out."""
+    rows, columns = grey.shape[0] // side, grey.shape[1] // side
+    part = grey[: rows * side, : columns * side]
+    return np.asarray(cv2.resize(part, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def _variance(grey: FloatImage) -> float:
+    """Half the mean square of the differences between neighbours: the variance, where they are independent."""
+    across, down = np.diff(grey, axis=1), np.diff(grey, axis=0)
+    return float((across**2).mean() + (down**2).mean()) / 4
+
+
+def _without_stripes(grey: FloatImage) -> FloatImage:
+    """Without the means of rows and columns, in which a thermal sensor's amplifiers differ."""
+    return np.asarray(grey - grey.mean(axis=0) - grey.mean(axis=1, keepdims=True) + grey.mean(), np.float32)
+
+
+def _without_shading(grey: FloatImage) -> FloatImage:
+    """Without a polynomial of the fourth degree: a lens' shade, or the warmth of the housing."""
+    rows, columns = grey.shape
+    y, x = (one.ravel() for one in np.mgrid[-1 : 1 : 1j * rows, -1 : 1 : 1j * columns])
+    terms: Matrix = np.stack([x**i * y**j for i in range(5) for j in range(5 - i)], axis=1)
+    shade = terms @ np.linalg.lstsq(terms, grey.ravel().astype(np.float64), rcond=None)[0]
+    return np.asarray(grey - shade.reshape(rows, columns), np.float32)
