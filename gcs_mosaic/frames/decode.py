@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import os
+import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -44,7 +45,7 @@ def bytes_of(frame: Frame) -> bytes | Unreadable:
     """The frame's file, exactly as it was found."""
     if frame.data is not None:
         return frame.data
-    data = _read(frame.path.read_bytes)
+    data = _read(frame.path, frame.size)
     if isinstance(data, bytes) and content_hash(data) != frame.content_hash:
         return Unreadable("overwritten since it was found", passing=True)
     return data
@@ -52,7 +53,7 @@ def bytes_of(frame: Frame) -> bytes | Unreadable:
 
 def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """The pixels of the file at `path` as in `decode_image`."""
-    data = _read(path.read_bytes)
+    data = _read(path)
     return data if isinstance(data, Unreadable) else decode_image(data, max_pixels, reduction)
 
 
@@ -111,8 +112,16 @@ def _reduced(image: Bands, reduction: int) -> Bands:
     return np.stack(bands, axis=-1)
 
 
-def _read(read: Callable[[], bytes]) -> bytes | Unreadable:
+def _read(path: Path, size: int | None = None) -> bytes | Unreadable:
+    """A regular file; `size`: of what is expected, beyond which nothing is read. A pipe or a device may have no end."""
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        return read()
+        with os.fdopen(os.open(path, flags), "rb") as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                return Unreadable("cannot be read (not a regular file)", passing=True)
+            if size and found.st_size > size:
+                return Unreadable("overwritten since it was found", passing=True)
+            return file.read()
     except OSError as error:
         return Unreadable(f"cannot be read ({error.strerror})", passing=True)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import stat
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.foreign_file import COMPANIONS
 from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
 from gcs_mosaic.store.schema import connect_for_reading
 
@@ -23,6 +26,10 @@ OUR_NAMES = (
     *("checkpoint", "checkpoint.values", TOKEN_NAME, NOTES_NAME, HINTS_NAME),
     *("tiles", "masks", "frames"),
 )
+ARTEFACTS = "archive"  # folder in which `reprocess` keeps what it has found
+BESIDE_OURS = tuple(f"{name}{end}" for name in (LEDGER_NAME, NOTES_NAME, HINTS_NAME) for end in COMPANIONS[1:])
+# All that we ever write into a flight's folder.
+WRITTEN_NAMES = (*OUR_NAMES, *BESIDE_OURS, ARTEFACTS, LOCK_NAME)
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script
 
 
@@ -109,6 +116,24 @@ def find_flight(path: Path) -> Path:
         return path
     what = "holds no flight" if path.is_dir() else "is not a folder" if path.exists() else "does not exist"
     raise UsageError(f"{path} {what}: name a folder that gcs-mosaic has written a flight into")
+
+
+def strange_in(flight: Path) -> Iterator[Path]:
+    """What lies under our names and is neither a file nor a folder: links and devices, which nobody of us makes or follows."""
+    for name in dict.fromkeys(WRITTEN_NAMES):
+        path = flight / name
+        found = inside.status(path, flight)
+        if found is not None and stat.S_ISDIR(found.st_mode):
+            yield from (below for below, entry in inside.entries(path, flight) if not inside.is_plain(entry))
+        elif found is not None and not stat.S_ISREG(found.st_mode):
+            yield path
+
+
+def refuse_strange_parts(flight: Path) -> None:
+    """Raises UsageError if the folder holds what `strange_in` finds: whoever writes there must not reach elsewhere."""
+    for path in strange_in(flight):
+        text = f"{str(path.relative_to(flight))!r} is a link or a device, which no flight's folder has, and which is not followed"
+        raise UsageError(f"{flight}: {text}: put what it leads to in its place, or take it away")
 
 
 def refuse_watching_ourselves(watched: Path, out: Path) -> None:

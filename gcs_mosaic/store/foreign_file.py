@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
 
 COMPANIONS = ("", "-wal", "-shm", "-journal")  # of a file of SQLite, beside it
 LARGEST_FILE = 4 << 30  # bytes; a copy of it is held in memory. 100,000 frames take less than one GB
 LARGEST_VALUE = 64 << 20  # bytes of one value; ours have some kilobytes
-HOLES_FROM = 64 << 20  # bytes, from which a file is looked at for holes
-LEAST_FILLED = 1 / 64  # share of a file that lies on the disk; compressing file systems need a tenth or more
 STEPS = 1_000_000  # of SQLite's machine, after which it asks whether to go on
 MOST_STEPS = 1_000  # such spans for one statement, some ten seconds; those for 100,000 frames take less than one
 JOURNAL_END = bytes.fromhex("d9d505f920a163d7")  # after the name of another journal, which SQLite may delete
@@ -56,7 +55,7 @@ def refuse_strange_files(path: Path) -> None:
         if not stat.S_ISREG(found.st_mode):
             what = "a link" if stat.S_ISLNK(found.st_mode) else "no plain file"
             raise UsageError(f"{one} is {what}, which is not followed: put the file itself there, or move it away")
-        if found.st_size > LARGEST_FILE or _is_mostly_holes(found):
+        if found.st_size > LARGEST_FILE or inside.is_mostly_holes(found):
             size = f"{found.st_size / 1e9:.1f} GB"
             raise UsageError(f"{one} has {size}, which no file of gcs-mosaic has: move it away, or name another folder")
     journal = path.with_name(f"{path.name}-journal")
@@ -101,16 +100,11 @@ def _columns(connection: sqlite3.Connection, table: str) -> list[tuple[str, int]
     return [(str(row[1]), int(row[6])) for row in rows]
 
 
-def _is_mostly_holes(found: os.stat_result) -> bool:
-    blocks = getattr(found, "st_blocks", None)  # not on Windows
-    return blocks is not None and found.st_size > HOLES_FROM and blocks * 512 < found.st_size * LEAST_FILLED
-
-
 def _names_another(journal: Path) -> bool:
     """Whether a rollback journal names that of a transaction over several files: ours never span several."""
     try:
-        with journal.open("rb") as file:
-            file.seek(max(0, journal.lstat().st_size - len(JOURNAL_END)))
+        with inside.reading(journal, journal.parent) as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - len(JOURNAL_END)))
             return file.read() == JOURNAL_END
     except OSError:
         return False

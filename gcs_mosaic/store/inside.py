@@ -23,12 +23,17 @@ BINARY = getattr(os, "O_BINARY", 0) | getattr(os, "O_NOINHERIT", 0)
 FOLDER = getattr(os, "O_PATH", os.O_RDONLY) | getattr(os, "O_DIRECTORY", 0)
 MB = 10**6
 LARGEST_FILE = 4000 * MB  # bytes that are read into memory at most; originals of one frame are smaller
+HOLES_FROM = 64 * MB  # size from which a file is looked at for holes
+LEAST_FILLED = 1 / 64  # share of it that lies on the disk; compressing file systems need a tenth or more
 DEEPEST = 64  # folders below the root that are looked into; names of originals have 16 parts at most
 
 
 def read(path: Path, root: Path, most: int = LARGEST_FILE) -> bytes:
     """The whole file of at most so many bytes. Raises OSError."""
     with reading(path, root) as file:
+        found = os.fstat(file.fileno())
+        if found.st_size <= most and is_mostly_holes(found):
+            raise OSError(errno.EFBIG, "nothing but holes", str(path))
         data = file.read(most + 1)
     if len(data) > most:
         raise OSError(errno.EFBIG, f"more than {most / MB:g} MB", str(path))
@@ -62,6 +67,12 @@ def status(path: Path, root: Path) -> os.stat_result | None:
         return None
 
 
+def is_mostly_holes(found: os.stat_result) -> bool:
+    """Whether a large file takes next to no room on the disk: it is made to cost whoever reads it."""
+    blocks = getattr(found, "st_blocks", None)  # not on Windows
+    return blocks is not None and found.st_size > HOLES_FROM and blocks * 512 < found.st_size * LEAST_FILLED
+
+
 def is_file(path: Path, root: Path) -> bool:
     """Whether a regular file lies there."""
     found = status(path, root)
@@ -91,6 +102,12 @@ def move(source: Path, target: Path, root: Path) -> None:
         os.replace(old, new, src_dir_fd=here, dst_dir_fd=there)
 
 
+def link(source: Path, target: Path, root: Path) -> None:
+    """Make a hard link within the folder to a file anywhere, which is no link itself. Raises OSError."""
+    with _above(target, root) as (name, folder):
+        os.link(source, name, dst_dir_fd=folder)
+
+
 def make_folder(path: Path, root: Path) -> list[Path]:
     """Make a folder and those above it up to the root; returns those that were made. Raises OSError."""
     missing = [one for one in (path, *path.parents) if one != root and one.is_relative_to(root)]
@@ -114,7 +131,7 @@ def remove_folder(path: Path, root: Path) -> None:
 
 def files(under: Path, root: Path, deepest: int = DEEPEST) -> Iterator[Path]:
     """All regular files below a folder in order of their names, folder by folder."""
-    return (path for path, found in entries(under, root, deepest) if found.is_file(follow_symlinks=False))
+    return (path for path, found in entries(under, root, deepest) if is_plain(found))
 
 
 def entries(under: Path, root: Path, deepest: int = DEEPEST) -> Iterator[tuple[Path, os.DirEntry[str]]]:
@@ -129,6 +146,14 @@ def entries(under: Path, root: Path, deepest: int = DEEPEST) -> Iterator[tuple[P
             elif depth < deepest:
                 below.append((folder / entry.name, depth + 1))
         waiting += reversed(below)
+
+
+def is_plain(entry: os.DirEntry[str]) -> bool:
+    """Whether this is a regular file, not a link, pipe or device."""
+    try:
+        return entry.is_file(follow_symlinks=False)
+    except OSError:
+        return False
 
 
 def _listed(folder: Path) -> list[os.DirEntry[str]]:
