@@ -77,7 +77,7 @@ def _problem(flight: Path, frame: FrameRecord) -> str | None:
     if path is None:
         return "its original is said to lie outside the folder"
     try:
-        data = inside.read(path, flight, frame.size or inside.LARGEST_FILE)
+        data = inside.read(path, flight)
     except FileNotFoundError:
         return "its original is missing"
     except OSError as error:

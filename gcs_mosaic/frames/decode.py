@@ -25,6 +25,7 @@ _AS_TAKEN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _COLOUR = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 _GREY = {1: cv2.IMREAD_GRAYSCALE, 2: cv2.IMREAD_REDUCED_GRAYSCALE_2, 4: cv2.IMREAD_REDUCED_GRAYSCALE_4}
 _JPEG = b"\xff\xd8"
+ORDINARY_BYTES = 256_000_000  # up to which a file is read to see whether it is what was found
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +121,7 @@ def _read(path: Path, size: int | None = None) -> bytes | Unreadable:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
                 return Unreadable("cannot be read (not a regular file)", passing=True)
-            if size and found.st_size > size:
+            if size is not None and found.st_size > max(size, ORDINARY_BYTES):
                 return Unreadable("overwritten since it was found", passing=True)
             return file.read()
     except OSError as error:

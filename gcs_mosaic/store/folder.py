@@ -47,8 +47,8 @@ class FlightFolder:
         """Release the lock; the folder of a flight that never began is removed."""
         if not (self.path / LEDGER_NAME).exists():
             with suppress(OSError):
-                (self.path / TOKEN_NAME).unlink(missing_ok=True)
-                (self.path / LOCK_NAME).unlink()
+                inside.remove(self.path / TOKEN_NAME, self.path)
+                inside.remove(self.path / LOCK_NAME, self.path)
                 if not self.existed:
                     self.path.rmdir()
         self.lock.release()
@@ -91,6 +91,11 @@ def lock_flight(path: Path) -> FlightFolder:
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another --out") from error
     if lock is None:
         raise UsageError(f"--resume: {path} is being written by another gcs-mosaic: end that one first")
+    try:
+        refuse_strange_parts(path)
+    except UsageError:
+        lock.release()
+        raise
     return FlightFolder(path=path, said=f"going on with the flight in {path}", lock=lock, resumed=True)
 
 

@@ -28,6 +28,7 @@ GB = 10**9
 AGAIN_SHARE = 1 / 20  # of the reserve: this much more must be free before originals are copied again
 # Errors that come from a frame's name, not from the disk: waiting would not help.
 OF_THE_NAME = (errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
+ORDINARY_BYTES = 256_000_000  # up to which an original is read to see whether it is what came, whatever the ledger says
 LONGEST_PART = 200  # bytes of UTF-8; most file systems allow 255, and a temporary name is a little longer
 
 
@@ -202,7 +203,7 @@ def original_bytes(out: Path, record: FrameRecord) -> bytes | None:
     path = place_of(out, record.original or "")
     if path is None or record.content_hash is None:
         return None
-    return read_intact(path, record.content_hash, out, record.size or inside.LARGEST_FILE)
+    return read_intact(path, record.content_hash, out, max(record.size or inside.LARGEST_FILE, ORDINARY_BYTES))
 
 
 def relative_place(name: str) -> PurePosixPath:
