@@ -15,12 +15,14 @@ import shutil
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from gcs_mosaic.messages import Frame, Notice, Topic, content_hash
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite, make_folder, sync_file, sync_folder, write_beside
-from gcs_mosaic.store.records import FrameRecord
+
+if TYPE_CHECKING:
+    from gcs_mosaic.store.records import FrameRecord
 
 logger = logging.getLogger(__name__)
 

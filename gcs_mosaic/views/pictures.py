@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -13,8 +14,10 @@ from gcs_mosaic.render.display import PLAIN
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.originals import place_of
-from gcs_mosaic.store.records import FrameRecord
 from gcs_mosaic.views.flight_view import FlightView
+
+if TYPE_CHECKING:
+    from gcs_mosaic.store.records import FrameRecord
 
 REDUCTIONS = (1, 2, 4)
 QUALITY = 92
