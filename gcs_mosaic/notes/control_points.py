@@ -6,6 +6,7 @@ Two forms are read: a table with a heading (CSV, with commas, semicolons or tabs
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +19,7 @@ from gcs_mosaic.geo.pins import USUAL_SIGMA_M
 from gcs_mosaic.geo.transverse_mercator import UtmPlace, place_of_utm
 from gcs_mosaic.notes.checked import FURTHEST, LONGEST_LABEL, Unfit, number_of, text_of
 from gcs_mosaic.notes.pins import MOST_PINS
+from gcs_mosaic.store import inside
 
 LARGEST_BYTES = 1 << 20
 SIGMAS_M = (0.01, 1000.0)
@@ -68,12 +70,11 @@ class ControlPoint:
 def read_control_points(path: Path) -> list[ControlPoint]:
     """The points of a file, at least one. Raises UsageError, which tells the line."""
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise UsageError(
-                f"{path} has more than {LARGEST_BYTES >> 20} MB, which no list of control points has; {WANTED}."
-            )
-        text = path.read_bytes().decode("utf-8-sig")
+        text = inside.read_given(path, LARGEST_BYTES).decode("utf-8-sig")
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            text = f"{path} has more than {LARGEST_BYTES >> 20} MB, which no list of control points has"
+            raise UsageError(f"{text}; {WANTED}.") from None
         raise UsageError(f"{path} cannot be read ({error.strerror}): name a file of control points.") from error
     except UnicodeDecodeError as error:
         raise UsageError(f"{path} is no text; {WANTED}.") from error

@@ -84,6 +84,7 @@ class FlightStore(Kept):
             "_published",
             "_utc",
             "_retry",
+            "_regained",
         }
         | {"may_write"}
     )
@@ -121,6 +122,7 @@ class FlightStore(Kept):
         self._vehicles: dict[str, int] = {}  # of frames whose aircraft is known, by name
         self._told: Accounts | None = None  # as last written to the documents: events change them without any frame
         self._islands_known = 0
+        self._regained: list[str] = []
         self._extents: dict[int, Extent] = {}  # a merged island is reported with its last extent
 
     def _begin_flight(self, utc: float) -> FlightRecord:
@@ -257,7 +259,21 @@ class FlightStore(Kept):
         if isinstance(kept, KeptOriginal):
             path = kept.path
             self._retry(lambda: self._note_original(frame, path))
+            self._regained.append(frame.name)
         return [kept.notice] if kept is not None and kept.notice else []
+
+    def take_regained(self) -> list[str]:
+        """Frames whose originals are kept again since the last call: tiles may have waited for them."""
+        taken, self._regained = self._regained, []
+        return taken
+
+    def seek_originals_now(self) -> None:
+        """Try all that are not kept once more, without a pause."""
+        self._lost.seek_now()
+
+    def not_kept(self) -> list[str]:
+        """Frames whose originals are sought still."""
+        return self._lost.names
 
     def seeks_originals(self, now: float) -> bool:
         """Whether `keep_lost` has something to do."""
@@ -288,9 +304,10 @@ class FlightStore(Kept):
         return self._orders[name]
 
     def original(self, name: str) -> bytes | None:
-        """The frame's original file; None if it is missing or has changed. Raises CannotWrite while the folder is not there."""
+        """The frame's original file, or the camera's, if that is the same; None if both are missing or have changed. Raises
+        CannotWrite while the folder is not there."""
         path, digest = self._places[name]
-        data = read_intact(path, digest, self._root_of(path))
+        data = read_intact(path, digest, self._root_of(path)) or self._lost.read(name, digest)
         if data is None and not self.may_write():
             raise CannotWrite(f"{self.out} is not there now")
         return data

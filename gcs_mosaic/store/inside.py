@@ -40,6 +40,12 @@ def read(path: Path, root: Path, most: int = LARGEST_FILE) -> bytes:
     return data
 
 
+def read_given(path: Path, most: int = LARGEST_FILE) -> bytes:
+    """The whole of a file that the user names, or the camera has written: links to it are followed. Raises OSError."""
+    whole = path.resolve()
+    return read(whole, whole.parent, most)
+
+
 def reading(path: Path, root: Path) -> BinaryIO:
     """The open file. Raises OSError."""
     return os.fdopen(descriptor(path, root, os.O_RDONLY), "rb")

@@ -136,7 +136,7 @@ class Originals:
         data = frame.data
         if data is None:
             try:
-                data = frame.path.read_bytes()
+                data = inside.read_given(frame.path)
             except OSError as error:
                 return f"the file could not be read again to keep it ({error.strerror})"
             if content_hash(data) != frame.content_hash:
@@ -186,7 +186,7 @@ def read_intact(
     """The whole file, None if it has changed or cannot be read. `root`: the flight's folder for an original that lies in it; a
     file of the camera's may be reached by links. `most`: bytes."""
     try:
-        data = inside.read(*((path, root) if root is not None else (path.resolve(), path.resolve().parent)), most)
+        data = inside.read_given(path, most) if root is None else inside.read(path, root, most)
     except OSError:
         logger.warning("the original %s cannot be read", path, exc_info=True)
         return None

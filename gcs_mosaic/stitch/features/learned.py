@@ -16,7 +16,9 @@ XFeat (Potje et al., CVPR 2024) has just these maps; what is done with them here
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
@@ -46,6 +48,7 @@ MOST_ENLARGED = 1.5
 # a half of the inliers of faint pictures was lost.
 RATIO = 1.0
 FINE_BLUR = 0.8  # px of a faint picture, see `faint.equalised`: a model bears more noise than SIFT
+LARGEST_MODEL = 1 << 30  # bytes; those that run on a laptop have some megabytes
 REMEDY = "export one as tests/benchmarks/export_xfeat.py does, or leave the setting `model` out"
 
 
@@ -126,6 +129,11 @@ def read_detector(path: Path) -> LearnedDetector:
 def model_bytes(path: Path) -> bytes:
     """Raises UnusableModel if the file cannot be read."""
     try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe or a device may have no end
+            raise OSError(errno.EINVAL, "not a regular file")
+        if found.st_size > LARGEST_MODEL:
+            raise UnusableModel(f"{path} has more than {LARGEST_MODEL >> 20} MB; {REMEDY}")
         return path.read_bytes()
     except OSError as error:
         raise UnusableModel(f"{path} cannot be read ({error.strerror}); {REMEDY}") from None
