@@ -54,8 +54,11 @@ SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 
 def name_of(row: sqlite3.Row) -> str:
-    """The frame name in the row's `name` column."""
-    return restored(row["name"]) or ""
+    """The frame name in the row's `name` column. Raises ValueError."""
+    name = restored(row["name"])
+    if not isinstance(name, str):
+        raise ValueError(f"not the name of a frame: {name!r:.40}")
+    return name
 
 
 def event_row(event: TriggerEvent) -> tuple[object, ...]:
@@ -116,6 +119,13 @@ def event_record_of(row: sqlite3.Row) -> EventRecord:
 
 
 def frame_record_of(row: sqlite3.Row) -> FrameRecord:
+    """Raises ValueError and TypeError for what is no frame."""
+    counts = row["size"], row["width"], row["height"]
+    times = row["received"], row["modified"]
+    if any(value is not None and not (isinstance(value, int) and value >= 0) for value in counts):
+        raise ValueError(f"not the size of a frame: {counts}")
+    if any(value is not None and not math.isfinite(value) for value in times):
+        raise ValueError(f"not the times of a frame: {times}")
     return FrameRecord(
         name=name_of(row),
         state=FrameState(row["state"]),

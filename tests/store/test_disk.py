@@ -50,7 +50,7 @@ def test_what_is_to_last_is_synced_before_and_after_it_takes_its_place(
     sync, replace, done = os.fsync, os.replace, list[str]()
 
     def synced(descriptor: int) -> None:
-        done.append(f"sync {Path(os.readlink(f'/proc/self/fd/{descriptor}')).name}")
+        done.append(f"sync {Path(f'/proc/self/fd/{descriptor}').readlink().name}")
         sync(descriptor)
 
     def renamed(old: str, new: str, **where: int) -> None:
