@@ -17,6 +17,7 @@ ALLOWED = {
     "__init__": STITCH,  # the front door for programs
     "errors": set(),
     "messages": set(),
+    "children": set(),
     "stitch": set(),
     "stitch.arrays": set(),
     "stitch.transaction": set(),
@@ -24,12 +25,16 @@ ALLOWED = {
         f"stitch.{room}": {"stitch.arrays", "stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:at])}
         for at, room in enumerate(STITCHING)
     },
+    "stitch.bundle": {
+        *("stitch.arrays", "stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:4])),
+        "children",  # it adjusts in a process of its own
+    },
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
     "baseline": {"render", *STITCH - {"stitch.mosaic"}},
     "geo": {"errors"},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
-    "frames": {"stitch.arrays", "messages", "errors"},
+    "frames": {"children", "stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {
         *("geotiles", "geo", "notes", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"),
@@ -41,10 +46,10 @@ ALLOWED = {
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
-    "hints": {"views", "store", "render", "stitch.arrays", "stitch.camera", "stitch.features", "errors"},
+    "hints": {"children", "views", "store", "render", "stitch.arrays", "stitch.camera", "stitch.features", "errors"},
     "web": {
         *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
-        *("messages", "errors"),
+        *("children", "messages", "errors"),
     },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
@@ -78,7 +83,7 @@ ONLY = {
     ("render", "stitch.features"): {"extraction"},
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("views", "stitch.graph"): {"placement"},
-    ("views", "frames"): {"decode"},
+    ("views", "frames"): {"decode", "decoding", "integrity"},
     ("export", "views"): {"tile_reader", "hole_filling", "flight_view", "coverage"},
     ("geotiles", "views"): {"hole_filling"},
     ("export", "frames"): {"decode"},
@@ -94,7 +99,7 @@ ONLY = {
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
-FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
+FRONT_DOOR = {"__init__", "__main__", "children", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 

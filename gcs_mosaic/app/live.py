@@ -56,6 +56,7 @@ TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
 CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands
 RETRY_S = 2.0  # between attempts to write to a full disk
 DISK_EACH_S = 1.0  # between looks at the output folder while nothing is written
+SHOWN_NAMES = 3  # of originals that are not kept
 LOST_S = 0.2  # then other work is looked for
 
 
@@ -344,14 +345,12 @@ class _Daemon:
         self._until_writable(lambda: None)
         self._reporter.conditions.disk = None
         self._output.report()
-        if not len(self._preparation):
-            self._keep_lost_originals(now + LOST_S)
+        self._keep_lost_originals(now + (0.0 if len(self._preparation) else LOST_S))
 
     def _keep_lost_originals(self, until: float) -> None:
-        """Those that are not kept, one after another, until this monotonic time."""
-        while time.monotonic() < until and self._pipeline.store.seeks_originals(time.monotonic()):
-            for notice in self._pipeline.store.keep_lost(time.monotonic()):
-                self.say(notice)
+        """Those that are not kept: one at each look while frames wait, else as many as there is time for."""
+        for notice in self._pipeline.keep_lost_originals(until):
+            self.say(notice)
 
     def _wait_for_disk(self, trouble: CannotWrite) -> None:
         """Pause between two attempts to write; limited at the end."""
@@ -375,8 +374,10 @@ class _Daemon:
             self._report()
         self._give_up_unread()
         self._say_what_is_left()
+        self._seek_originals_again()
         self._paint_final()
-        self._keep_lost_originals(self._until)
+        self._seek_originals_again()
+        self._say_what_is_not_kept()
         self._event_log.close()
         self._event_log.save()
         self._driver.save()
@@ -399,6 +400,21 @@ class _Daemon:
         if left := store.settle_unstitched():
             text = f"{left} frames are not on the map, there was no time: gcs-mosaic --resume --out {store.out} goes on with them"
             self.say(Notice(source="daemon", level="warning", text=text))
+
+    def _seek_originals_again(self) -> None:
+        self._pipeline.store.seek_originals_now()
+        self._keep_lost_originals(self._until)
+
+    def _say_what_is_not_kept(self) -> None:
+        left = self._pipeline.store.not_kept()
+        if not left:
+            return
+        names = ", ".join(left[:SHOWN_NAMES]) + (
+            f" and {len(left) - SHOWN_NAMES} more" if len(left) > SHOWN_NAMES else ""
+        )
+        out = self._pipeline.store.out
+        text = f"{len(left)} originals are not kept ({names}): gcs-mosaic check {out} --repair --frames DIR takes them from DIR"
+        self.say(Notice(source="originals", level="warning", text=text))
 
     def _give_up_unread(self) -> None:
         for failed in self._unread.rest():

@@ -29,7 +29,7 @@ from gcs_mosaic.stitch.graph.union import Renamed
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import Unusable
 from gcs_mosaic.store.flight_store import FlightStore, frame_of
-from gcs_mosaic.store.folder import LEDGER_NAME, find_flight, open_flight_folder
+from gcs_mosaic.store.folder import LEDGER_NAME, find_flight, open_flight_folder, refuse_strange_parts
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import try_lock
 from gcs_mosaic.store.records import EventState, FrameRecord, FrameState
@@ -86,6 +86,7 @@ def sources_of(flights: Sequence[Path], out: Path) -> list[MergedFlight]:
         )
     for k, path in enumerate(flights):
         find_flight(path)
+        refuse_strange_parts(path)
         with Ledger(path / LEDGER_NAME, read_only=True):
             pass  # of a version that is known
         if path.resolve() in [other.resolve() for other in flights[:k]]:

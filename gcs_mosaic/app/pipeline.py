@@ -365,6 +365,17 @@ class Pipeline(Kept):
         self._said_problems.pop(otherwise, None)
         return found
 
+    def keep_lost_originals(self, until: float) -> list[Notice]:
+        """Keep those that are not kept and can be found, one after another, until this monotonic time, but one at least; tiles
+        that have waited for them are painted again. Returns what to say."""
+        said, store = list[Notice](), self.store
+        while store.seeks_originals(now := time.monotonic()):
+            said += store.keep_lost(now)
+            if now >= until:
+                break
+        self._painter.canvas.look_again(store.take_regained())
+        return said
+
     def tell_troubles(self) -> None:
         """Say what has happened to the processes that decode."""
         while text := self.decoders.take_trouble():

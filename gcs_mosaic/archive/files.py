@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import timedelta
@@ -14,6 +15,7 @@ from uuid import uuid4
 
 from gcs_mosaic.archive.artefacts import Files, ListedFile
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite, make_folder, telling_disk_full
 
 # What of the environment is a bucket's: how the names begin, and those of the credentials that are usual.
@@ -52,38 +54,41 @@ class FolderFiles:
             make_folder(begun.parent, self._root)
             make_folder(path.parent, self._root)
             with telling_disk_full(path):
-                begun.write_bytes(data)
-                begun.replace(path)
+                with os.fdopen(
+                    inside.descriptor(begun, self._root, os.O_WRONLY | os.O_CREAT | os.O_EXCL), "wb"
+                ) as file:
+                    file.write(data)
+                inside.move(begun, path, self._root)
         except OSError as error:
             if not self._root.is_dir():
                 raise CannotWrite(f"{self._root} is not there: all workers need the same folder") from error
             raise CannotWrite(f"{path} cannot be written ({error.strerror}): choose another --out") from error
         finally:
             with suppress(OSError):
-                begun.unlink(missing_ok=True)
+                inside.remove(begun, self._root)
 
     def read(self, name: str, start: int = 0, length: int | None = None) -> bytes | None:
         try:
-            with (self._root / name).open("rb") as file:
+            with inside.reading(self._root / name, self._root) as file:
                 file.seek(start)
-                return file.read(-1 if length is None else length)
+                return file.read(inside.LARGEST_FILE if length is None else length)
         except FileNotFoundError:
             return None
         except OSError as error:
             raise CannotWrite(f"{self._root / name} cannot be read ({error.strerror})") from error
 
     def size(self, name: str) -> int | None:
-        path = self._root / name
-        return path.stat().st_size if path.is_file() else None
+        found = inside.status(self._root / name, self._root)
+        return found.st_size if found is not None and stat.S_ISREG(found.st_mode) else None
 
     def listed(self, under: str) -> Iterator[ListedFile]:
-        for path in (self._root / under).rglob("*"):
-            if path.is_file() and path.parent != self._root / UNFINISHED:
-                found = path.stat()
+        for path in inside.files(self._root / under if under else self._root, self._root):
+            found = inside.status(path, self._root)
+            if found is not None and path.parent != self._root / UNFINISHED:
                 yield ListedFile(path.relative_to(self._root).as_posix(), found.st_size, found.st_mtime_ns)
 
     def remove(self, name: str) -> None:
-        (self._root / name).unlink(missing_ok=True)
+        inside.remove(self._root / name, self._root)
 
 
 class BucketFiles:

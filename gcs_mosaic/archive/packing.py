@@ -31,7 +31,8 @@ from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.disk import make_folder, write_beside
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
@@ -140,8 +141,8 @@ def _write_tiles(engine: Engine, painted: ArchiveMap, folder: Path) -> None:
             island, tile = _place_of(one, painted.side, key, x, y)
             for path, data in ((mask_path(folder, island, tile), mask), (tile_path(folder, island, tile), colour)):
                 if data is not None:
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    write_beside(path, data)
+                    make_folder(path.parent, folder)
+                    write_beside(path, data, root=folder)
 
 
 def _place_of(one: SuperTile, side: int, key: str, x: Any, y: Any) -> tuple[int, Tile]:
@@ -170,16 +171,16 @@ def move_into_place(made: Path, target: Path) -> None:
     older.mkdir()
     for name in REPLACED:
         with suppress(FileNotFoundError):
-            (target / name).replace(older / name)
+            inside.move(target / name, older / name, target)
     others = [path for path in made.iterdir() if path.name not in LAST]
     for path in [*others, *(made / name for name in LAST)]:
-        path.replace(target / path.name)
+        inside.move(path, target / path.name, target)
 
 
 def upload(made: Path, target: str) -> None:
     """Put a whole flight into a bucket, mosaic.json last. Raises CannotWrite."""
     files = files_at(target)
-    names = {path.relative_to(made).as_posix() for path in made.rglob("*") if path.is_file()}
+    names = {path.relative_to(made).as_posix() for path in inside.files(made, made)}
     older = {one.name for name in REPLACED for one in files.listed(name)}
     for name in REPLACED:
         files.remove(name)

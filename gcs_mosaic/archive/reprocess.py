@@ -31,12 +31,13 @@ from gcs_mosaic.archive.sights import looked_at
 from gcs_mosaic.archive.sources import Sources, sources_of
 from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.archive.super_tiles import SIDE
-from gcs_mosaic.archive.target import ARTEFACTS, checked_target, refuse_source_in_target
+from gcs_mosaic.archive.target import checked_target, refuse_source_in_target
 from gcs_mosaic.archive.tasks import Passing
 from gcs_mosaic.archive.tearing import measured
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, NothingPlaced
 from gcs_mosaic.frames.scan import shown_name
+from gcs_mosaic.store.folder import ARTEFACTS
 from gcs_mosaic.store.held_out import held_out_lines, largest
 from gcs_mosaic.store.records import FrameState
 

@@ -7,7 +7,6 @@ nothing leaves nothing.
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath
@@ -15,11 +14,11 @@ from pathlib import Path, PurePath
 from gcs_mosaic.archive.artefacts import Files
 from gcs_mosaic.archive.files import UNFINISHED, files_at, is_bucket
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite
-from gcs_mosaic.store.folder import OUR_NAMES, occupied
+from gcs_mosaic.store.folder import ARTEFACTS, OUR_NAMES, occupied, refuse_strange_parts
 from gcs_mosaic.store.lock import LOCK_NAME, try_lock
 
-ARTEFACTS = "archive"  # folder of the target in which they lie
 MARKER = f"{ARTEFACTS}/gcs-mosaic-reprocess"
 TRIAL = f"{ARTEFACTS}/trial"
 PACKING = "packing-"  # begins the name of a folder in which a map is put together
@@ -71,7 +70,7 @@ def _whole_path(place: str) -> Path:
 def _locked(path: Path) -> Iterator[None]:
     """Raises UsageError if the folder cannot be written, or is being written. It goes again if nothing has come into it."""
     new = [folder for folder in (path, *path.parents) if not folder.exists()]
-    had_lock = (path / LOCK_NAME).exists()
+    had_lock = inside.exists(path / LOCK_NAME, path)
     try:
         path.mkdir(parents=True, exist_ok=True)
         lock = try_lock(path)
@@ -83,9 +82,9 @@ def _locked(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if not had_lock and not (path / MARKER).exists():
+        if not had_lock and not inside.exists(path / MARKER, path):
             with suppress(OSError):
-                (path / LOCK_NAME).unlink()
+                inside.remove(path / LOCK_NAME, path)
             _remove_empty(new)
         lock.release()
 
@@ -94,7 +93,8 @@ def _locked(path: Path) -> Iterator[None]:
 def _claimed(path: Path) -> Iterator[None]:
     """A locked folder. Raises UsageError if it holds what is not ours."""
     archive, marker = path / ARTEFACTS, path / MARKER
-    is_ours = marker.is_file()
+    refuse_strange_parts(path)
+    is_ours = inside.is_file(marker, path)
     if not is_ours and (obstacle := occupied(path)):
         raise UsageError(f"--out {obstacle}: choose another one")
     try:
@@ -103,7 +103,7 @@ def _claimed(path: Path) -> Iterator[None]:
         archive.mkdir(exist_ok=True)
         marker.touch()
         for left in (archive / UNFINISHED, *archive.glob(f"{PACKING}*")):  # by a run that was killed
-            shutil.rmtree(left, ignore_errors=True)
+            inside.remove_folder(left, path)
     except OSError as error:
         raise UsageError(f"--out {path} cannot be written ({error.strerror}): choose another one") from None
     try:

@@ -39,6 +39,9 @@ class PaperCanvas:
         """Canvas box of the image and its range of tile levels; None while empty."""
         return self._raster.extent() if island == ISLAND else None
 
+    def look_again(self, names: Iterable[str]) -> None:
+        """Nothing is ever painted from an original again."""
+
 
 class PaperPainter(Kept):
     """Paints on the paper's mosaic; never repaints."""

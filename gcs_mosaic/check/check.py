@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
@@ -18,11 +17,13 @@ from gcs_mosaic.check.salvage import salvage
 from gcs_mosaic.check.snapshot import ledger_copy
 from gcs_mosaic.check.tiles import check_tiles, compare_tiles, painted_map, repair_tiles
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.checkpoint import NAME as CHECKPOINT_NAME
 from gcs_mosaic.store.checkpoint import VALUES_NAME, Checkpoints, Unusable
-from gcs_mosaic.store.folder import LEDGER_NAME, find_flight
+from gcs_mosaic.store.folder import LEDGER_NAME, find_flight, refuse_strange_parts, strange_in
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import FolderLock, is_locked, try_lock
+from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.schema import VERSION, DamagedLedger
 
 logger = logging.getLogger(__name__)
@@ -72,7 +73,8 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
 
     `sources`: folders in which damaged originals are sought, beside those that the flight has watched.
     """
-    lock = _locked(find_flight(flight))
+    refuse_strange_parts(find_flight(flight))
+    lock = _locked(flight)
     try:
         done = list(_repaired(flight, progress, [*sources, *_watched(flight)]))
     finally:
@@ -83,14 +85,14 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
 
 def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
     """Add a checkpoint that cannot be gone on from to `part`."""
-    if not (flight / CHECKPOINT_NAME).exists():
+    if not inside.exists(flight / CHECKPOINT_NAME, flight):
         part.notes.append("there is none: the flight cannot be gone on with")
         return
     with closing(Checkpoints(flight, read_only=True)) as checkpoints:
         saved = checkpoints.load()
     part.checked = 1
     if isinstance(saved, Unusable):
-        there = (flight / VALUES_NAME).exists()
+        there = inside.is_file(flight / VALUES_NAME, flight)
         part.fault(CHECKPOINT_NAME, saved.reason if there else f"{VALUES_NAME}, to which it refers, is missing")
         return
     known, processed = {frame.name for frame in ledger.frames()}, _processed(saved)
@@ -107,12 +109,15 @@ def check_strays(flight: Path, part: CheckedPart) -> None:
     for path in _unfinished(flight):
         part.checked += 1
         part.fault(path.relative_to(flight).as_posix(), "a file that was never finished")
+    for path in strange_in(flight):
+        part.checked += 1
+        part.fault(path.relative_to(flight).as_posix(), "a link or a device, which is not followed")
 
 
 def _repaired(flight: Path, progress: Progress, sources: Sequence[Path]) -> Iterator[str]:
     """What is done, step by step."""
     for path in list(_unfinished(flight)):
-        path.unlink(missing_ok=True)
+        inside.remove(path, flight)
         yield f"{path.relative_to(flight)} was removed: it was never finished"
     with ledger_copy(flight, written=False) as opened:
         lost = isinstance(opened, DamagedLedger)
@@ -151,7 +156,7 @@ def _checkpoint_set_aside(flight: Path, ledger: Ledger) -> Iterator[str]:
     check_checkpoint(flight, ledger, part)
     if part.faults:
         path = flight / CHECKPOINT_NAME
-        path.replace(path.with_name(f"{CHECKPOINT_NAME}.damaged"))
+        inside.move(path, path.with_name(f"{CHECKPOINT_NAME}.damaged"), flight)
         yield f"the checkpoint was set aside ({part.faults[0].text}): the flight cannot be gone on with"
 
 
@@ -180,7 +185,7 @@ def _locked(flight: Path) -> FolderLock:
 def _watched(flight: Path) -> list[Path]:
     """The folder that the flight watched, or that of each of its aircraft, by its status."""
     try:
-        status = json.loads((flight / STATUS_NAME).read_bytes())
+        status = read_document(flight / STATUS_NAME)
         watched = [status["watch"], *(one["watch"] for one in status.get("aircraft", ()))]
         folders = [Path(one["folder"]) for one in watched if one is not None and one["kind"] == "folder"]
         return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
@@ -201,4 +206,6 @@ def _processed(saved: Any) -> list[str] | None:
 
 def _unfinished(flight: Path) -> Iterator[Path]:
     """Files beside which another was to be put in place, see `write_beside`."""
-    yield from sorted(flight.rglob(".*.part"))
+    for path in inside.files(flight, flight):
+        if path.name.startswith(".") and path.name.endswith(".part"):
+            yield path

@@ -12,17 +12,20 @@ from typing import Any
 from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.documents import Document, iso_utc, write_json
 from gcs_mosaic.store.journal import JOURNAL_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.listing import FrameNews, Listing
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
 from gcs_mosaic.store.placements import WHOLE_NAME
+from gcs_mosaic.store.reading import LARGEST_DOCUMENT, read_document
 from gcs_mosaic.store.records import FrameState
 
 MOSAIC_NAME, STATUS_NAME = "mosaic.json", "status.json"
 LISTS = ("frames", "covered", "rejected", "waiting")
 EDGE = 1e-6  # canvas units
+LARGEST_ENTRY = 4000  # bytes that placements.json has for one frame: 500 as a rule
 
 Extents = Mapping[int, Extent]
 
@@ -30,20 +33,20 @@ Extents = Mapping[int, Extent]
 def check_documents(flight: Path, ledger: Ledger, extents: Extents, part: CheckedPart) -> None:
     """Add what the documents say otherwise than the ledger to `part`."""
     mosaic, status = _read(flight / MOSAIC_NAME, part), _read(flight / STATUS_NAME, part, may_miss=True)
-    listed = _read_placements(flight, part)
+    listed = _read_placements(flight, part, ledger.rows("SELECT count(*) FROM frames")[0][0])
     if mosaic is not None:
         _compare_accounts(MOSAIC_NAME, mosaic, ledger, part)
         _compare_islands(mosaic, ledger, extents, part)
     if status is not None:
         _compare_status(status, mosaic, ledger, part)
-    if listed is not None:
-        _compare_lists(_by_name(listed), _by_name(json.loads(_listing(ledger).text(0))), part)
+    if listed is not None and (told := _quietly_by_name(listed, part)) is not None:
+        _compare_lists(told, _by_name(json.loads(_listing(ledger).text(0))), part)
 
 
 def write_documents(flight: Path, ledger: Ledger, extents: Extents) -> None:
     """Write all documents anew, as the ledger has it; what only the flight knew (held-out errors) is taken from the old ones."""
     old, record = _quietly(flight / MOSAIC_NAME), ledger.flight()
-    (flight / JOURNAL_NAME).unlink(missing_ok=True)
+    inside.remove(flight / JOURNAL_NAME, flight)
     manifest = Manifest(flight)
     manifest.write(
         Contents(
@@ -56,7 +59,7 @@ def write_documents(flight: Path, ledger: Ledger, extents: Extents) -> None:
         everything=True,
     )
     manifest.close()
-    if (flight / STATUS_NAME).exists():
+    if inside.exists(flight / STATUS_NAME, flight):
         _write_status(flight, ledger, manifest.revision)
 
 
@@ -69,25 +72,24 @@ def has_lost_the_map(flight: Path, ledger: Ledger) -> bool:
 def _write_status(flight: Path, ledger: Ledger, revision: int) -> None:
     status = _quietly(flight / STATUS_NAME)
     if not status:
-        (flight / STATUS_NAME).unlink()
+        inside.remove(flight / STATUS_NAME, flight)
         return
     now = {"state": "stopped", "updated": iso_utc(time.time()), "revision": revision, "frames_in_queue": 0}
     write_json(flight / STATUS_NAME, status | now | {"seconds_behind": 0.0} | _accounts(ledger))
 
 
-def _read(path: Path, part: CheckedPart, *, may_miss: bool = False) -> dict[str, Any] | None:
+def _read(
+    path: Path, part: CheckedPart, *, may_miss: bool = False, most: int = LARGEST_DOCUMENT
+) -> dict[str, Any] | None:
+    part.checked += 1
     try:
-        document = json.loads(path.read_bytes())
+        return read_document(path, most)
     except FileNotFoundError:
+        part.checked -= 1
         if not may_miss:
             part.fault(path.name, "a document that is missing")
-        return None
     except (OSError, ValueError):
-        document = None
-    part.checked += 1
-    if isinstance(document, dict):
-        return document
-    part.fault(path.name, "a document that cannot be read")
+        part.fault(path.name, "a document that cannot be read")
     return None
 
 
@@ -95,20 +97,21 @@ def _quietly(path: Path) -> dict[str, Any]:
     return _read(path, CheckedPart("", "")) or {}
 
 
-def _read_placements(flight: Path, part: CheckedPart) -> dict[str, Any] | None:
+def _read_placements(flight: Path, part: CheckedPart, frames: int) -> dict[str, Any] | None:
     """What placements.json says, with the lines of the journal that are newer."""
-    document = _read(flight / WHOLE_NAME, part)
-    if document is None or not (flight / JOURNAL_NAME).exists():
+    document = _read(flight / WHOLE_NAME, part, most=LARGEST_DOCUMENT + LARGEST_ENTRY * frames)
+    if document is None or not inside.exists(flight / JOURNAL_NAME, flight):
         return document
     part.checked += 1
     try:
-        head, *lines = map(json.loads, (flight / JOURNAL_NAME).read_bytes().split(b"\n")[:-1])
+        journal = inside.read(flight / JOURNAL_NAME, flight, LARGEST_DOCUMENT)
+        head, *lines = map(json.loads, journal.split(b"\n")[:-1])
         if head["since"] > document["revision"]:
             part.fault(JOURNAL_NAME, "begins after the revision of placements.json")
         newer = [line for line in lines if line["revision"] > document["revision"]]
         for line in newer:
             document = _followed(document, line)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         part.fault(JOURNAL_NAME, "a document that cannot be read")
     return document
 
@@ -122,6 +125,14 @@ def _followed(document: dict[str, Any], line: dict[str, Any]) -> dict[str, Any]:
             told[entry["name"]] = kind, entry | ({"camera": entry["camera"] + lenses} if kind == "frames" else {})
     lists = {kind: [entry for of, entry in told.values() if of == kind] for kind in LISTS}
     return line | {"cameras": document["cameras"] + line["cameras"]} | lists
+
+
+def _quietly_by_name(document: dict[str, Any], part: CheckedPart) -> dict[str, Document] | None:
+    try:
+        return _by_name(document)
+    except (LookupError, TypeError, AttributeError, ValueError):
+        part.fault(WHOLE_NAME, "a document that cannot be read")
+        return None
 
 
 def _by_name(document: dict[str, Any]) -> dict[str, Document]:

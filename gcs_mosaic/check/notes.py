@@ -9,6 +9,7 @@ from pathlib import Path
 from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.notes.schema import NOTES
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.store.schema import connect_for_reading
 
@@ -18,7 +19,7 @@ COUNTED = ("finds", "scales", "reviewed", "dismissed")
 def check_notes(flight: Path, part: CheckedPart) -> None:
     """Add to `part` what is wrong with a flight's notes, if there are any."""
     path = flight / NOTES_NAME
-    if not path.exists():
+    if not inside.exists(path, flight):
         part.notes.append("there are none")
         return
     try:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections import defaultdict
-from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from itertools import islice
+from pathlib import Path
 
 from gcs_mosaic.check.findings import CheckedPart, Progress
 from gcs_mosaic.messages import content_hash
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import make_folder, write_beside
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.originals import relative_place
+from gcs_mosaic.store.originals import place_of, read_intact, relative_place
 from gcs_mosaic.store.records import FrameRecord, FrameState
 
 logger = logging.getLogger(__name__)
 
+MOST_SOUGHT = 500_000  # files of a folder in which originals are sought; a stranger's status may name any
 UNDECIDED = (FrameState.PENDING, FrameState.WAITING)  # without its original such a frame can never be placed
 
 
@@ -32,7 +33,9 @@ def check_originals(flight: Path, ledger: Ledger, part: CheckedPart, progress: P
         elif frame.state in UNDECIDED:
             part.notes.append(f"{frame.name} is {frame.state}, and its original is not kept")
     known = {frame.original for frame in frames}
-    strangers = [path for path in _files_in(flight / "frames") if path.relative_to(flight).as_posix() not in known]
+    strangers = [
+        path for path in inside.files(flight / "frames", flight) if path.relative_to(flight).as_posix() not in known
+    ]
     if strangers:
         part.notes.append(f"{len(strangers)} files in frames/ are of no frame of the ledger: they are left as they are")
 
@@ -49,13 +52,18 @@ def adopt_originals(flight: Path, ledger: Ledger) -> int:
     frames = ledger.frames()
     known, names = {frame.original for frame in frames}, {frame.name for frame in frames}
     adopted = 0
-    for path in _files_in(flight / "frames"):
+    for path in inside.files(flight / "frames", flight):
         place = path.relative_to(flight).as_posix()
         name = place.removeprefix("frames/")
         if place in known or name in names or path.name.startswith("."):
             continue
-        data, stat = path.read_bytes(), path.stat()
-        row = name, content_hash(data), len(data), stat.st_mtime, place
+        try:
+            data, status = inside.read(path, flight), inside.status(path, flight)
+        except OSError:
+            logger.warning("%s cannot be read", path, exc_info=True)
+            continue
+        modified = status.st_mtime if status is not None else 0.0
+        row = name, content_hash(data), len(data), modified, place
         ledger.write(
             "INSERT INTO frames (name, content_hash, size, modified, received, original) VALUES (?, ?, ?, ?, 0.0, ?)",
             *row,
@@ -64,18 +72,12 @@ def adopt_originals(flight: Path, ledger: Ledger) -> int:
     return adopted
 
 
-def place_of(flight: Path, original: str) -> Path | None:
-    """Where an original is kept; None for a place outside the folder of originals, which no ledger of ours names."""
-    parts = PurePosixPath(original).parts
-    return flight / original if parts[:1] == ("frames",) and ".." not in parts else None
-
-
 def _problem(flight: Path, frame: FrameRecord) -> str | None:
     path = place_of(flight, frame.original or "")
     if path is None:
         return "its original is said to lie outside the folder"
     try:
-        data = path.read_bytes()
+        data = inside.read(path, flight)
     except FileNotFoundError:
         return "its original is missing"
     except OSError as error:
@@ -88,10 +90,10 @@ def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path
     found = next((data for file in files if (data := _whole(file, frame.content_hash)) is not None), None)
     if found is not None:
         make_folder(path.parent, flight, durable=True)
-        write_beside(path, found, durable=True)
+        write_beside(path, found, durable=True, root=flight)
         ledger.record_original(frame.name, path.relative_to(flight).as_posix())
         return f"{frame.name}: its original was taken from the camera's files again"
-    aside = _set_aside(path)
+    aside = _set_aside(path, flight)
     ledger.write(
         "UPDATE frames SET original = NULL WHERE id = (SELECT id FROM frames WHERE original = ?)", frame.original
     )
@@ -100,34 +102,22 @@ def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path
     return f"{frame.name}: its original is lost, and recorded as not kept{aside}; what it shows on the map stays"
 
 
-def _set_aside(path: Path) -> str:
-    if not path.is_file():
+def _set_aside(path: Path, flight: Path) -> str:
+    if not inside.is_file(path, flight):
         return ""
     aside = path.with_name(f"{path.name}.damaged")
-    path.replace(aside)
+    inside.move(path, aside, flight)
     return f" (the damaged file is {aside.name})"
 
 
 def _whole(path: Path, expected_hash: str | None) -> bytes | None:
-    try:
-        data = path.read_bytes()
-    except OSError:
-        logger.warning("%s cannot be read", path, exc_info=True)
-        return None
-    return data if content_hash(data) == expected_hash else None
+    return None if expected_hash is None else read_intact(path, expected_hash)
 
 
 def _by_size(folders: list[Path]) -> dict[int, list[Path]]:
     found = defaultdict[int, list[Path]](list)
     for folder in folders:
-        for path in _files_in(folder):
-            found[path.stat().st_size].append(path)
+        for path in islice(inside.files(folder, folder), MOST_SOUGHT):
+            if (status := inside.status(path, folder)) is not None:
+                found[status.st_size].append(path)
     return found
-
-
-def _files_in(folder: Path) -> Iterator[Path]:
-    for where, folders, names in os.walk(folder):
-        folders.sort()
-        for path in (Path(where) / name for name in sorted(names)):
-            if path.is_file():
-                yield path

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files
 from gcs_mosaic.store.ledger import Ledger
 
 logger = logging.getLogger(__name__)
@@ -32,21 +34,22 @@ def salvage(flight: Path) -> str:
 def _set_aside(flight: Path) -> Path | None:
     """Rename the ledger and its log; None if there is none."""
     path = flight / LEDGER_NAME
-    if not path.exists():
+    if not inside.exists(path, flight):
         return None
     number = 1
-    while (aside := flight / f"{LEDGER_NAME}.damaged-{number}").exists():
+    while inside.exists(aside := flight / f"{LEDGER_NAME}.damaged-{number}", flight):
         number += 1
     for suffix in SUFFIXES:  # SQLite looks for the log beside the file, under its name
         beside = path.with_name(path.name + suffix)
-        if beside.exists():
-            beside.replace(aside.with_name(aside.name + suffix))
+        if inside.exists(beside, flight):
+            inside.move(beside, aside.with_name(aside.name + suffix), flight)
     return aside
 
 
 def _copy_rows(damaged: Path, new: Path) -> dict[str, int]:
     """Copy table by table, each from its beginning and from its end until the damage; returns the numbers of rows."""
-    with closing(sqlite3.connect(damaged)) as source, closing(sqlite3.connect(new)) as target:
+    refuse_strange_files(damaged)
+    with closing(sqlite3.connect(damaged, factory=ForeignFile)) as source, closing(sqlite3.connect(new)) as target:
         counts = {table: _copy_table(table, source, target) for table in TABLES}
         target.commit()
     return counts
@@ -55,6 +58,8 @@ def _copy_rows(damaged: Path, new: Path) -> dict[str, int]:
 def _copy_table(table: str, source: sqlite3.Connection, target: sqlite3.Connection) -> int:
     known = [row[1] for row in target.execute(f"PRAGMA table_info({table})")]
     try:
+        if source.execute("SELECT 1 FROM sqlite_schema WHERE name = ? AND type != 'table'", (table,)).fetchone():
+            return 0  # a view in its place: none of ours
         there = [row[1] for row in source.execute(f"PRAGMA table_info({table})")]
     except sqlite3.DatabaseError:
         logger.warning("nothing of the table %s can be read", table, exc_info=True)

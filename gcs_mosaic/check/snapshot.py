@@ -10,7 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.schema import VERSION, DamagedLedger, connect_for_reading, version_of
 
@@ -35,8 +37,9 @@ def ledger_copy(flight: Path, *, written: bool) -> Iterator[tuple[Ledger, int] |
 
 def _opened(flight: Path, copy: Path, *, written: bool) -> tuple[Ledger, int] | DamagedLedger:
     try:
+        refuse_strange_files(flight / LEDGER_NAME)
         (_backed_up if written else _copied)(flight / LEDGER_NAME, copy)
-        with closing(sqlite3.connect(copy)) as connection:
+        with closing(sqlite3.connect(copy, factory=ForeignFile)) as connection:
             version = version_of(connection, flight / LEDGER_NAME)
         ledger = Ledger(copy)
     except DamagedLedger as error:
@@ -58,16 +61,17 @@ def integrity_problem(ledger: Ledger) -> str | None:
     """What SQLite itself finds wrong with the file; None if nothing."""
     try:
         found = [str(row[0]) for row in ledger.rows("PRAGMA integrity_check(3)")]
-    except sqlite3.DatabaseError as error:
-        return str(error)
+    except DamagedLedger as error:
+        return str(error.__cause__)
     return None if found == ["ok"] else " ".join(found).replace("\n", " ")
 
 
 def _copied(path: Path, copy: Path) -> None:
     for suffix in BESIDE:
         source = path.with_name(path.name + suffix)
-        if suffix == "" or source.exists():
-            shutil.copyfile(source, copy.with_name(copy.name + suffix))
+        if suffix == "" or inside.exists(source, path.parent):
+            with inside.reading(source, path.parent) as old, copy.with_name(copy.name + suffix).open("wb") as new:
+                shutil.copyfileobj(old, new)
 
 
 def _backed_up(path: Path, copy: Path) -> None:

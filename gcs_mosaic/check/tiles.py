@@ -17,22 +17,24 @@ import numpy as np
 
 from gcs_mosaic.check.findings import CheckedPart, Progress
 from gcs_mosaic.check.layout import Layout, layout_of
-from gcs_mosaic.check.originals import place_of
 from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.stitch.arrays import Bands
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.originals import read_intact
+from gcs_mosaic.store.originals import original_bytes
 from gcs_mosaic.store.records import FrameRecord
 from gcs_mosaic.store.tiles import (
     TileSettings,
     encode_jpeg,
     encode_mask,
     mask_path,
+    pictures_in,
     read_tile,
     remove_tile,
+    tile_bytes,
     tile_path,
     tiles_in,
     write_tile,
@@ -59,8 +61,7 @@ class PaintedMap:
     def load(self, name: str) -> Bands | None:
         """A frame as it was painted; None if its original is not what came."""
         frame = self.frames[name]
-        path = place_of(self.flight, frame.original or "")
-        data = None if path is None or frame.content_hash is None else read_intact(path, frame.content_hash)
+        data = original_bytes(self.flight, frame)
         if data is None:
             return None
         image = decode_image(data, reduction=self.reductions[name])
@@ -91,10 +92,8 @@ def check_tiles(shown: PaintedMap, part: CheckedPart, progress: Progress) -> Non
             part.fault(name_of(key), "a tile that cannot be decoded, or its mask")
     for key in sorted(shown.layout.required() - there - unsure):
         part.fault(name_of(key), "a tile that is missing")
-    for path in sorted((shown.flight / "masks").glob("*/*/*/*.png")):
-        colours = shown.flight / "tiles" / path.relative_to(shown.flight / "masks").with_suffix(".jpg")
-        if not colours.exists():
-            part.fault(path.relative_to(shown.flight).as_posix(), "a mask without its tile")
+    for path in _lone_masks(shown.flight):
+        part.fault(path.relative_to(shown.flight).as_posix(), "a mask without its tile")
     if shown.gone:
         part.notes.append(f"tiles of {len(shown.gone)} frames whose originals are not there cannot be made again")
 
@@ -145,7 +144,7 @@ def jpeg_quality(flight: Path) -> int | None:
     """With which quality the tiles were written, by their quantisation tables; None without a tile that tells."""
     known = _tables()
     paths = (tile_path(flight, *key) for key in islice(tiles_in(flight), SAMPLED))
-    found = Counter(known.get(_table(_bytes(path) or b"")) for path in paths)
+    found = Counter(known.get(_table(tile_bytes(path, flight) or b"")) for path in paths)
     found.pop(None, None)
     return found.most_common(1)[0][0] if found else None
 
@@ -172,7 +171,7 @@ def _repainted(shown: PaintedMap, progress: Progress) -> Iterator[Iterator[tuple
 
 def _is_as_painted(flight: Path, key: TileKey, picture: TilePicture | None, quality: int | None) -> bool:
     """Whether the tile's files are those that would be written now."""
-    colours, mask = _bytes(tile_path(flight, *key)), _bytes(mask_path(flight, *key))
+    colours, mask = (tile_bytes(path, flight) for path in (tile_path(flight, *key), mask_path(flight, *key)))
     if picture is None:
         return colours is None and mask is None
     full = int(picture.coverage.min()) == 255
@@ -201,21 +200,17 @@ def _remove_undecodable(shown: PaintedMap) -> int:
 
 
 def _remove_lone_masks(flight: Path) -> int:
-    masks = (flight / "masks").glob("*/*/*/*.png")
-    lone = [p for p in masks if not (flight / "tiles" / p.relative_to(flight / "masks").with_suffix(".jpg")).exists()]
+    lone = list(_lone_masks(flight))
     for path in lone:
-        path.unlink(missing_ok=True)
+        inside.remove(path, flight)
     return len(lone)
 
 
-def _bytes(path: Path) -> bytes | None:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return None
-    except OSError:
-        logger.warning("%s cannot be read", path, exc_info=True)
-        return None
+def _lone_masks(flight: Path) -> Iterator[Path]:
+    for path in pictures_in(flight, "masks", ".png"):
+        colours = flight / "tiles" / path.relative_to(flight / "masks").with_suffix(".jpg")
+        if not inside.is_file(colours, flight):
+            yield path
 
 
 @lru_cache(1)

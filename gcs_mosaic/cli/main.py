@@ -11,13 +11,14 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from types import FrameType
 
 from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
+from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
 from gcs_mosaic.cli.options import DEFAULT_OUT, hint_settings_of, listening_of, parse, readers_of, web_settings_of
 from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
@@ -32,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         given = parse(words)
-        return (COMMANDS[given.command] if given.command else fly)(given) or 0
+        with telling_of_foreign(given) if given.command in OF_A_FLIGHT else nullcontext():
+            return (COMMANDS[given.command] if given.command else fly)(given) or 0
     except UsageError as error:
         print(f"gcs-mosaic: {error}", file=sys.stderr)
         return 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Mapping
@@ -22,6 +21,7 @@ from gcs_mosaic.notes.anchoring import IslandAnchor
 from gcs_mosaic.notes.at_rest import anchors_of
 from gcs_mosaic.notes.told import iso, shown
 from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.views.flight_view import FlightView
 
 HOW = "set two pins or more on its page, or `gcs-mosaic anchor DIR --points FILE`; png, tiff and placements need no anchor"
@@ -101,10 +101,7 @@ def earth_map(flight: Path, island: int | None = None, box: Bounds | None = None
     view = FlightView(folder)
     record = view.flight()
     laid = anchors_of(view)
-    try:
-        canvas = canvas_islands(json.loads((folder / "mosaic.json").read_bytes()))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{folder / 'mosaic.json'} is not a map that this gcs-mosaic can read: update it.") from error
+    canvas = canvas_islands({"islands": told_islands(folder)})
     wanted = [one for one in canvas if island in (None, one.id)]
     anchors = {number: one.anchor for number, one in laid.items() if one.anchor is not None}
     islands = earth_islands(wanted, anchors)

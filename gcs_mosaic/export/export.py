@@ -24,6 +24,7 @@ from gcs_mosaic.store.listing import FrameNews, Listing
 from gcs_mosaic.store.records import Estimate, FrameState
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.store.tiles import encode
+from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.views.tile_reader import level_within, picture, pixel_bounds
 
 WARP_COLUMNS, WARP_ROWS = 65, 49  # between these points lens distortion is linear to a hundredth of a pixel
@@ -95,7 +96,7 @@ def export_png(flight: Path, target: Path, *, island: int | None = None, level: 
 
 def chosen_island(flight: Path, number: int | None) -> dict[str, Any]:
     """The entry of mosaic.json for an island, by default the largest."""
-    islands = [i for i in _islands(flight) if "merged_into" not in i]
+    islands = [one for one in told_islands(flight) if one.get("merged_into") is None]
     if not islands:
         raise UsageError(f"{flight} holds no picture: no frame was placed in this flight.")
     wanted = [i for i in islands if number is None or i["id"] == number]
@@ -103,16 +104,6 @@ def chosen_island(flight: Path, number: int | None) -> dict[str, Any]:
         there = ", ".join(str(i["id"]) for i in islands) or "none"
         raise UsageError(f"There is no island {number} in {flight}; there are: {there}.")
     return max(wanted, key=lambda i: i["frames"])
-
-
-def _islands(flight: Path) -> list[dict[str, Any]]:
-    """The islands of mosaic.json; empty if the flight ended before its first frame."""
-    try:
-        return list(json.loads((flight / "mosaic.json").read_bytes())["islands"])
-    except FileNotFoundError:
-        return []
-    except (ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{flight / 'mosaic.json'} is not a map that this gcs-mosaic can read: update it.") from error
 
 
 @contextmanager

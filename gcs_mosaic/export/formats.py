@@ -64,7 +64,11 @@ def export(flight: Path, format_name: str, wish: Wish, console: Console) -> str:
             raise UsageError(f"--format {format_name} knows no {OPTIONS[one.name]}: {_known_by(one.name)} do.")
     if wish.no_gains and "bands" in form.knows and not wish.bands:
         raise UsageError("--no-gains is for the bands of the frames: give --bands too.")
-    return form.write(flight, wish.to or flight / form.name, wish, console)
+    from gcs_mosaic.export.target import refuse_our_own
+
+    target = wish.to or flight / form.name
+    refuse_our_own(target)
+    return form.write(flight, target, wish, console)
 
 
 def _png(flight: Path, target: Path, wish: Wish, _: Console) -> str:

@@ -61,7 +61,7 @@ def bands_of(source: RebuildSource) -> tuple[int, np.dtype[Any]]:
     """Number of bands of the frames, and their type."""
     image = source.load(source.frames[0].name)
     if image is None:
-        raise UsageError(f"{source.originals[source.frames[0].name]} cannot be read any more.")
+        raise UsageError(f"the original of {source.frames[0].name} cannot be read any more.")
     return image.shape[2], image.dtype
 
 

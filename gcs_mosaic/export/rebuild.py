@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.decode import Unreadable, load_image
+from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.painted import Extent, Painted
 from gcs_mosaic.render.pixels import KeepBands
@@ -19,7 +19,7 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands, Coverage
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.originals import is_intact
+from gcs_mosaic.store.originals import original_bytes
 from gcs_mosaic.store.records import FrameRecord
 
 KEPT_TILES = 128  # tiles in memory while holes are filled: 2 MB each with eight bands of 16 bits
@@ -31,7 +31,8 @@ class RebuildSource:
     left out."""
 
     frames: Sequence[Painted]
-    originals: dict[str, Path]  # by frame name
+    flight: Path
+    records: dict[str, FrameRecord]  # of those frames, by name
     reductions: dict[str, int]  # at which the frames were painted, by name
     canvas: CanvasSettings
     of_another_kind: int
@@ -39,7 +40,8 @@ class RebuildSource:
 
     def load(self, name: str) -> Bands | None:
         """A frame (h, w, bands) as it was painted."""
-        image = load_image(self.originals[name], reduction=self.reductions[name])
+        data = original_bytes(self.flight, self.records[name])
+        image = None if data is None else decode_image(data, reduction=self.reductions[name])
         return None if isinstance(image, Unreadable) else image
 
 
@@ -69,14 +71,15 @@ def source_of(flight: Path, island: int) -> RebuildSource:
         )
     kinds = Counter(one.display.kind for one in painted)
     of_kind = [one for one in painted if one.display.kind == kinds.most_common(1)[0][0]]
-    there = [one for one in of_kind if _is_there(flight, frames[one.name])]
+    there = [one for one in of_kind if original_bytes(flight, frames[one.name]) is not None]
     if not there:
         raise UsageError(
             f"{flight} has no original of a frame that is painted on island {island}: only they have all bands."
         )
     return RebuildSource(
         frames=there,
-        originals={one.name: flight / str(frames[one.name].original) for one in there},
+        flight=flight,
+        records={one.name: frames[one.name] for one in there},
         reductions={one.name: _reduction(one, frames[one.name]) for one in there},
         canvas=record.canvas if record else CanvasSettings(),
         of_another_kind=len(painted) - len(of_kind),
@@ -95,13 +98,6 @@ def rebuilt(source: RebuildSource, keep_bands: KeepBands, scratch: Path) -> Iter
         extent = canvas.extent(island)
         assert extent is not None, "frames that were painted touch tiles"
         yield RebuiltTiles(canvas, island, extent)
-
-
-def _is_there(flight: Path, frame: FrameRecord) -> bool:
-    """Whether the frame's original is present and intact."""
-    if frame.original is None or frame.content_hash is None:
-        return False
-    return is_intact(flight / frame.original, frame.content_hash)
 
 
 def _reduction(painted: Painted, frame: FrameRecord) -> int:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.export import telling_where
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import sync_file
 from gcs_mosaic.store.lock import is_still_there, lock_file
 
@@ -21,6 +22,7 @@ def whole_file(target: Path) -> Iterator[Path]:
         raise UsageError(f"{target} is a folder; give a file with --to.")
     beside = target.with_name(f".{target.name}.part")
     with telling_where(target):
+        _make_way(beside, inside.is_file)
         beside.touch()
         with _held(beside, target):
             try:
@@ -40,16 +42,23 @@ def whole_folder(target: Path) -> Iterator[Path]:
         raise UsageError(f"{target} is there already, and is left as it is; give another folder with --to.")
     beside = target.with_name(f".{target.name}.part")
     with telling_where(target):
+        _make_way(beside, inside.is_folder)
         beside.mkdir(exist_ok=True)
         with _held(beside, target):
             try:
                 for left in beside.iterdir():
-                    shutil.rmtree(left) if left.is_dir() else left.unlink()
+                    shutil.rmtree(left) if inside.is_folder(left, beside) else inside.remove(left, beside)
                 yield beside
                 beside.replace(target)
             except BaseException:
                 shutil.rmtree(beside, ignore_errors=True)
                 raise
+
+
+def _make_way(beside: Path, is_ours: Callable[[Path, Path], bool]) -> None:
+    """Remove a link, or whatever else is in the place of what a killed export has left, and would lead elsewhere."""
+    if not is_ours(beside, beside.parent):
+        inside.remove(beside, beside.parent)
 
 
 @contextmanager

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import os
+import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,6 +29,7 @@ _AS_TAKEN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _COLOUR = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 _GREY = {1: cv2.IMREAD_GRAYSCALE, 2: cv2.IMREAD_REDUCED_GRAYSCALE_2, 4: cv2.IMREAD_REDUCED_GRAYSCALE_4}
 _JPEG = b"\xff\xd8"
+ORDINARY_BYTES = 256_000_000  # up to which a file is read to see whether it is what was found
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ def bytes_of(frame: Frame) -> bytes | Unreadable:
     """The frame's file, exactly as it was found."""
     if frame.data is not None:
         return frame.data
-    data = _read(frame.path.read_bytes)
+    data = _read(frame.path, frame.size)
     if isinstance(data, bytes) and content_hash(data) != frame.content_hash:
         return Unreadable("overwritten since it was found", passing=True)
     return data
@@ -56,7 +58,7 @@ def bytes_of(frame: Frame) -> bytes | Unreadable:
 
 def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """The pixels of the file at `path` as in `decode_image`."""
-    data = _read(path.read_bytes)
+    data = _read(path)
     return data if isinstance(data, Unreadable) else decode_image(data, max_pixels, reduction)
 
 
@@ -172,8 +174,16 @@ def _reduced(image: Bands, reduction: int) -> Bands:
     return np.stack(bands, axis=-1)
 
 
-def _read(read: Callable[[], bytes]) -> bytes | Unreadable:
+def _read(path: Path, size: int | None = None) -> bytes | Unreadable:
+    """A regular file; `size`: of what is expected, beyond which nothing is read. A pipe or a device may have no end."""
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        return read()
+        with os.fdopen(os.open(path, flags), "rb") as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                return Unreadable("cannot be read (not a regular file)", passing=True)
+            if size is not None and found.st_size > max(size, ORDINARY_BYTES):
+                return Unreadable("overwritten since it was found", passing=True)
+            return file.read()
     except OSError as error:
         return Unreadable(f"cannot be read ({error.strerror})", passing=True)

@@ -14,6 +14,7 @@ from gcs_mosaic.geo.anchor import Anchor, CanvasPlaces
 from gcs_mosaic.geo.ellipsoid import Places
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, level_of, mercator, resolution_m
 from gcs_mosaic.render.tile_grid import Box, pixel_size
+from gcs_mosaic.store.told_islands import checked_islands
 
 PER_SIDE = 32  # points of an outline: between them a side of 10 km bends by less than a centimetre
 
@@ -82,8 +83,8 @@ class EarthIsland(CanvasIsland):
 
 
 def canvas_islands(document: Mapping[str, Any]) -> tuple[CanvasIsland, ...]:
-    """Those of mosaic.json that were not joined to another. Raises KeyError, TypeError and ValueError if it is none."""
-    return tuple(_canvas_island(entry) for entry in document["islands"] if entry.get("merged_into") is None)
+    """Those of mosaic.json that were not joined to another. Raises ValueError if it is none."""
+    return tuple(_canvas_island(entry) for entry in checked_islands(document) if entry.get("merged_into") is None)
 
 
 def earth_islands(islands: Iterable[CanvasIsland], anchors: Mapping[int, Anchor]) -> tuple[EarthIsland, ...]:

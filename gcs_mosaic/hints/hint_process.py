@@ -10,13 +10,13 @@ from __future__ import annotations
 import json
 import logging
 import os
-import signal
 import sys
 import threading
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from gcs_mosaic.children import outlive_signals
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.seeker import Seeker
 from gcs_mosaic.hints.settings import HintSettings
@@ -31,12 +31,11 @@ NICENESS = 15  # of 19: the flight and its page come first
 REST_S = 1.0  # until the next look whether there is a new frame
 BESIDE = 0.25  # rest after each frame, of the time that it took: the aircraft's machine has other work
 MOST_BYTES = 4 << 30  # of address space, of which libraries and threads take one
-WHILE_IT_RUNS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # they are for the flight
 
 
 def main() -> None:
     """Seek until standard input ends."""
-    _outlive_signals()
+    _begin_as_child()
     logging.basicConfig(level=logging.WARNING, stream=sys.stdout)
     lines = iter(sys.stdin)
     task = json.loads(next(lines, None) or sys.exit())
@@ -93,10 +92,8 @@ def _tell(**told: object) -> None:
     print(json.dumps(told), flush=True)
 
 
-def _outlive_signals() -> None:
-    for name in WHILE_IT_RUNS:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+def _begin_as_child() -> None:
+    outlive_signals()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(NICENESS)
 

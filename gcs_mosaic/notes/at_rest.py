@@ -9,6 +9,7 @@ from gcs_mosaic.notes.anchoring import Anchoring, IslandAnchor
 from gcs_mosaic.notes.binding import GroundFollower
 from gcs_mosaic.notes.book import NotesFile
 from gcs_mosaic.notes.pins import SetPin, pin_of
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -22,7 +23,7 @@ def anchors_of(view: FlightView) -> Mapping[int, IslandAnchor]:
 
 def _pinned(path: Path) -> tuple[list[SetPin], bool]:
     """The pins that were not deleted, and whether positions may lay the map."""
-    if not path.exists():
+    if not inside.exists(path, path.parent):
         return [], False
     with NotesFile(path, read_only=True) as file:
         if not file.rows("SELECT 1 FROM sqlite_schema WHERE name = 'pins'"):  # written before there were any

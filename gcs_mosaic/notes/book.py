@@ -11,6 +11,7 @@ from typing import ClassVar
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.notes.schema import NOTES
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite, identity_of
 from gcs_mosaic.store.folder import LEDGER_NAME, NOTES_NAME
 from gcs_mosaic.store.ledger_file import LedgerFile
@@ -117,7 +118,7 @@ class NotesBook:
 
     def _read(self) -> NotesFile | None:
         """What is in memory is the newest, but for what another program has written."""
-        if self._file is None and self.path.exists():
+        if self._file is None and inside.exists(self.path, self.root):
             self._open()
         elif self._file is not None:
             try:

@@ -6,6 +6,7 @@ Two forms are read: a table with a heading (CSV, with commas, semicolons or tabs
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ from gcs_mosaic.geo.pins import USUAL_SIGMA_M
 from gcs_mosaic.notes.checked import FURTHEST, LONGEST_LABEL, Unfit, number_of, text_of
 from gcs_mosaic.notes.pins import MOST_PINS
 from gcs_mosaic.notes.projections import Project, projection_of
+from gcs_mosaic.store import inside
 
 LARGEST_BYTES = 1 << 20
 MOST_TOLD = 20  # lines that cannot be used
@@ -105,12 +107,11 @@ Rows = Iterator[tuple[int, Callable[[], Mapping[str, str]]]]
 
 def _text(path: Path) -> str:
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise UsageError(
-                f"{path} has more than {LARGEST_BYTES >> 20} MB, which no list of control points has; {WANTED}."
-            )
-        data = path.read_bytes()
+        data = inside.read_given(path, LARGEST_BYTES)
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            text = f"{path} has more than {LARGEST_BYTES >> 20} MB, which no list of control points has"
+            raise UsageError(f"{text}; {WANTED}.") from None
         raise UsageError(f"{path} cannot be read ({error.strerror}): name a file of control points.") from error
     is_wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")  # as spreadsheets save "Unicode text"
     # Names with umlauts, of a program that does not know UTF-8; a picture is no such text.

@@ -14,6 +14,7 @@ from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
 from gcs_mosaic.notes.finds import Find, find_of
 from gcs_mosaic.notes.report import as_report
 from gcs_mosaic.notes.told import placed
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import DiskFull, write_beside
 from gcs_mosaic.store.folder import NOTES_NAME, find_flight
 from gcs_mosaic.views.flight_view import FlightView
@@ -41,7 +42,7 @@ def export_finds(flight: Path, kind: str, target: Path) -> str:
 
 def finds_in(flight: Path) -> list[Find]:
     """Those of a flight that were not deleted; nothing is written for it. Raises UsageError."""
-    if not (flight / NOTES_NAME).exists():
+    if not inside.exists(flight / NOTES_NAME, flight):
         return []
     with NotesFile(flight / NOTES_NAME, read_only=True) as file:
         return [find_of(row) for row in file.rows("SELECT * FROM finds WHERE deleted = 0 ORDER BY id")]

@@ -8,7 +8,6 @@ import html
 import logging
 import math
 from collections.abc import Sequence
-from pathlib import Path, PurePosixPath
 
 import cv2
 import numpy as np
@@ -19,7 +18,7 @@ from gcs_mosaic.notes.exports import NO_ANCHOR
 from gcs_mosaic.notes.told import PlacedFind, iso, shown
 from gcs_mosaic.render.display import display_of
 from gcs_mosaic.stitch.arrays import ImageBGR
-from gcs_mosaic.store.originals import read_intact
+from gcs_mosaic.store.originals import original_bytes
 from gcs_mosaic.views.flight_view import FlightView
 
 logger = logging.getLogger(__name__)
@@ -101,9 +100,7 @@ def original(view: FlightView, number: int) -> ImageBGR | None:
     except UsageError:
         logger.info("no ledger can be read", exc_info=True)
         return None
-    if frame is None or frame.original is None or frame.content_hash is None:
-        return None
-    data = read_intact(_within(view.root, frame.original), frame.content_hash)
+    data = None if frame is None else original_bytes(view.root, frame)
     image = None if data is None else decode_image(data)
     if image is None or isinstance(image, Unreadable):
         return None
@@ -122,9 +119,3 @@ def crop_of(image: ImageBGR, pixel: tuple[float, float]) -> bytes:
     for colour, width in (((0, 0, 0), 3), ((255, 255, 255), 1)):
         cv2.circle(crop, middle, 24, colour, width, cv2.LINE_AA)
     return cv2.imencode(".jpg", crop, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
-
-
-def _within(root: Path, relative: str) -> Path:
-    """A path of the ledger, always below the flight's folder."""
-    parts = [part for part in PurePosixPath(relative).parts if part not in ("..", "/")]
-    return root.joinpath(*parts)

@@ -20,6 +20,7 @@ from gcs_mosaic.notes.book import NotesBook, NotesFile
 from gcs_mosaic.notes.finds import MOST_FINDS, PLACE_COLUMNS, binding_of, place_row
 from gcs_mosaic.notes.pins import MOST_PINS, Pins
 from gcs_mosaic.notes.scales import MOST_SCALES
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -47,7 +48,7 @@ def take_over_notes(out: Path, flights: Sequence[NotedFlight]) -> Iterator[Notic
     """Add the flights' notes to those of the map in `out`, each flight's whole or not at all; says what was done."""
     follower = GroundFollower(FlightView(out))
     for flight in flights:
-        if not (flight.path / NOTES_NAME).exists():
+        if not inside.exists(flight.path / NOTES_NAME, flight.path):
             continue
         try:
             counts = _taken(out, flight, follower)

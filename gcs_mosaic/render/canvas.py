@@ -198,6 +198,12 @@ class Canvas(Kept):
         for name in names:
             self._fall_behind(self._frames.remove(name))
 
+    def look_again(self, names: Iterable[str]) -> None:
+        """The originals of these frames are there again: tiles that were given up without them become stale."""
+        for name in self.gone.intersection(names):
+            self.gone.discard(name)
+            self._fall_behind(self._frames.tiles_of(name))
+
     def confine(self, keys: Iterable[TileKey]) -> None:
         """Make only these tiles from now on, and of others what these depend on: for painting a map part by part, each with the
         frames around it."""

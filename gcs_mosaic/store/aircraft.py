@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from typing import Any
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.folder import candidates, find_flight
+from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.requests import ask_to_follow
 from gcs_mosaic.store.status import harmless
 
@@ -82,8 +82,8 @@ def _words(one: dict[str, Any], is_followed: bool, now_utc: float) -> Iterator[s
 
 def _status(flight: Path) -> dict[str, Any] | None:
     try:
-        document = json.loads((flight / "status.json").read_bytes())
+        document = read_document(flight / "status.json")
     except (OSError, ValueError):
         logger.debug("%s has no status", flight, exc_info=True)
         return None
-    return document if isinstance(document, dict) and isinstance(document.get("mavlink"), list) else None
+    return document if isinstance(document.get("mavlink"), list) else None

@@ -8,6 +8,9 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
+
+from gcs_mosaic.store import inside
 
 UNSYNCABLE = (errno.EINVAL, errno.ENOTSUP)  # some network and user-space file systems cannot sync folders
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -47,33 +50,42 @@ def make_folder(path: Path, root: Path, *, durable: bool = False) -> None:
     with telling_disk_full(path):
         if not root.is_dir():
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(root))
-        missing = [folder for folder in (path, *path.parents) if not folder.exists()]
-        path.mkdir(parents=True, exist_ok=True)
-        for made in missing if durable else ():
-            sync_folder(made.parent)
+        for made in inside.make_folder(path, root):
+            if durable:
+                sync_folder(made.parent)
 
 
-def write_beside(path: Path, data: bytes, *, durable: bool = False) -> None:
+def write_beside(path: Path, data: bytes, *, durable: bool = False, root: Path | None = None) -> None:
     """Write `data` to `path` atomically: a reader sees the old file or the new one, never a partial one.
 
     `durable`: survives a power cut, at the cost of a sync: milliseconds, on a memory card up to seconds. A killed process
-    loses nothing either way. Raises DiskFull.
+    loses nothing either way. `root`: the folder below which no link is followed, by default the file's own. Raises DiskFull.
     """
-    beside = path.with_name(f".{path.name}.part")
+    beside, root = path.with_name(f".{path.name}.part"), root or path.parent
     try:
         with telling_disk_full(path):
-            with beside.open("wb") as file:
+            with _begun(beside, root) as file:
                 file.write(data)
                 if durable:
                     file.flush()
                     os.fsync(file.fileno())
-            beside.replace(path)
+            inside.move(beside, path, root)
             if durable:
-                sync_file(path)  # on FAT a renamed file's new entry is empty until the file itself is synced again
+                sync_file(
+                    path, root
+                )  # on FAT a renamed file's new entry is empty until the file itself is synced again
                 sync_folder(path.parent)
     except BaseException:
-        beside.unlink(missing_ok=True)
+        with suppress(OSError):
+            inside.remove(beside, root)
         raise
+
+
+def _begun(beside: Path, root: Path) -> BinaryIO:
+    """A new file; what is in its place and no file of ours (a link, a pipe) makes way."""
+    if not inside.is_file(beside, root):
+        inside.remove(beside, root)
+    return os.fdopen(inside.descriptor(beside, root, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb")
 
 
 def identity_of(path: Path) -> tuple[int, int] | None:
@@ -84,9 +96,9 @@ def identity_of(path: Path) -> tuple[int, int] | None:
     return None
 
 
-def sync_file(path: Path) -> None:
-    """Wait until a file's content has reached the disk."""
-    with path.open("rb") as file:
+def sync_file(path: Path, root: Path | None = None) -> None:
+    """Wait until a file's content has reached the disk; `root` as in `write_beside`."""
+    with inside.reading(path, root or path.parent) as file:
         os.fsync(file.fileno())
 
 
@@ -109,6 +121,7 @@ def overwrite(path: Path, data: bytes) -> None:
 
     A reader may briefly see a partial file. Raises DiskFull if `data` is longer than the file, and OSError if there is none.
     """
-    with telling_disk_full(path), path.open("r+b", buffering=0) as file:
+    opened = inside.descriptor(path, path.parent, os.O_RDWR)
+    with telling_disk_full(path), os.fdopen(opened, "r+b", buffering=0) as file:
         file.write(data)
         file.truncate(len(data))

@@ -20,6 +20,7 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.changes import Changes
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.documents import finite
@@ -27,7 +28,16 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lost_originals import Elsewhere, LostOriginals
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, OriginalsSettings, is_intact, read_intact
+from gcs_mosaic.store.originals import (
+    KeptOriginal,
+    NotKept,
+    Originals,
+    OriginalsSettings,
+    is_intact,
+    place_of,
+    read_intact,
+    relative_place,
+)
 from gcs_mosaic.store.records import (
     Accounts,
     Estimate,
@@ -74,6 +84,7 @@ class FlightStore(Kept):
             "_published",
             "_utc",
             "_retry",
+            "_regained",
         }
         | {"may_write"}
     )
@@ -111,6 +122,7 @@ class FlightStore(Kept):
         self._vehicles: dict[str, int] = {}  # of frames whose aircraft is known, by name
         self._told: Accounts | None = None  # as last written to the documents: events change them without any frame
         self._islands_known = 0
+        self._regained: list[str] = []
         self._extents: dict[int, Extent] = {}  # a merged island is reported with its last extent
 
     def _begin_flight(self, utc: float) -> FlightRecord:
@@ -220,7 +232,7 @@ class FlightStore(Kept):
         processed; returns the number of others. May be repeated."""
         self._originals.forget_lost()
         kept = [frame for frame in self.ledger.frames() if frame.original is not None]
-        gone = [frame for frame in kept if not (self.out / str(frame.original)).exists()]
+        gone = [frame for frame in kept if not inside.is_file(self.out / str(frame.original), self.out)]
         with self.ledger.transaction():
             for frame in gone:
                 self.ledger.forget_original(frame.name)
@@ -237,7 +249,7 @@ class FlightStore(Kept):
         """Whether a file that was written is gone: an original or a tile."""
         kept = (self.out / str(frame.original) for frame in self.ledger.frames() if frame.original is not None)
         tiles = (tile_path(self.out, island, tile) for island, tile in self._tiles.there)
-        return not all(path.exists() for path in (*kept, *tiles))
+        return not all(inside.is_file(path, self.out) for path in (*kept, *tiles))
 
     def keep_lost(self, now: float) -> list[Notice]:
         """Keep one original that is not kept, if it is due and found. For pauses."""
@@ -247,7 +259,21 @@ class FlightStore(Kept):
         if isinstance(kept, KeptOriginal):
             path = kept.path
             self._retry(lambda: self._note_original(frame, path))
+            self._regained.append(frame.name)
         return [kept.notice] if kept is not None and kept.notice else []
+
+    def take_regained(self) -> list[str]:
+        """Frames whose originals are kept again since the last call: tiles may have waited for them."""
+        taken, self._regained = self._regained, []
+        return taken
+
+    def seek_originals_now(self) -> None:
+        """Try all that are not kept once more, without a pause."""
+        self._lost.seek_now()
+
+    def not_kept(self) -> list[str]:
+        """Frames whose originals are sought still."""
+        return self._lost.names
 
     def seeks_originals(self, now: float) -> bool:
         """Whether `keep_lost` has something to do."""
@@ -255,7 +281,7 @@ class FlightStore(Kept):
 
     def found_again(self, frame: Frame) -> Frame | None:
         """The frame where its file is now, if it can be read; None if not."""
-        if is_intact(frame.path, frame.content_hash):
+        if is_intact(frame.path, frame.content_hash, self._root_of(frame.path)):
             return frame
         path = self._lost.found(frame)
         return None if path is None else replace(frame, path=path)
@@ -278,12 +304,17 @@ class FlightStore(Kept):
         return self._orders[name]
 
     def original(self, name: str) -> bytes | None:
-        """The frame's original file; None if it is missing or has changed. Raises CannotWrite while the folder is not there."""
+        """The frame's original file, or the camera's, if that is the same; None if both are missing or have changed. Raises
+        CannotWrite while the folder is not there."""
         path, digest = self._places[name]
-        data = read_intact(path, digest)
+        data = read_intact(path, digest, self._root_of(path)) or self._lost.read(name, digest)
         if data is None and not self.may_write():
             raise CannotWrite(f"{self.out} is not there now")
         return data
+
+    def _root_of(self, path: Path) -> Path | None:
+        """This flight's folder for what is kept in it; None for what is still the camera's, or another flight's."""
+        return self.out if path.is_relative_to(self.out) else None
 
     def content_hash(self, name: str) -> str:
         """Of a frame's original."""
@@ -460,7 +491,7 @@ def frame_of(record: FrameRecord, out: Path) -> Frame:
     assert record.content_hash is not None, "a frame has come whole"
     return Frame(
         name=record.name,
-        path=out / (record.original or record.name),
+        path=place_of(out, record.original or "") or out / relative_place(record.name),
         content_hash=record.content_hash,
         size=record.size or 0,
         received=record.received or 0.0,

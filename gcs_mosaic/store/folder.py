@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import sqlite3
+import stat
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.foreign_file import COMPANIONS
 from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
 from gcs_mosaic.store.schema import connect_for_reading
 
@@ -23,6 +27,14 @@ OUR_NAMES = (
     *("checkpoint", "checkpoint.values", TOKEN_NAME, NOTES_NAME, HINTS_NAME),
     *("tiles", "masks", "frames"),
 )
+ARTEFACTS = "archive"  # folder in which `reprocess` keeps what it has found
+BESIDE_OURS = tuple(f"{name}{end}" for name in (LEDGER_NAME, NOTES_NAME, HINTS_NAME) for end in COMPANIONS[1:])
+# All that we ever write into a flight's folder.
+WRITTEN_NAMES = (*OUR_NAMES, *BESIDE_OURS, ARTEFACTS, LOCK_NAME)
+# What a start writes before its flight has begun, which may take half a minute on a busy machine.
+BEFORE_A_FLIGHT = (LEDGER_NAME, LOG_NAME, RECORDING_NAME, TOKEN_NAME, NOTES_NAME, HINTS_NAME)
+FIRST_ROWS = ("flight", "frames", "events")  # tables of which a flight that has begun has rows
+LONGEST_LINE = 1000  # bytes
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script
 
 
@@ -40,8 +52,8 @@ class FlightFolder:
         """Release the lock; the folder of a flight that never began is removed."""
         if not (self.path / LEDGER_NAME).exists():
             with suppress(OSError):
-                (self.path / TOKEN_NAME).unlink(missing_ok=True)
-                (self.path / LOCK_NAME).unlink()
+                inside.remove(self.path / TOKEN_NAME, self.path)
+                inside.remove(self.path / LOCK_NAME, self.path)
                 if not self.existed:
                     self.path.rmdir()
         self.lock.release()
@@ -84,6 +96,11 @@ def lock_flight(path: Path) -> FlightFolder:
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another --out") from error
     if lock is None:
         raise UsageError(f"--resume: {path} is being written by another gcs-mosaic: end that one first")
+    try:
+        refuse_strange_parts(path)
+    except UsageError:
+        lock.release()
+        raise
     return FlightFolder(path=path, said=f"going on with the flight in {path}", lock=lock, resumed=True)
 
 
@@ -92,7 +109,8 @@ def flights_of(out: Path, since_utc: float = -math.inf) -> list[Path]:
 
     A flight of the future is a recent one: a machine without a battery for its clock starts in the past.
     """
-    held = {path: written_ns(path) / 1e9 for path in candidates(out) if (path / LEDGER_NAME).is_file()}
+    there = (path for path in candidates(out) if inside.is_file(path / LEDGER_NAME, path) and not is_unbegun(path))
+    held = {path: written_ns(path) / 1e9 for path in there}
     return sorted((path for path in held if held[path] >= since_utc), key=lambda path: -held[path])
 
 
@@ -109,6 +127,24 @@ def find_flight(path: Path) -> Path:
         return path
     what = "holds no flight" if path.is_dir() else "is not a folder" if path.exists() else "does not exist"
     raise UsageError(f"{path} {what}: name a folder that gcs-mosaic has written a flight into")
+
+
+def strange_in(flight: Path) -> Iterator[Path]:
+    """What lies under our names and is neither a file nor a folder: links and devices, which nobody of us makes or follows."""
+    for name in dict.fromkeys(WRITTEN_NAMES):
+        path = flight / name
+        found = inside.status(path, flight)
+        if found is not None and stat.S_ISDIR(found.st_mode):
+            yield from (below for below, entry in inside.entries(path, flight) if not inside.is_plain(entry))
+        elif found is not None and not stat.S_ISREG(found.st_mode):
+            yield path
+
+
+def refuse_strange_parts(flight: Path) -> None:
+    """Raises UsageError if the folder holds what `strange_in` finds: whoever writes there must not reach elsewhere."""
+    for path in strange_in(flight):
+        text = f"{str(path.relative_to(flight))!r} is a link or a device, which no flight's folder has, and which is not followed"
+        raise UsageError(f"{flight}: {text}: put what it leads to in its place, or take it away")
 
 
 def refuse_watching_ourselves(watched: Path, out: Path) -> None:
@@ -154,12 +190,38 @@ def take(path: Path) -> tuple[FolderLock | None, str]:
 
 def occupied(path: Path) -> str:
     """Which of our files the folder already holds, as a sentence; empty if none."""
-    if (path / LEDGER_NAME).exists() or (path / "mosaic.json").exists():
+    there = [name for name in OUR_NAMES if inside.exists(path / name, path)]
+    if "mosaic.json" in there or (LEDGER_NAME in there and not is_unbegun(path)):
         return f"{path} holds an earlier flight, which is left as it is"
-    for name in OUR_NAMES:
-        if (path / name).exists() or (path / name).is_symlink():
-            return f"{path} has its own {name}, which is left as it is"
-    return ""
+    begun = _was_begun_by_us(path)
+    strange = next((name for name in there if not (begun and name in BEFORE_A_FLIGHT)), None)
+    return f"{path} has its own {strange}, which is left as it is" if strange else ""
+
+
+def is_unbegun(path: Path) -> bool:
+    """Whether the ledger in a folder is that of a flight that was ended before it began: empty, or without its first row."""
+    ledger = path / LEDGER_NAME
+    found = inside.status(ledger, path)
+    if found is None or not stat.S_ISREG(found.st_mode):
+        return False
+    if not found.st_size:
+        return True
+    try:
+        with closing(connect_for_reading(ledger)) as opened:
+            return not any(opened.execute(f"SELECT 1 FROM {table} LIMIT 1").fetchone() for table in FIRST_ROWS)
+    except (UsageError, sqlite3.Error):
+        return False
+
+
+def _was_begun_by_us(path: Path) -> bool:
+    """Whether a start of ours was killed here: its lock is left, or its log, or an empty ledger."""
+    if inside.is_file(path / LOCK_NAME, path) or is_unbegun(path):
+        return True
+    try:
+        with inside.reading(path / LOG_NAME, path) as log:
+            return b"gcs_mosaic" in log.readline(LONGEST_LINE)
+    except OSError:
+        return False
 
 
 def spoken(path: Path, existed: bool) -> str:

@@ -42,11 +42,11 @@ from gcs_mosaic.store.rows import (
     RELIEF_COLUMNS,
     SUPPORT_COLUMNS,
     camera_row,
-    canvas_of,
     covered_of,
     estimate_of,
     event_record_of,
     event_row,
+    flight_of,
     frame_record_of,
     homography_row,
     look_row,
@@ -77,10 +77,7 @@ class Ledger(LedgerFile):
         self.write("UPDATE flight SET canvas = ?", json.dumps(asdict(canvas)))
 
     def flight(self) -> FlightRecord | None:
-        for row in self.rows("SELECT * FROM flight"):
-            canvas = canvas_of(row)
-            return FlightRecord(name=row["name"], started_utc=row["started_utc"], canvas=canvas)
-        return None
+        return next(iter(self.made(flight_of, self.rows("SELECT * FROM flight"))), None)
 
     def record_notice(self, notice: Notice, utc: float) -> None:
         """Record a notice shown to the operator, and when (seconds since 1970)."""
@@ -115,7 +112,7 @@ class Ledger(LedgerFile):
         """All events, or those in one state, in the order recorded."""
         select = "SELECT events.*, frames.name AS frame_name FROM events LEFT JOIN frames ON frames.id = events.frame"
         rows = self.rows(f"{select} WHERE ? IS NULL OR events.state = ? ORDER BY events.id", state, state)
-        return [event_record_of(row) for row in rows]
+        return self.made(event_record_of, rows)
 
     # Frames
 
@@ -174,7 +171,7 @@ class Ledger(LedgerFile):
         """All frames, or those in one state, in order of arrival."""
         had_event = "EXISTS (SELECT 1 FROM events WHERE events.frame = frames.id) AS had_event"
         rows = self.rows(f"SELECT *, {had_event} FROM frames WHERE ? IS NULL OR state = ? ORDER BY id", state, state)
-        return [frame_record_of(row) for row in rows]
+        return self.made(frame_record_of, rows)
 
     # Placements
 
@@ -204,7 +201,7 @@ class Ledger(LedgerFile):
     def estimates(self) -> list[Estimate]:
         """The newest estimate of every frame that has one, in order of arrival."""
         more = ", frames.vehicle" if self._has("vehicle") else ""
-        return [estimate_of(row) for row in self.rows(placed_in("estimates", "frames.id", more=more))]
+        return self.made(estimate_of, self.rows(placed_in("estimates", "frames.id", more=more)))
 
     def corner_deviations(self) -> list[tuple[int, float]]:
         """Island and `corner_deviation_px` in canvas units of every frame that has one."""
@@ -225,7 +222,7 @@ class Ledger(LedgerFile):
         )
         columns = "frame.name, frame.width, frame.height, keyframe.name AS keyframe, keyframe_from_frame"
         columns += ", frame.vehicle" if self._has("vehicle") else ""
-        return [covered_of(row) for row in self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame")]
+        return self.made(covered_of, self.rows(f"SELECT {columns} FROM covered {frame} ORDER BY covered.frame"))
 
     def covered_by(self, number: int) -> list[tuple[int, FrameRecord, Homography]]:
         """The frames that one frame (by its number) covers: number, record, keyframe_from_frame."""
@@ -237,7 +234,7 @@ class Ledger(LedgerFile):
             "WHERE keyframe = ? ORDER BY frames.id",
             number,
         )
-        return [(row["id"], frame_record_of(row), nine_numbers(row["keyframe_from_frame"])) for row in rows]
+        return self.made(lambda row: (row["id"], frame_record_of(row), nine_numbers(row["keyframe_from_frame"])), rows)
 
     def keyframe_of(self, number: int) -> int | None:
         """The number of the frame that covers this one, if it is covered."""
@@ -275,7 +272,7 @@ class Ledger(LedgerFile):
     def painted(self, island: int) -> list[Painted]:
         """Every frame painted on an island, in painting order."""
         rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)
-        return [painted_of(row) for row in rows]
+        return self.made(painted_of, rows)
 
     def positions(self) -> list[PositionRecord]:
         """Every painted frame and how it lies, without relief and looks, in order of arrival. Quick: 100,000 take a second."""
@@ -286,7 +283,7 @@ class Ledger(LedgerFile):
             "(SELECT corner_deviation_px FROM estimates WHERE estimates.frame = painted.frame) AS deviation"
         ) + (", frames.vehicle" if self._has("vehicle") else "")
         tables = "painted JOIN frames ON frames.id = painted.frame JOIN cameras ON cameras.id = painted.camera"
-        return [position_record_of(row) for row in self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame")]
+        return self.made(position_record_of, self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame"))
 
     def reported_positions(self) -> list[ReportedPosition]:
         """All positions that were told of frames, duplicate messages included, in the order in which they came."""
@@ -295,18 +292,18 @@ class Ledger(LedgerFile):
             "LEFT JOIN events AS first ON first.id = told.duplicate_of "
             "WHERE taken IS NOT NULL AND told.latitude_deg IS NOT NULL ORDER BY told.id"
         )
-        return [reported_position_of(row) for row in rows]
+        return self.made(reported_position_of, rows)
 
     def painted_frame(self, number: int) -> Painted | None:
         """How one frame is painted, by its number (`frames.id`)."""
         rows = self.rows(placed_in("painted", "frame", "WHERE painted.frame = ?"), number)
-        return painted_of(rows[0]) if rows else None
+        return next(iter(self.made(painted_of, rows)), None)
 
     def frame(self, number: int) -> FrameRecord | None:
         """One frame by its number (`frames.id`)."""
         had_event = "EXISTS (SELECT 1 FROM events WHERE events.frame = frames.id) AS had_event"
         rows = self.rows(f"SELECT *, {had_event} FROM frames WHERE id = ?", number)
-        return frame_record_of(rows[0]) if rows else None
+        return next(iter(self.made(frame_record_of, rows)), None)
 
     # Accounts
 

@@ -9,17 +9,22 @@ from __future__ import annotations
 
 import logging
 import sqlite3
-from collections.abc import Iterable, Iterator
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import ClassVar, Self
+from typing import ClassVar, Self, TypeVar
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite, is_disk_full, sync_file, sync_folder, telling_disk_full
-from gcs_mosaic.store.schema import LEDGER, FileSchema, connect, connect_for_reading
+from gcs_mosaic.store.foreign_file import COMPANIONS, ForeignFile
+from gcs_mosaic.store.schema import LEDGER, DamagedLedger, FileSchema, connect, connect_for_reading
 
 logger = logging.getLogger(__name__)
+
+Made = TypeVar("Made")
 
 # Primary result codes after which it is unknown what the file holds.
 DAMAGE = (
@@ -77,11 +82,11 @@ class LedgerFile:
         with self._watched():
             _remove(part, *_companions(part))
             part.touch()  # tells why, if that is impossible, in better words than SQLite
-            with closing(sqlite3.connect(part, isolation_level=None)) as new:
+            with closing(sqlite3.connect(part, isolation_level=None)) as new:  # it is made here, of what is ours
                 self._memory.backup(new)
             sync_file(part)
             _remove(*_companions(self.path))  # a log that is left would be taken for the new file's
-            part.replace(self.path)
+            inside.move(part, self.path, part.parent)
             sync_folder(self.path.parent)
             self._file = connect(self.path, self.schema)
         self.damaged = False
@@ -130,7 +135,28 @@ class LedgerFile:
             raise LookupError(f"nothing of that name in {self.path}: {values[-1]!r}")
 
     def rows(self, sql: str, *values: object) -> list[sqlite3.Row]:
-        return self._memory.execute(sql, values).fetchall()
+        """Raises DamagedLedger for a file that breaks off, or takes too long to read."""
+        try:
+            return self._memory.execute(sql, values).fetchall()
+        except sqlite3.ProgrammingError:  # a fault of ours
+            raise
+        except sqlite3.DatabaseError as error:
+            raise DamagedLedger(f"{self.path} cannot be read ({error}): see gcs-mosaic check") from error
+
+    def made(self, make: Callable[[sqlite3.Row], Made], rows: Iterable[sqlite3.Row]) -> list[Made]:
+        """A record of each row. Raises DamagedLedger for values that no ledger of ours has."""
+        try:
+            return [make(row) for row in rows]
+        except (
+            TypeError,
+            ValueError,
+            LookupError,
+            ArithmeticError,
+            AttributeError,
+            RecursionError,
+            zlib.error,
+        ) as error:
+            raise DamagedLedger(f"{self.path} holds what no {self.schema.noun} has ({error!r})") from error
 
     def _run(self, sql: str, values: tuple[object, ...]) -> sqlite3.Cursor:
         with self.transaction():
@@ -161,7 +187,7 @@ class LedgerFile:
 
 def held_in_memory(file: sqlite3.Connection) -> sqlite3.Connection:
     """A copy of a database."""
-    memory = sqlite3.connect(":memory:", isolation_level=None)
+    memory = sqlite3.connect(":memory:", isolation_level=None, factory=ForeignFile)
     file.backup(memory)
     memory.row_factory = sqlite3.Row
     memory.execute("PRAGMA foreign_keys = ON")
@@ -180,9 +206,9 @@ def code(error: sqlite3.Error) -> int:
 
 
 def _companions(path: Path) -> Iterable[Path]:
-    return (path.with_name(f"{path.name}{end}") for end in ("-wal", "-shm", "-journal"))
+    return (path.with_name(f"{path.name}{end}") for end in COMPANIONS if end)
 
 
 def _remove(*paths: Path) -> None:
     for path in paths:
-        path.unlink(missing_ok=True)
+        inside.remove(path, path.parent)

@@ -6,6 +6,8 @@ import os
 import sys
 from pathlib import Path
 
+from gcs_mosaic.store import inside
+
 LOCK_NAME = ".gcs-mosaic.lock"
 
 
@@ -56,7 +58,7 @@ class FolderLock:
 
 def try_lock(folder: Path) -> FolderLock | None:
     """The folder's lock, or None if another program holds it. Raises OSError if the folder cannot be written."""
-    descriptor = os.open(folder / LOCK_NAME, os.O_RDWR | os.O_CREAT, 0o644)
+    descriptor = inside.descriptor(folder / LOCK_NAME, folder, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         lock_file(descriptor)
     except (BlockingIOError, PermissionError):  # the second is raised on Windows
@@ -74,7 +76,9 @@ def try_lock(folder: Path) -> FolderLock | None:
 def is_locked(folder: Path) -> bool:
     """Whether another program writes into the folder now. Nothing is changed, and the lock is held for no longer than asking."""
     try:
-        descriptor = os.open(folder / LOCK_NAME, os.O_RDONLY if sys.platform != "win32" else os.O_RDWR)
+        descriptor = inside.descriptor(
+            folder / LOCK_NAME, folder, os.O_RDONLY if sys.platform != "win32" else os.O_RDWR
+        )
     except OSError:  # there is none, or nobody may write here
         return False
     try:
@@ -91,6 +95,6 @@ def is_locked(folder: Path) -> bool:
 def is_still_there(descriptor: int, path: Path) -> bool:
     """Whether the open file is still the one at `path`: another program may have removed it while we took its lock."""
     try:
-        return os.path.samestat(os.fstat(descriptor), path.stat())
+        return os.path.samestat(os.fstat(descriptor), path.lstat())
     except OSError:
         return False

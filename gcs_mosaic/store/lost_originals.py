@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gcs_mosaic.messages import Frame
-from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, is_intact
+from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, is_intact, read_intact
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +37,15 @@ class LostOriginals:
     def add(self, frames: Iterable[Frame]) -> None:
         known = {frame.name for frame in self._frames}
         self._frames.extend(replace(frame, data=None) for frame in frames if frame.name not in known)
+        self.seek_now()
+
+    @property
+    def names(self) -> list[str]:
+        """Of those that are sought."""
+        return [frame.name for frame in self._frames]
+
+    def seek_now(self) -> None:
+        """Try all once more at once, whatever was tried in vain before."""
         self._in_vain, self._due = 0, -math.inf
 
     def is_due(self, now: float) -> bool:
@@ -61,6 +70,11 @@ class LostOriginals:
         """Keep this one now; None if it is not found."""
         found = self.found(frame)
         return None if found is None else self._originals.keep(replace(frame, path=found))
+
+    def read(self, name: str, content_hash: str) -> bytes | None:
+        """The frame's file as it came, from where it lies now outside the output folder. From any thread."""
+        path = self._elsewhere(name)
+        return read_intact(path, content_hash) if path is not None and path.is_file() else None
 
     def found(self, frame: Frame) -> Path | None:
         """Where the frame's file, unchanged, lies now outside the output folder."""

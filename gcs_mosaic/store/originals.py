@@ -15,10 +15,14 @@ import shutil
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from gcs_mosaic.messages import Frame, Notice, Topic, content_hash
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite, make_folder, sync_file, sync_folder, write_beside
+
+if TYPE_CHECKING:
+    from gcs_mosaic.store.records import FrameRecord
 
 logger = logging.getLogger(__name__)
 
@@ -26,6 +30,7 @@ GB = 10**9
 AGAIN_SHARE = 1 / 20  # of the reserve: this much more must be free before originals are copied again
 # Errors that come from a frame's name, not from the disk: waiting would not help.
 OF_THE_NAME = (errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ)
+ORDINARY_BYTES = 256_000_000  # up to which an original is read to see whether it is what came, whatever the ledger says
 LONGEST_PART = 200  # bytes of UTF-8; most file systems allow 255, and a temporary name is a little longer
 
 
@@ -102,17 +107,19 @@ class Originals:
     def forget_lost(self) -> None:
         """Forget files that are no longer there: the folder has been made anew."""
         with self._lock:
-            self._ahead = {one: kept for one, kept in self._ahead.items() if (self.out / kept.path).exists()}
+            self._ahead = {
+                one: kept for one, kept in self._ahead.items() if inside.is_file(self.out / kept.path, self.out)
+            }
             self._measure()
 
     def _measure(self) -> None:
-        self.used = bytes_below(self.out / "frames")
+        self.used = bytes_below(self.out / "frames", self.out)
         room = shutil.disk_usage(self.out).free + self.used
         self.reserve = min(int(self.settings.reserve_gb * GB), room // 2)
 
     def _keep(self, frame: Frame) -> KeptOriginal | NotKept:
         shortage = self._shortage(frame.size)
-        target = free_place(self.out / relative_place(frame.name), frame.content_hash)
+        target = free_place(self.out / relative_place(frame.name), frame.content_hash, self.out)
         reason = None
         linked = (self.settings.keep == "link" or shortage is not None) and link(frame.path, target, self.out)
         notice = self._say_change(shortage, kept=linked)
@@ -124,19 +131,19 @@ class Originals:
 
     def _copy(self, frame: Frame, target: Path) -> str | None:
         """Copy the frame's file; returns the reason if that fails or the content has changed since the frame arrived."""
-        if target.exists():
+        if inside.exists(target, self.out):
             return None
         data = frame.data
         if data is None:
             try:
-                data = frame.path.read_bytes()
+                data = inside.read_given(frame.path)
             except OSError as error:
                 return f"the file could not be read again to keep it ({error.strerror})"
             if content_hash(data) != frame.content_hash:
                 return "the file was written again before it could be kept"
         try:
             make_folder(target.parent, self.out, durable=True)
-            write_beside(target, data, durable=True)
+            write_beside(target, data, durable=True, root=self.out)
         except OSError as error:
             if error.errno not in OF_THE_NAME:
                 raise
@@ -168,19 +175,37 @@ class Originals:
         return Notice(source="originals", level="warning", text=f"{shortage}; {advice}", topic=Topic.DISK)
 
 
-def is_intact(path: Path, expected_hash: str) -> bool:
-    """Whether an original is unchanged: a linked one may have been rewritten."""
-    return read_intact(path, expected_hash) is not None
+def is_intact(path: Path, expected_hash: str, root: Path | None = None) -> bool:
+    """Whether an original is unchanged: a linked one may have been rewritten. `root` as for `read_intact`."""
+    return read_intact(path, expected_hash, root) is not None
 
 
-def read_intact(path: Path, expected_hash: str) -> bytes | None:
-    """The whole file, None if it has changed or cannot be read."""
+def read_intact(
+    path: Path, expected_hash: str, root: Path | None = None, most: int = inside.LARGEST_FILE
+) -> bytes | None:
+    """The whole file, None if it has changed or cannot be read. `root`: the flight's folder for an original that lies in it; a
+    file of the camera's may be reached by links. `most`: bytes."""
     try:
-        data = path.read_bytes()
+        data = inside.read_given(path, most) if root is None else inside.read(path, root, most)
     except OSError:
         logger.warning("the original %s cannot be read", path, exc_info=True)
         return None
     return data if content_hash(data) == expected_hash else None
+
+
+def place_of(out: Path, original: str) -> Path | None:
+    """Where an original is kept; None for a place outside the folder of originals, which no ledger of ours names."""
+    parts = PurePosixPath(original).parts
+    inner = parts[:1] == ("frames",) and len(parts) > 1 and ".." not in parts and "\0" not in original
+    return out / original if inner else None
+
+
+def original_bytes(out: Path, record: FrameRecord) -> bytes | None:
+    """The original of a frame as it came; None if it is not kept, or is not what came."""
+    path = place_of(out, record.original or "")
+    if path is None or record.content_hash is None:
+        return None
+    return read_intact(path, record.content_hash, out, max(record.size or inside.LARGEST_FILE, ORDINARY_BYTES))
 
 
 def relative_place(name: str) -> PurePosixPath:
@@ -198,26 +223,27 @@ def short(part: str) -> str:
     return f"{os.fsdecode(os.fsencode(part)[: LONGEST_PART // 2]).encode('ascii', 'replace').decode()}~{mark}{suffix}"
 
 
-def free_place(target: Path, expected_hash: str) -> Path:
+def free_place(target: Path, expected_hash: str, root: Path) -> Path:
     """`target`, or a sibling name if another image is kept there already."""
-    if not target.exists() or is_intact(target, expected_hash):
+    if not inside.exists(target, root) or is_intact(target, expected_hash, root):
         return target
     return target.with_name(f"{target.stem}~{expected_hash[:12]}{target.suffix}")
 
 
-def bytes_below(folder: Path) -> int:
+def bytes_below(folder: Path, root: Path) -> int:
     """Size of all files in a folder."""
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    found = (inside.status(path, root) for path in inside.files(folder, root))
+    return sum(status.st_size for status in found if status is not None)
 
 
 def link(source: Path, target: Path, root: Path) -> bool:
     """Hard link `target` to `source`; False if impossible (another disk, a file system without links)."""
-    if target.exists():
+    if inside.exists(target, root):
         return True
     try:
         make_folder(target.parent, root, durable=True)
-        target.hardlink_to(source.resolve())
-        sync_file(target)
+        inside.link(source.resolve(), target, root)
+        sync_file(target, root)
         sync_folder(target.parent)
     except OSError:
         logger.debug("%s cannot be linked", source, exc_info=True)

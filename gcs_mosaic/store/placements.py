@@ -6,9 +6,11 @@ line to the journal: a document like placements.json, limited to the changed fra
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import telling_disk_full, write_beside
 from gcs_mosaic.store.documents import FORMAT, compact
 from gcs_mosaic.store.journal import JOURNAL_NAME
@@ -60,7 +62,7 @@ class Placements:
     def close(self) -> None:
         """Leave no journal unless it is ahead of placements.json."""
         if self._listed >= self._told:
-            self._journal.unlink(missing_ok=True)
+            inside.remove(self._journal, self._journal.parent)
 
     def _list(self, revision: int) -> None:
         start = time.monotonic()
@@ -71,8 +73,9 @@ class Placements:
 
 def append(path: Path, data: bytes) -> None:
     """Append a line to a file. A partial write on a full disk is undone. Raises DiskFull."""
-    with telling_disk_full(path), path.open("ab", buffering=0) as file:
-        size = file.tell()
+    opened = inside.descriptor(path, path.parent, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    with telling_disk_full(path), os.fdopen(opened, "ab", buffering=0) as file:
+        size = file.seek(0, os.SEEK_END)
         try:
             rest = memoryview(data)
             while rest:

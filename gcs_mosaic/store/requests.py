@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import secrets
-import stat
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.messages import HIGHEST_SYSTEM
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import write_beside
 
 REQUEST_NAME, ANSWER_NAME = "request.json", "answer.json"
@@ -53,7 +53,7 @@ def ask_to_follow(flight: Path, vehicle: int, patience_s: float) -> Answer | Non
         if (answer := _answer_to(request, flight)) is not None:
             return answer
         time.sleep(_POLL_S)
-    path.unlink(missing_ok=True)
+    inside.remove(path, flight)
     return _answer_to(request, flight)
 
 
@@ -64,7 +64,7 @@ def take_request(flight: Path) -> FollowRequest | str | None:
         data = _small_file(path)
     except FileNotFoundError:
         return None
-    path.unlink(missing_ok=True)
+    inside.remove(path, flight)
     return data if isinstance(data, str) else _request_in(data)
 
 
@@ -77,15 +77,18 @@ def answer(flight: Path, told: Answer) -> None:
 def clear_requests(flight: Path) -> None:
     """Remove what an earlier run has left. Raises OSError."""
     for name in (REQUEST_NAME, ANSWER_NAME):
-        (flight / name).unlink(missing_ok=True)
+        inside.remove(flight / name, flight)
 
 
 def _small_file(path: Path) -> bytes | str:
     """The content of a small regular file; otherwise what is there instead. Links are not followed, pipes not opened."""
-    found = path.lstat()
-    if not stat.S_ISREG(found.st_mode) or found.st_size > _LARGEST:
+    path.lstat()  # raises FileNotFoundError
+    try:
+        return inside.read(path, path.parent, _LARGEST)
+    except FileNotFoundError:
+        raise
+    except OSError:
         return f"{path.name} is no small file"
-    return path.read_bytes()
 
 
 def _request_in(data: bytes) -> FollowRequest | str:
@@ -110,7 +113,7 @@ def _answer_to(request: FollowRequest, flight: Path) -> Answer | None:
         return None
     try:
         document: Any = {} if isinstance(data, str) else json.loads(data)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     if not isinstance(document, dict) or document.get("id") != request.id:
         return None

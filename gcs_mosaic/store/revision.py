@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from pathlib import Path
+
+from gcs_mosaic.store.reading import MOSAIC_NAME, read_document
 
 logger = logging.getLogger(__name__)
 
@@ -12,9 +13,9 @@ logger = logging.getLogger(__name__)
 def last_revision(out: Path) -> int:
     """The revision of the folder's mosaic.json, 0 if there is no readable one."""
     try:
-        return int(json.loads((out / "mosaic.json").read_bytes())["revision"])
+        return int(read_document(out / MOSAIC_NAME)["revision"])
     except FileNotFoundError:
         return 0
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
         logger.warning("mosaic.json cannot be read: its revisions begin anew", exc_info=True)
         return 0

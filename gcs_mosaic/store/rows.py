@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import operator
 import sqlite3
 import struct
 import zlib
@@ -15,6 +16,7 @@ from gcs_mosaic.messages import CaptureResult, Position, Source, TriggerEvent
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.display import PLAIN, Display
 from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
@@ -26,6 +28,7 @@ from gcs_mosaic.store.records import (
     Estimate,
     EventRecord,
     EventState,
+    FlightRecord,
     FrameRecord,
     FrameState,
     PositionRecord,
@@ -42,12 +45,20 @@ LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
 LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay"
 OVERLAY_SIZE = struct.Struct("<HH")  # rows and columns
+# What a row may say; it may have been written by somebody else, and what follows from it is computed.
+LARGEST_OVERLAY = 1 << 20  # bytes of bits: 8 million blocks
+MOST_PIXELS = 400_000_000  # of a frame, as `frames.integrity` takes them
+MOST_LOG_GSD = 50.0  # natural logarithm: far beyond what a canvas has room for
+SHIFT_BYTES = 8  # two numbers of four bytes at a node
 SUPPORT_COLUMNS = "inliers, residual_px, neighbours, hops, corner_deviation_px"
 
 
 def name_of(row: sqlite3.Row) -> str:
-    """The frame name in the row's `name` column."""
-    return restored(row["name"]) or ""
+    """The frame name in the row's `name` column. Raises ValueError."""
+    name = restored(row["name"])
+    if not isinstance(name, str):
+        raise ValueError(f"not the name of a frame: {name!r:.40}")
+    return name
 
 
 def event_row(event: TriggerEvent) -> tuple[object, ...]:
@@ -108,6 +119,13 @@ def event_record_of(row: sqlite3.Row) -> EventRecord:
 
 
 def frame_record_of(row: sqlite3.Row) -> FrameRecord:
+    """Raises ValueError and TypeError for what is no frame."""
+    counts = row["size"], row["width"], row["height"]
+    times = row["received"], row["modified"]
+    if any(value is not None and not (isinstance(value, int) and value >= 0) for value in counts):
+        raise ValueError(f"not the size of a frame: {counts}")
+    if any(value is not None and not math.isfinite(value) for value in times):
+        raise ValueError(f"not the times of a frame: {times}")
     return FrameRecord(
         name=name_of(row),
         state=FrameState(row["state"]),
@@ -145,7 +163,11 @@ def support_row(one: Estimate) -> tuple[float | None, ...]:
 
 
 def pose_of(row: sqlite3.Row) -> Pose:
-    return Pose(row["x"], row["y"], row["log_gsd"], row["yaw"], row["pitch"], row["roll"])
+    """Raises ValueError and TypeError for what is no pose."""
+    values = row["x"], row["y"], row["log_gsd"], row["yaw"], row["pitch"], row["roll"]
+    if not all(map(math.isfinite, values)) or abs(values[2]) > MOST_LOG_GSD:
+        raise ValueError(f"not a pose: {values}")
+    return Pose(*values)
 
 
 def camera_row(camera: Camera) -> tuple[float, ...]:
@@ -155,8 +177,22 @@ def camera_row(camera: Camera) -> tuple[float, ...]:
 
 
 def camera_of(row: sqlite3.Row) -> Camera:
+    """Raises ValueError and TypeError for what is no camera."""
     lens = (row["focal"], row["k1"], row["k2"], row["shift_x"], row["shift_y"])
-    return Camera(row["camera_width"], row["camera_height"], *lens)
+    width, height = row["camera_width"], row["camera_height"]
+    if not (
+        width > 0 and height > 0 and width * height <= MOST_PIXELS and all(map(math.isfinite, lens)) and lens[0] > 0
+    ):
+        raise ValueError(f"not a camera: {width} x {height}, {lens}")
+    return Camera(operator.index(width), operator.index(height), *lens)
+
+
+def level_of(row: sqlite3.Row) -> int:
+    """Of tiles. Raises ValueError and TypeError."""
+    level = operator.index(row["level"])
+    if not 0 <= level <= FINEST_LEVEL:
+        raise ValueError(f"not a level of tiles: {level}")
+    return level
 
 
 def relief_row(relief: ReliefDisplacement | None) -> tuple[object, ...]:
@@ -167,7 +203,10 @@ def relief_row(relief: ReliefDisplacement | None) -> tuple[object, ...]:
 def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
     if row["relief_shifts"] is None:
         return None
-    return ReliefDisplacement(row["relief_columns"], row["relief_rows"], row["relief_shifts"])
+    columns, rows, shifts = row["relief_columns"], row["relief_rows"], row["relief_shifts"]
+    if min(columns, rows) < 2 or len(shifts) != columns * rows * SHIFT_BYTES:
+        raise ValueError(f"not shifts of {columns} x {rows} nodes: {len(shifts)} bytes")
+    return ReliefDisplacement(operator.index(columns), operator.index(rows), bytes(shifts))
 
 
 def look_row(painted: Painted) -> tuple[object, ...]:
@@ -203,15 +242,27 @@ def overlay_of(row: sqlite3.Row) -> StillMask | None:
     stored = row["overlay"] if "overlay" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
     if stored is None:
         return None
-    data = zlib.decompress(stored)
+    data = zlib.decompressobj().decompress(stored, LARGEST_OVERLAY)
+    if len(data) < OVERLAY_SIZE.size:
+        raise ValueError(f"not an overlay: {len(data)} bytes")
     rows, columns = OVERLAY_SIZE.unpack_from(data)
-    return StillMask(rows, columns, data[OVERLAY_SIZE.size :])
+    bits = data[OVERLAY_SIZE.size :]
+    if len(bits) != -(-rows * columns // 8):
+        raise ValueError(f"not an overlay of {rows} x {columns} blocks: {len(bits)} bytes")
+    return StillMask(rows, columns, bits)
 
 
 def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
     if "gain" in row.keys():  # noqa: SIM118 -- `in` on a row searches its values
         return tuple(np.frombuffer(row["gain"], dtype="<f8").tolist())
     return row["gain_b"], row["gain_g"], row["gain_r"]  # version 2
+
+
+def flight_of(row: sqlite3.Row) -> FlightRecord:
+    """Raises ValueError and TypeError."""
+    if not isinstance(row["name"], str) or not math.isfinite(row["started_utc"]):
+        raise ValueError("a flight without a name or a beginning")
+    return FlightRecord(name=row["name"], started_utc=row["started_utc"], canvas=canvas_of(row))
 
 
 def canvas_of(row: sqlite3.Row) -> CanvasSettings:
@@ -261,7 +312,7 @@ def position_record_of(row: sqlite3.Row) -> PositionRecord:
         name=name_of(row),
         island=row["island"],
         order=row["order"],
-        level=row["level"],
+        level=level_of(row),
         pose=pose_of(row),
         camera=camera_of(row),
         modified=row["modified"],
@@ -284,7 +335,7 @@ def painted_of(row: sqlite3.Row) -> Painted:
         display=display_of(row),
         dead=dead_border_of(row),
         still=overlay_of(row),
-        level=row["level"],
+        level=level_of(row),
     )
 
 

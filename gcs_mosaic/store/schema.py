@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
+from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files, refuse_strange_schema
 
 VERSION = 13  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
@@ -195,8 +196,9 @@ class DamagedLedger(UsageError):  # noqa: N818 - names a state, not an error
 
 def connect(path: Path, schema: FileSchema = LEDGER) -> sqlite3.Connection:
     """The ledger (or other file) at `path`, created if missing. Raises UsageError for a file that is not ours, and DiskFull."""
+    refuse_strange_files(path)
     with telling_disk_full(path):
-        connection = sqlite3.connect(path, timeout=WRITER_BUSY_S, isolation_level=None)
+        connection = sqlite3.connect(path, timeout=WRITER_BUSY_S, isolation_level=None, factory=ForeignFile)
         try:
             prepare(connection, path, schema)
         except BaseException:
@@ -211,6 +213,7 @@ def connect_for_reading(path: Path, schema: FileSchema = LEDGER, *, without_log:
 
     `without_log`: the main file alone, as of its last checkpoint: the log beside it may be another ledger's.
     """
+    refuse_strange_files(path)
     if not path.is_file():
         raise UsageError(f"{path} does not exist: name a folder that gcs-mosaic has written a flight into")
     try:
@@ -234,7 +237,8 @@ def _opened_where_nobody_writes(path: Path, schema: FileSchema) -> sqlite3.Conne
 
 
 def _opened(path: Path, schema: FileSchema, how: str) -> sqlite3.Connection:
-    connection = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, timeout=BUSY_S, isolation_level=None)
+    place = f"{path.resolve().as_uri()}?{how}"
+    connection = sqlite3.connect(place, uri=True, timeout=BUSY_S, isolation_level=None, factory=ForeignFile)
     try:
         connection.row_factory = sqlite3.Row
         if version_of(connection, path, schema) == 0:
@@ -277,4 +281,5 @@ def version_of(connection: sqlite3.Connection, path: Path, schema: FileSchema = 
         known = f"({schema.noun} version {version}, this one knows up to {schema.version})"
         remedy = schema.remedy.replace("move it away", "update gcs-mosaic")
         raise UsageError(f"{path} was written by a newer gcs-mosaic {known}: {remedy}")
+    refuse_strange_schema(connection, path, schema.tables, whole=version == schema.version)
     return version

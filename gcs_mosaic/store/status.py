@@ -15,6 +15,7 @@ from gcs_mosaic.messages import Aircraft, LinkReport, SourceReport
 from gcs_mosaic.store.documents import FORMAT, Document, finite, iso_utc
 from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.store.held_out import Figures, held_out_entry, held_out_words
+from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.records import Accounts, NoticeRecord
 
 HUNG_AFTER_S = 8.0  # a running daemon writes its status at least every two seconds
@@ -188,7 +189,7 @@ def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = 
     """A flight folder's status, as text or (the document unchanged) as JSON. Raises UsageError."""
     path = find_flight(flight) / "status.json"
     try:
-        document = json.loads(path.read_bytes())
+        document = read_document(path)
         if as_json:
             return json.dumps(document, indent=2)
         return "\n".join(harmless(line) for line in status_lines(document, now_utc or time.time()))
@@ -196,7 +197,7 @@ def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = 
         raise UsageError(
             f"{path} does not exist: the flight was written without one, open mosaic.json instead"
         ) from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UsageError(
             f"{path} is not a status that this gcs-mosaic can read ({error!r}): update gcs-mosaic"
         ) from error

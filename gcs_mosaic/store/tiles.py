@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,15 +18,19 @@ from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import AnyImage, Coverage, ImageBGR
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import make_folder, write_beside
 from gcs_mosaic.store.stages import stage
+from gcs_mosaic.store.tile_header import is_tile_sized
 
 logger = logging.getLogger(__name__)
 
 Shown = Callable[[], TilePicture | None]
+PLAIN_NUMBER = re.compile(r"[0-9]{1,9}", re.ASCII)
 MCU = 8  # px; block size of a JPEG without chroma subsampling
 QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
 LONGEST_WAIT_S = 60.0  # for the disk to accept one tile
+LARGEST_BYTES = 4_000_000  # of a tile's file: five times what its pixels take as they are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,22 +104,34 @@ def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_q
         _put(mask, encode_mask(picture.coverage), root)
     _put(path, encode_jpeg(picture.colour, picture.coverage, jpeg_quality), root)
     if full:
-        mask.unlink(missing_ok=True)
+        inside.remove(mask, root)
 
 
 def remove_tile(root: Path, island: int, tile: Tile) -> None:
     """Remove a tile and its mask, if present."""
     # The mask last, because a tile without a mask counts as full.
-    tile_path(root, island, tile).unlink(missing_ok=True)
-    mask_path(root, island, tile).unlink(missing_ok=True)
+    inside.remove(tile_path(root, island, tile), root)
+    inside.remove(mask_path(root, island, tile), root)
 
 
 def tiles_in(root: Path) -> Iterator[TileKey]:
-    """All tiles on disk; other files are skipped."""
-    for path in (root / "tiles").glob("*/*/*/*.jpg"):
-        island, z, x, y = (*path.parts[-4:-1], path.stem)
-        if all(part.isascii() and part.isdecimal() for part in (island, z, x, y)):
-            yield int(island), Tile(int(z), int(x), int(y))
+    """All tiles on disk; other files are skipped, and what links lead to."""
+    return _keys_of(pictures_in(root, "tiles", ".jpg"))
+
+
+def pictures_in(root: Path, kind: str, suffix: str) -> Iterator[Path]:
+    """All files `<kind>/<island>/<z>/<x>/<y><suffix>` on disk, for `tiles` or `masks`."""
+    for path in inside.files(root / kind, root, deepest=3):
+        if path.suffix == suffix and len(path.relative_to(root).parts) == 5:
+            yield path
+
+
+def _keys_of(paths: Iterable[Path]) -> Iterator[TileKey]:
+    for path in paths:
+        named = (*path.parts[-4:-1], path.stem)
+        if all(PLAIN_NUMBER.fullmatch(part) for part in named):
+            island, z, x, y = map(int, named)
+            yield island, Tile(z, x, y)
 
 
 def remove_strays(root: Path, known: Collection[TileKey]) -> None:
@@ -126,7 +143,7 @@ def remove_strays(root: Path, known: Collection[TileKey]) -> None:
 
 def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
     """A tile from disk; None if it is missing, incomplete, or not a tile."""
-    colour = _read(tile_path(root, island, tile), cv2.IMREAD_COLOR)
+    colour = _read(tile_path(root, island, tile), root, cv2.IMREAD_COLOR)
     if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
         return None
     coverage = read_mask(root, island, tile)
@@ -138,9 +155,9 @@ def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
 def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
     """A tile's coverage from disk, `full_coverage(256)` itself if full; None as for `read_tile`."""
     path = mask_path(root, island, tile)
-    if not path.exists():
-        return full_coverage(TILE_SIZE) if tile_path(root, island, tile).exists() else None
-    coverage = _read(path, cv2.IMREAD_GRAYSCALE)
+    if not inside.exists(path, root):
+        return full_coverage(TILE_SIZE) if inside.is_file(tile_path(root, island, tile), root) else None
+    coverage = _read(path, root, cv2.IMREAD_GRAYSCALE)
     return coverage if coverage is not None and coverage.shape == (TILE_SIZE, TILE_SIZE) else None
 
 
@@ -158,10 +175,10 @@ def encode_mask(coverage: Coverage) -> bytes:
 
 def _put(path: Path, data: bytes, root: Path) -> None:
     try:
-        write_beside(path, data)
+        write_beside(path, data, root=root)
     except FileNotFoundError:
         make_folder(path.parent, root)
-        write_beside(path, data)
+        write_beside(path, data, root=root)
 
 
 def _border_blocks_filled(colour: ImageBGR, coverage: Coverage) -> ImageBGR:
@@ -181,15 +198,23 @@ def encode(suffix: str, image: AnyImage, parameters: list[int]) -> bytes:
     return bytes(data)
 
 
-def _read(path: Path, flags: int) -> AnyImage | None:
-    """Read here and decoded from memory, because OpenCV prints about missing files to the terminal."""
+def tile_bytes(path: Path, root: Path) -> bytes | None:
+    """What is in a file of a tile or mask; None if there is none that can be read."""
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        if not isinstance(error, FileNotFoundError):
-            logger.warning("the tile %s cannot be read", path, exc_info=True)
+        return inside.read(path, root, LARGEST_BYTES)
+    except FileNotFoundError:
         return None
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except OSError:
+        logger.warning("the tile %s cannot be read", path, exc_info=True)
+        return None
+
+
+def _read(path: Path, root: Path, flags: int) -> AnyImage | None:
+    """Read here and decoded from memory, because OpenCV prints about missing files to the terminal."""
+    data = tile_bytes(path, root)
+    if not data or not is_tile_sized(data):
+        return None
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     return None if image is None else np.asarray(image, dtype=np.uint8)
 
 

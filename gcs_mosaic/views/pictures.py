@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -12,7 +13,12 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.display import PLAIN, Display
 from gcs_mosaic.stitch.arrays import ImageBGR
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.originals import place_of
 from gcs_mosaic.views.flight_view import FlightView
+
+if TYPE_CHECKING:
+    from gcs_mosaic.store.records import FrameRecord
 
 REDUCTIONS = (1, 2, 4)
 QUALITY = 92
@@ -33,6 +39,7 @@ class Original:
     media_type: str | None  # None: of a kind that browsers do not show
     content_hash: str
     display: Display | None  # None: it was never painted
+    record: FrameRecord
 
     @property
     def shown_as(self) -> str:
@@ -51,13 +58,14 @@ def original(view: FlightView, number: int) -> Original:
         raise NoPicture("There is no such frame.")
     if frame.original is None or frame.content_hash is None or frame.width is None:
         raise NoPicture(f"The original of {frame.name} is not kept.")
-    path = (view.root / frame.original).resolve()
-    if not path.is_relative_to(view.root.resolve()) or not path.is_file():
-        raise NoPicture(f"The original of {frame.name} is not there any more.")
-    with path.open("rb") as file:
-        head = file.read(8)
+    path = place_of(view.root, frame.original) or view.root
+    try:
+        with inside.reading(path, view.root) as file:
+            head = file.read(8)
+    except OSError:
+        raise NoPicture(f"The original of {frame.name} is not there any more.") from None
     kinds = [kind for magic, kind in _AS_THEY_ARE.items() if head.startswith(magic)]
-    return Original(path, frame.name, kinds[0] if kinds else None, frame.content_hash, display)
+    return Original(path, frame.name, kinds[0] if kinds else None, frame.content_hash, display, frame)
 
 
 def picture(view: FlightView, number: int, reduction: int) -> tuple[bytes, str]:
@@ -73,10 +81,11 @@ def displayed(view: FlightView, number: int, reduction: int) -> ImageBGR:
 
     Frames that were never painted are shown as they are, if they have three bands at 8 bits.
     """
-    from gcs_mosaic.frames.decode import Unreadable, load_image  # only once somebody asks
+    from gcs_mosaic.frames.decode import Unreadable  # only once somebody asks
+    from gcs_mosaic.views.decoding import original_pixels
 
     source = original(view, number)
-    image = load_image(source.path, reduction=reduction)
+    image = original_pixels(view, source.record, reduction)
     if isinstance(image, Unreadable):
         raise NoPicture(f"{source.name} cannot be shown: {image.reason}.")
     display = source.display or PLAIN

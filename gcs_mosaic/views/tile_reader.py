@@ -6,7 +6,6 @@ invalid tile counts as unseen.
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +15,10 @@ import numpy as np
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
 from gcs_mosaic.stitch.arrays import ImageBGRA
-from gcs_mosaic.store.tiles import encode, encode_jpeg, mask_path, tile_path
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.tile_header import is_tile_sized
+from gcs_mosaic.store.tiles import encode, encode_jpeg, mask_path, tile_bytes, tile_path
 from gcs_mosaic.views.hole_filling import WrittenTiles, fade, filled_picture
-
-logger = logging.getLogger(__name__)
 
 FILLED_QUALITY = 90  # JPEG and WebP; tiles made here are displayed and discarded
 
@@ -83,12 +82,7 @@ def level_within(bounds: Box, most_pixels: int, finest: int) -> int:
 
 
 def _full_tile(root: Path, island: int, tile: Tile) -> bytes | None:
-    try:
-        data = tile_path(root, island, tile).read_bytes()
-    except OSError as error:
-        if not isinstance(error, FileNotFoundError):
-            logger.warning("a tile of island %d cannot be read", island, exc_info=True)
+    data = tile_bytes(tile_path(root, island, tile), root)
+    if data is None or not is_tile_sized(data) or inside.exists(mask_path(root, island, tile), root):
         return None
-    return (
-        None if mask_path(root, island, tile).exists() or fade(WrittenTiles(root, island), tile) is not None else data
-    )
+    return None if fade(WrittenTiles(root, island), tile) is not None else data

@@ -21,7 +21,9 @@ from aiohttp.typedefs import Handler
 
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
+from gcs_mosaic.store.reading import LARGEST_DOCUMENT
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.web.access import access_check, is_local
@@ -137,7 +139,7 @@ async def document(request: web.Request) -> web.StreamResponse:
 def small_document(path: Path) -> tuple[bytes, str] | None:
     """Content and entity tag of a document, None for a large one. A file that is sent while the connection is reset would stay
     open until it is collected. Raises OSError."""
-    with path.open("rb") as file:
+    with inside.reading(path, path.parent) as file:
         found = os.fstat(file.fileno())
         if found.st_size > SMALL_BYTES:
             return None
@@ -149,10 +151,11 @@ async def status(request: web.Request) -> web.StreamResponse:
     if is_local(request):
         return await document(request)
     try:
-        text = await asyncio.to_thread((request.app[ROOT] / STATUS).read_text, "utf-8", "replace")
-    except FileNotFoundError:
+        data = await asyncio.to_thread(inside.read, request.app[ROOT] / STATUS, request.app[ROOT], LARGEST_DOCUMENT)
+    except OSError:
         raise web.HTTPNotFound(text=f"{STATUS} is not written yet.\n") from None
-    with suppress(ValueError):  # escapes would hide where a path ends
+    text = data.decode("utf-8", "replace")
+    with suppress(ValueError, RecursionError):  # escapes would hide where a path ends
         text = json.dumps(json.loads(text), ensure_ascii=False)
     return web.Response(text=without_paths(text), content_type="application/json")
 
@@ -164,7 +167,7 @@ async def journal(request: web.Request) -> web.StreamResponse:
         raise web.HTTPBadRequest(text="after= is to be a revision.\n")
     try:
         lines = await asyncio.to_thread(told_after, path, int(after))
-    except (FileNotFoundError, ValueError):  # there is none, or a power cut has damaged it
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):  # there is none, or it is damaged
         raise web.HTTPNotFound(text="placements.json tells everything.\n") from None
     return web.Response(body=lines, content_type="application/x-ndjson")
 

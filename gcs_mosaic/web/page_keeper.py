@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from gcs_mosaic.children import starting
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.tile_grid import Tile
@@ -166,17 +167,18 @@ class _Child:
     """The process, its pipes, and the thread that reads from it."""
 
     def __init__(self, task: PageTask) -> None:
-        self._process = subprocess.Popen(
-            PROGRAM,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            bufsize=0,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(place or str(Path.cwd()) for place in sys.path)},
-            # Ctrl-C in the terminal is not for it.
-            start_new_session=True,
-            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-        )
+        with starting():
+            self._process = subprocess.Popen(
+                PROGRAM,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                bufsize=0,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(place or str(Path.cwd()) for place in sys.path)},
+                # Ctrl-C in the terminal is not for it.
+                start_new_session=True,
+                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+            )
         self._answers: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._sign = True
         self._reader = threading.Thread(target=self._read, name="page news", daemon=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -19,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
+from gcs_mosaic.children import outlive_signals
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.web.change import Change
 from gcs_mosaic.web.feed import Feed
@@ -28,12 +28,11 @@ from gcs_mosaic.web.sparing_log import SparingHandler
 
 AUTOGROUP = Path("/proc/self/autogroup")
 NICENESS = 10  # of 19: the flight comes first
-WHILE_IT_RUNS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # they are for the flight, which shows its page to its end
 
 
 def main() -> None:
     """Serve until standard input ends."""
-    _outlive_signals()
+    _begin_as_child()
     tell = _Teller()
     _log_to(tell)
     lines = whole_lines(sys.stdin.buffer)
@@ -59,10 +58,8 @@ def whole_lines(source: BinaryIO) -> Iterator[bytes]:
             yield line
 
 
-def _outlive_signals() -> None:
-    for name in WHILE_IT_RUNS:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+def _begin_as_child() -> None:
+    outlive_signals()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(NICENESS)
     # Where Linux shares the processor among sessions first (sched_autogroup_enabled), and only then by niceness.

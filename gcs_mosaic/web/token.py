@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import TOKEN_NAME
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.settings import WebSettings
@@ -49,7 +50,8 @@ def kept_token(flight: Path, earlier: Iterable[Path] = ()) -> str:
         return ours
     token = next((found for folder in earlier if (found := _read(folder))), None) or new_token()
     try:
-        descriptor = os.open(flight / TOKEN_NAME, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, OWNER_ONLY)
+        path, how = flight / TOKEN_NAME, os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        descriptor = inside.descriptor(path, flight, how, OWNER_ONLY)
         with os.fdopen(descriptor, "w", encoding="ascii") as file:
             file.write(f"{token}\n")
     except OSError as error:
@@ -69,7 +71,8 @@ def without_token(text: str) -> str:
 def _read(folder: Path) -> str | None:
     """The token in a folder; None if there is none, or none that we made."""
     try:
-        found = (folder / TOKEN_NAME).read_bytes()[: 2 * LENGTH].decode("ascii", "replace").strip()
+        with inside.reading(folder / TOKEN_NAME, folder) as file:
+            found = file.read(2 * LENGTH).decode("ascii", "replace").strip()
     except FileNotFoundError:
         return None
     except OSError as error:

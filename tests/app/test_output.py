@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import math
 import shutil
 import subprocess
 import sys
+import time
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +23,7 @@ from gcs_mosaic.app.resuming import checkpoints_of, saved_flight
 from gcs_mosaic.app.unread import AGAIN_S, MOST_TRIES, UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
+from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.checkpoint import Unusable
 from gcs_mosaic.store.folder import LEDGER_NAME, open_flight_folder
@@ -196,3 +199,41 @@ def test_closed_standard_streams_change_no_exit_code(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     done = subprocess.run(["sh", "-c", program], cwd=tmp_path, env={"PYTHONPATH": str(root)}, timeout=60, check=False)
     assert done.returncode == 0
+
+
+def test_what_was_not_kept_is_found_by_the_end_and_its_tiles_are_painted(
+    coming: list[DecodedFrame], tmp_path: Path
+) -> None:
+    """The folder was deleted under a backlog while the camera's card was out: one original was never taken back, nothing was said
+    of it, and three tiles stayed stale."""
+    watched = coming[0].frame.path.parent
+    there = tmp_path / "away"
+    with closing(open_flight_folder(tmp_path / "out")) as folder:
+        pipeline = Pipeline(*(folder.path, CONFIG, lambda notice: None), elsewhere=lambda name: there / name)
+        with (
+            closing(pipeline),
+            closing(OutputFolder(folder, CONFIG, pipeline, lambda: None, lambda notice: None)) as output,
+        ):
+            fly(pipeline, coming)
+            shutil.rmtree(folder.path)
+            assert output.ensure()
+            assert pipeline.load_original("1.png") is None
+            pipeline.keep_lost_originals(math.inf)
+            assert len(pipeline.store.not_kept()) == len(coming)
+            canvas = pipeline._painter.canvas
+            assert isinstance(canvas, Canvas)
+            canvas.gone.update(["1.png"])  # a repaint has been given up meanwhile
+            there = watched
+            assert pipeline.load_original("1.png") is not None, "from where the camera has it"
+            assert not pipeline.store.seeks_originals(time.monotonic()), "it has just been tried in vain"
+            pipeline.store.seek_originals_now()
+            pipeline.keep_lost_originals(0.0)
+            assert len(pipeline.store.not_kept()) == len(coming) - 1, "one at a time while frames wait"
+            pipeline.keep_lost_originals(math.inf)
+            assert pipeline.store.not_kept() == []
+            assert canvas.gone == set()
+            assert canvas.behind > 0
+            pipeline.save()
+            for _ in pipeline.finish():
+                pipeline.save()
+    assert_explained(folder.path, tmp_path / "rebuilt", fewest=4)

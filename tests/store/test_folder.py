@@ -15,6 +15,8 @@ from gcs_mosaic.store.folder import (
     refuse_watching_ourselves,
     resume_flight_folder,
 )
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.records import FlightRecord
 from gcs_mosaic.store.schema import connect
 
 
@@ -112,10 +114,74 @@ def test_the_flight_that_was_written_last_is_gone_on_with(tmp_path: Path, flight
     """Whatever was removed: the next flight takes the first name that is free."""
     names = flights.split()
     for number, name in enumerate(names):
-        (tmp_path / name).mkdir()
-        connect(tmp_path / name / LEDGER_NAME).close()
+        begun_flight(tmp_path / name)
         os.utime(tmp_path / name / LEDGER_NAME, (1e9 + number, 1e9 + number))
     (tmp_path / names[0] / f"{LEDGER_NAME}-wal").touch()  # somebody has read it
     folder = resume_flight_folder(tmp_path / "mosaic")
     folder.close()
     assert folder.path.name == names[newest]
+
+
+# A start that was killed before its flight began
+
+
+def left_by_a_killed_start(out: Path, *names: str) -> None:
+    out.mkdir()
+    for name in names:
+        if name == "ledger":
+            connect(out / LEDGER_NAME).close()  # its tables, but no flight
+        else:
+            (out / name).write_text(
+                "T INFO MainThread gcs_mosaic.app.flight_log: gcs-mosaic 1\n" if "log" in name else ""
+            )
+
+
+@pytest.mark.parametrize(
+    "left",
+    [
+        "flight.log",
+        ".gcs-mosaic.lock flight.log",
+        ".gcs-mosaic.lock flight.log page.token flight.tlog",
+        ".gcs-mosaic.lock flight.log flight.sqlite",
+        ".gcs-mosaic.lock flight.log ledger",
+        "ledger",
+    ],
+)
+def test_what_a_killed_start_has_left_is_ours(tmp_path: Path, left: str) -> None:
+    """Killed while the page's process loaded, up to half a minute on a busy machine; the next start went to mosaic-2."""
+    out = tmp_path / "mosaic"
+    left_by_a_killed_start(out, *left.split())
+    folder = open_flight_folder(out)
+    assert folder.path == out
+    folder.close()
+
+
+@pytest.mark.parametrize("name", ["frames", "mosaic.json", "checkpoint", "tiles", "status.json"])
+def test_a_lock_makes_nothing_ours_that_no_start_writes(tmp_path: Path, name: str) -> None:
+    out = tmp_path / "mosaic"
+    left_by_a_killed_start(out, ".gcs-mosaic.lock", "flight.log", name)
+    folder = open_flight_folder(out)
+    assert folder.path == tmp_path / "mosaic-2"
+    folder.close()
+
+
+def test_a_log_of_another_program_stays_its_own(tmp_path: Path) -> None:
+    (tmp_path / "trip").mkdir()
+    (tmp_path / "trip" / "flight.log").write_text("12:00 take-off\n")
+    folder = open_flight_folder(tmp_path / "trip")
+    assert folder.path == tmp_path / "trip-2"
+    folder.close()
+
+
+def test_a_killed_start_is_no_flight_to_resume(tmp_path: Path) -> None:
+    begun_flight(tmp_path / "mosaic")
+    left_by_a_killed_start(tmp_path / "mosaic-2", ".gcs-mosaic.lock", "flight.log", "ledger")
+    folder = resume_flight_folder(tmp_path / "mosaic")
+    assert folder.path == tmp_path / "mosaic"
+    folder.close()
+
+
+def begun_flight(path: Path) -> None:
+    path.mkdir()
+    with Ledger(path / LEDGER_NAME) as ledger:
+        ledger.begin_flight(FlightRecord(name=path.name, started_utc=1.0))

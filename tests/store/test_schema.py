@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
@@ -200,7 +201,8 @@ def test_every_command_that_opens_a_ledger_refuses_a_newer_one(
     newer = sqlite3.connect(flight / "flight.sqlite")
     newer.execute(f"PRAGMA user_version = {VERSION + 1}")
     newer.close()
-    (flight / "mosaic.json").write_text('{"islands": [{"id": 0, "frames": 1}]}')
+    island = {"id": 0, "frames": 1, "bounds": [0, 0, 9, 9], "minzoom": 16, "maxzoom": 16}
+    (flight / "mosaic.json").write_text(json.dumps({"islands": [island]}))
     live = ("--mavlink", f"udp:127.0.0.1:{free_port()}", "--no-http")
     exports = (("export", "mosaic", "--format", kind) for kind in ("tiff", "placements"))
     for words in ((*live, "--resume"), *exports, ("check", "mosaic"), ("check", "mosaic", "--repair")):

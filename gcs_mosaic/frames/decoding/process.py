@@ -12,6 +12,7 @@ from json import JSONDecodeError
 
 import numpy as np
 
+from gcs_mosaic.children import starting
 from gcs_mosaic.frames.decode import Unreadable, reduced_shape
 from gcs_mosaic.frames.decoding.channel import DecoderChannel, Message, nameless_file
 from gcs_mosaic.frames.decoding.limits import Allowance
@@ -74,7 +75,8 @@ class DecoderProcess:
         self._process = context.Process(target=work, args=(DecoderChannel(theirs, file),), name="decode", daemon=True)
         self._is_ready = False
         try:
-            self._process.start()
+            with starting():
+                self._process.start()
         except BaseException:
             self._channel.close()
             raise

@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from gcs_mosaic.children import outlive_signals
 from gcs_mosaic.frames.decode import Unreadable, decode_whole
 from gcs_mosaic.frames.decoding.channel import DecoderChannel, Message
 from gcs_mosaic.frames.decoding.complaints import Complaints, cut_short
@@ -27,11 +28,6 @@ except ImportError:  # Windows
 
 _STATM = Path("/proc/self/statm")  # Linux: pages of address space first
 READY: Message = {"ready": True}
-_ENDED_BY_THE_PROGRAM = (
-    "SIGINT",
-    "SIGTERM",
-    "SIGHUP",
-)  # signals for the whole group; it closes the pipe when it is done
 
 
 def request_of(size: int, whole: Whole, reduction: int, allowed: Allowance) -> Message:
@@ -41,7 +37,7 @@ def request_of(size: int, whole: Whole, reduction: int, allowed: Allowance) -> M
 
 def work(channel: DecoderChannel) -> None:
     """Main function of the process."""
-    outlive_signals()
+    begin_as_child()
     cv2.setNumThreads(1)  # there is a process for each picture that is decoded at one time
     complaints = Complaints(channel.descriptors)
     try:
@@ -52,11 +48,9 @@ def work(channel: DecoderChannel) -> None:
         return
 
 
-def outlive_signals() -> None:
+def begin_as_child() -> None:
     """Leave signals for the whole group to the program. No core dump: what reads foreign data is expected to crash."""
-    for name in _ENDED_BY_THE_PROGRAM:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    outlive_signals()
     if resource is not None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 

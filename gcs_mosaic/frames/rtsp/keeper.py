@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
+from gcs_mosaic.children import starting
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.rtsp.address import AUTO, check_allowed, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
@@ -169,7 +170,8 @@ class _Process:
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=receive, args=(theirs, address, settings), name="stream", daemon=True)
         try:
-            self._process.start()
+            with starting():
+                self._process.start()
         except BaseException:
             self.pipe.close()
             raise

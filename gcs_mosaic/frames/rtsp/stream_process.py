@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.decoding.worker import limit_memory, outlive_signals
+from gcs_mosaic.frames.decoding.worker import begin_as_child, limit_memory
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
@@ -34,7 +34,7 @@ Message = dict[str, Any]
 
 def receive(pipe: Connection, address: str, settings: StreamSettings) -> None:
     """Main function of the process."""
-    outlive_signals()
+    begin_as_child()
     limit_memory(MOST_BYTES + 3 * settings.ring_mb * 10**6)
     sender = _Sender(pipe)
     logging.basicConfig(level=logging.INFO, handlers=[sender])

@@ -6,11 +6,11 @@ interpreter lock. It runs at low priority, ends with the program, and is restart
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import logging
 import multiprocessing
 import os
-import signal
 import threading
 import traceback
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Protocol
 
+from gcs_mosaic.children import outlive_signals, starting
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted
 
 logger = logging.getLogger(__name__)
@@ -113,6 +114,7 @@ class WorkerProcess:
     def close(self) -> None:
         """Kill the process, whatever it is doing."""
         if self._process is not None and self._pipe is not None:
+            atexit.unregister(self._process.kill)
             self._process.kill()
             self._process.join()
             if self._sender is not None:
@@ -134,10 +136,12 @@ class WorkerProcess:
             with theirs:
                 process = context.Process(target=_work, args=(theirs,), name="adjust", daemon=True)
                 try:
-                    process.start()
+                    with starting():
+                        process.start()
                 except BaseException:
                     ours.close()
                     raise
+            atexit.register(process.kill)  # it does not end on a signal that is for the program
             self._pipe, self._process = ours, process
         return self._pipe
 
@@ -149,7 +153,7 @@ def _send(pipe: Connection, task: IslandTask) -> None:
 
 def _work(pipe: Connection) -> None:
     """Tasks in, results out, until the other end is closed: at the latest when the program ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program, which ends this process itself
+    outlive_signals()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(NICENESS)
     try:

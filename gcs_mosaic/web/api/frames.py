@@ -35,6 +35,7 @@ async def who_saw(request: web.Request) -> web.StreamResponse:
     """GET ?x=&y=: the frames that saw a place on an island's canvas, the best first."""
     x, y = number(request, "x"), number(request, "y")
     found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), x, y)
+    await in_thread(request, _get_ready)
     return answer({"sightings": [_entry(one) for one in found]})
 
 
@@ -104,6 +105,13 @@ async def download(request: web.Request) -> web.StreamResponse:
         "Content-Disposition": f"attachment; filename*=UTF-8''{name}",
     }
     return web.FileResponse(source.path, CHUNK, headers=headers)
+
+
+def _get_ready() -> None:
+    """Who has asked who saw a place looks at an original next."""
+    from gcs_mosaic.views.decoding import get_ready  # only once somebody asks
+
+    get_ready()
 
 
 async def _source(request: web.Request) -> Original:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import re
 import time
@@ -29,6 +28,7 @@ from gcs_mosaic.notes.pins import SetPin
 from gcs_mosaic.notes.told import shown as shown_name
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import ImageBGRA
+from gcs_mosaic.store.reading import MOSAIC_NAME, read_document
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.tile_reader import EncodedTile
@@ -162,11 +162,11 @@ class ServedMap:
     def _told(self) -> tuple[int, str, tuple[CanvasIsland, ...]]:
         """Revision, the flight's name and its islands by mosaic.json; none while there is none that can be read."""
         try:
-            document = json.loads((self._view.root / "mosaic.json").read_bytes())
+            document = read_document(self._view.root / MOSAIC_NAME)
             return int(document["revision"]), str(document["flight"]), canvas_islands(document)
         except FileNotFoundError:
             pass
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, KeyError, TypeError, OverflowError):
             logger.warning("mosaic.json cannot be read: nothing is shown on other maps", exc_info=True)
         return 0, self._view.root.resolve().name, ()
 

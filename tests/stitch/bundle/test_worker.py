@@ -171,3 +171,19 @@ def test_an_answer_is_never_taken_for_that_to_another_task(task: IslandTask, wor
     found = worker.result()
     assert isinstance(found, AdjustedIsland)
     assert worker.result() is found
+
+
+SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+@pytest.mark.parametrize("sign", SIGNALS)
+def test_a_closed_terminal_loses_no_running_adjustment(
+    task: IslandTask, worker: WorkerProcess, sign: signal.Signals
+) -> None:
+    """The process that adjusts died of SIGHUP, while all others left such signals to the program."""
+    worker.begin(task)
+    signalled(worker, sign)  # while it starts, before it has said anything about signals
+    assert isinstance(worker.result(), AdjustedIsland)
+    worker.begin(task)
+    signalled(worker, sign)
+    assert isinstance(worker.result(), AdjustedIsland)

@@ -1,0 +1,142 @@
+"""A flight folder from somebody else reaches nowhere outside of itself, and opening it is bounded in time and memory.
+
+Found by attack: `check --repair` deleted pictures of a folder to which `tiles` led and called the flight whole, `reprocess`
+emptied one, the page served whatever `placements.json` was a link to; a ledger with an endless view hung `check` and outlived
+SIGTERM; a rollback journal had SQLite delete a file of somebody else.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.app.driver import Driver
+from gcs_mosaic.app.pipeline import Pipeline
+from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.app.resuming import checkpoints_of
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.files import frames_in
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.store.documents import write_json
+from gcs_mosaic.store.status import Status, status_document
+from tests.ports import free_port
+from tests.running import six_pictures
+from tests.strangers import LEDGERS, LINKS, SECRET, STRANGE_FILES, Trick, an_outside, seen
+from tests.sure import sure
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(sys.platform != "linux", reason="links, devices and limits of Linux"),
+]
+MOST_S = 60.0  # for one command; on a busy machine one that does nothing takes five
+MOST_BYTES = 6 << 30  # of address space, of which libraries reserve two
+ALL = LINKS | STRANGE_FILES | LEDGERS
+COMMANDS = {
+    "check": "check {flight}",
+    "check tiles": "check {flight} --tiles",
+    "repair": "check {flight} --repair",
+    "status": "status {flight}",
+    "vehicle": "vehicle {flight}",
+    "anchor": "anchor {flight}",
+    "export": "export {flight} --format png",
+    "export bands": "export {flight} --format tiff",
+    "export places": "export {flight} --format placements",
+    "export finds": "export {flight} --format finds-csv",
+    "export tiles": "export {flight} --format xyz",
+    "merge": "merge {flight} {other} --out {out}",
+    "resume": "--resume --out {flight} --mavlink udp:127.0.0.1:{port} --no-http --watch {watch}",
+}
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
+    """A flight of six frames that has ended, with notes."""
+    folder, out, config = tmp_path_factory.mktemp("camera"), tmp_path_factory.mktemp("flown") / "flight", Config()
+    for number, data in enumerate(six_pictures(world_cache, size=(480, 360))):
+        (folder / f"{number}.jpg").write_bytes(data)
+    out.mkdir()
+    with closing(Pipeline(out, config, lambda notice: None, checkpoints=checkpoints_of(out, config))) as flight:
+        for frame in (sure(flight.accept(item)) for item in frames_in(folder).frames if isinstance(item, Frame)):
+            Driver(flight).process(prepare(frame, flight.features_of, config.reduction, flight.feature_pixels))
+        for _ in Driver(flight).finish():
+            pass
+        flight.checkpoint(at_once=True)
+        accounts, revision = flight.accounts(), flight.store.revision
+    status = Status(flight="x", state="stopped", updated_utc=2.0, started_utc=1.0, revision=revision, accounts=accounts)
+    write_json(out / "status.json", status_document(status))
+    with closing(NotesBook(out)) as book, book.change():
+        pass
+    return out
+
+
+@pytest.fixture
+def flight(tmp_path: Path, flown: Path) -> Path:
+    return shutil.copytree(flown, tmp_path / "flight")
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> Path:
+    return an_outside(tmp_path / "outside")
+
+
+def run(words: str, cwd: Path) -> tuple[int, str]:
+    """The exit code of a command within the limits, and what it has said. One that flies is ended."""
+    command = [sys.executable, "-m", "gcs_mosaic", *words.split()]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    with subprocess.Popen(
+        command,
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES)),
+    ) as process:
+        try:
+            said = process.communicate(timeout=MOST_S if "--resume" not in words else 8)[0]
+        except subprocess.TimeoutExpired:
+            if "--resume" not in words:
+                process.kill()
+                raise
+            process.send_signal(signal.SIGTERM)
+            try:
+                said = process.communicate(timeout=MOST_S)[0]
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+    return process.returncode, said
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("trick", ALL)
+def test_no_command_is_led_outside(
+    trick: str, command: str, flight: Path, flown: Path, outside: Path, tmp_path: Path
+) -> None:
+    suffer(ALL[trick], command, flight, flown, outside, tmp_path)
+
+
+def suffer(trick: Trick, command: str, flight: Path, flown: Path, outside: Path, tmp_path: Path) -> None:
+    """A command on a folder with a trick: it ends within the limits, without a traceback, and nothing outside has changed."""
+    trick(flight, outside)
+    before, whole = seen(outside), seen(flown)
+    (tmp_path / "watch").mkdir()
+    words = COMMANDS[command].format(
+        flight=flight, other=flown, out=tmp_path / "out", port=free_port(), watch=tmp_path / "watch"
+    )
+    code, said = run(words, tmp_path)
+    assert "Traceback" not in said, said
+    assert code in (0, 1, 2, 3), said
+    assert SECRET not in said
+    assert seen(outside) == before
+    assert seen(flown).keys() - {".gcs-mosaic.lock"} == whole.keys() - {".gcs-mosaic.lock"}
+    assert not any(path.is_file() and SECRET.encode() in path.read_bytes() for path in (tmp_path / "out").rglob("*"))
