@@ -110,8 +110,10 @@ def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
 
 def _merged(link: RecordedLink, config: Config) -> list[tuple[float, CameraMessage | Notice]]:
     """Recorded camera messages and notices, in order."""
-    shots = Shots(config.shots)
-    return [(at, shots.hear(what) if isinstance(what, TriggerEvent) else what) for at, what in link.heard]
+    shots, merged = Shots(config.shots), list[tuple[float, CameraMessage | Notice]]()
+    for at, what in link.heard:
+        merged += [(at, one) for one in shots.follow(iter([what]))]
+    return merged
 
 
 def _came(
