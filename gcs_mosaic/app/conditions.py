@@ -58,6 +58,7 @@ class Conditions:
 
     def __init__(self) -> None:
         self.disk: str | None = None  # what is wrong with it, as long as it is
+        self.pairing: str | None = None  # which triggers and pictures may as well belong together otherwise
         self._unmatched = Counter[Aircraft]()  # frames in a row that matched nothing, of each aircraft
         self._since: dict[str, float] = {}
         self._told: set[str] = set()
@@ -108,6 +109,8 @@ class Conditions:
         yield from _of_silent_aircraft(facts)
         yield from _of_the_source(facts)
         yield from _of_shots(facts)
+        if self.pairing is not None:
+            yield _Found("pairing", "warning", self.pairing, held_s=HELD_S)
 
     def _of_the_map(self, facts: Facts) -> Iterator[_Found]:
         for vehicle, count in self._unmatched.items():

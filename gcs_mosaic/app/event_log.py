@@ -16,6 +16,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
+from gcs_mosaic.triggers.doubts import NONE, Doubts
 from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New, Shots
 
 logger = logging.getLogger(__name__)
@@ -98,6 +99,11 @@ class EventLog:
     def credible(self) -> frozenset[Teller]:
         """The sources of events whose shots have proved true."""
         return frozenset().union(*(pairing.credible() for pairing in self._pairings.values()))
+
+    @property
+    def doubts(self) -> Doubts:
+        """Where another explanation of who belongs to whom is about as good, of the aircraft of which most is in doubt."""
+        return max((pairing.doubts for pairing in self._pairings.values()), key=lambda one: one.pairs, default=NONE)
 
     def tick(self, now: float) -> list[Missing]:
         """Advance time; returns the events whose frames are now missing."""

@@ -209,6 +209,7 @@ class _Daemon:
             self._work()
             self._announcements.missing(self._event_log.tick(self._inbox.taken_until(time.monotonic())))
             self._event_log.save()
+            self._reporter.conditions.pairing = self._ambiguous()
             requests.look(time.monotonic())
             self._look_after_disk()
             self._report()
@@ -379,12 +380,19 @@ class _Daemon:
         self._keep_lost_originals(self._until)
         self._event_log.close()
         self._event_log.save()
+        if ambiguous := self._ambiguous():
+            self.say(Notice(source="pairing", level="warning", text=ambiguous))
         self._driver.save()
         self._pipeline.checkpoint(at_once=True)
         self._until_writable(self._output.verify)
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())
+
+    def _ambiguous(self) -> str | None:
+        """Which triggers and pictures may as well belong together otherwise, and what to do."""
+        doubts = self._event_log.doubts
+        return doubts.text(str(self._pipeline.store.out)) if doubts else None
 
     def _take_in_the_rest(self) -> None:
         while len(self._inbox) and self._may_go_on():

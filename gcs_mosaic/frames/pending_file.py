@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.frames.appearance import Pause
+from gcs_mosaic.frames.exif import captured_s
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
@@ -156,5 +157,6 @@ def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
         size=len(data),
         received=time.monotonic(),
         modified=look.modified_ns / 1e9,
+        captured=captured_s(data),
         data=data,
     )

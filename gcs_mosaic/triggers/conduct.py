@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from statistics import median
 
 from gcs_mosaic.messages import TriggerEvent
@@ -94,7 +95,7 @@ class Pace:
         told = list(self._told)
         if len(told) <= _LEAST_STEPS:
             return None
-        steps = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(told, told[1:], strict=False)]
+        steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(told)]
         usual = median(gone / passed if passed > 0.01 else 100.0 for gone, passed in steps)
         behind = (told[-1][1] - told[0][1]) - (told[-1][0] - told[0][0])
         excess = told[0][2] - told[-1][2] if usual > 1 else behind

@@ -192,7 +192,8 @@ class ShotMerger:
             return True
         timeless = before.source_time is None and event.source_time is None
         alike = (timeless and conduct.tells_by("sequence")) or any(
-            _same(getattr(before, name), getattr(event, name)) and conduct.tells_by(name) for name in ("utc", "file_hint")
+            _same(getattr(before, name), getattr(event, name)) and conduct.tells_by(name)
+            for name in ("utc", "file_hint")
         )
         if alike:
             return late_s <= self._settings.resend_s

@@ -18,7 +18,9 @@ Fields = Callable[[int], dict[str, Any]]
 COUNT, EVERY_S = 8, 5.0
 
 
-def told(fields: Fields, *, every: float = EVERY_S, jitter: float = 0.0, copies: int = 1) -> list[CameraMessage | Notice]:
+def told(
+    fields: Fields, *, every: float = EVERY_S, jitter: float = 0.0, copies: int = 1
+) -> list[CameraMessage | Notice]:
     """What is made of the camera's messages about eight shots; copies come 0.2 s apart."""
     dice, events = random.Random(7), list[TriggerEvent]()
     for shot in range(COUNT):
@@ -35,9 +37,7 @@ def _plain(fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def moments(heard: list[CameraMessage | Notice]) -> list[float]:
-    return [
-        one.verdict.moment for one in heard if isinstance(one, CameraMessage) and isinstance(one.verdict, New)
-    ]
+    return [one.verdict.moment for one in heard if isinstance(one, CameraMessage) and isinstance(one.verdict, New)]
 
 
 def said(heard: list[CameraMessage | Notice]) -> str:
@@ -71,7 +71,9 @@ def test_each_shot_is_one_whatever_its_sender_counts_and_dates(sender: str, copi
 
 @pytest.mark.parametrize("sender", set(SENDERS) - {"half as fast", "jumps", "backwards"})
 def test_shots_are_dated_by_their_messages_where_the_clock_is_none(sender: str) -> None:
-    assert moments(told(SENDERS[sender][0])) == pytest.approx([100.0 + EVERY_S * shot for shot in range(COUNT)], abs=0.5)
+    assert moments(told(SENDERS[sender][0])) == pytest.approx(
+        [100.0 + EVERY_S * shot for shot in range(COUNT)], abs=0.5
+    )
 
 
 @pytest.mark.parametrize("sender", ["half as fast", "backwards"])
