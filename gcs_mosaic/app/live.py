@@ -154,6 +154,7 @@ class _Daemon:
         self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
         self._fleet = Fleet(tuple, store.ledger, several=bool(config.aircraft))
         self._came: dict[str, float] = {}  # when files were complete, by frame name
+        self._heard_since = math.inf  # since when the links are open, seconds since 1970
         self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
@@ -195,7 +196,7 @@ class _Daemon:
     def run(self, links: Links) -> None:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
-        self._trust = links.trust
+        self._trust, self._heard_since = links.trust, links.since_utc
         several = bool(self._config.aircraft)
         self._fleet = Fleet(lambda: links.choice.counted, self._pipeline.store.ledger, several=several)
         requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
@@ -259,15 +260,22 @@ class _Daemon:
                 self._reporter.source(item)
 
     def _take_frame(self, found: Frame) -> None:
+        if came_meanwhile := found.vehicle not in self._looked and self._came_while_starting(found):
+            appeared = time.monotonic() - (time.time() - found.modified)
+            found = replace(found, received=min(found.received, appeared))
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
-        fresh = found.vehicle in self._looked and frame is not None
+        fresh = (found.vehicle in self._looked or came_meanwhile) and frame is not None
         self._event_log.frame(found, time.monotonic(), fresh=fresh)
         self._trust.sources = self._event_log.credible()
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
             self._preparation.append(frame)
+
+    def _came_while_starting(self, found: Frame) -> bool:
+        """Whether a file that was there at the first look was written since the links are heard: its trigger was heard, too."""
+        return self._heard_since <= found.modified <= time.time() + 1.0
 
     # Processing
 
