@@ -24,6 +24,7 @@ from gcs_mosaic.app.inbox import Inbox, keeping, record
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.output import OutputFolder
+from gcs_mosaic.app.pairing import contradiction_text
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
@@ -388,9 +389,9 @@ class _Daemon:
         self._keep_lost_originals(self._until)
         self._event_log.close()
         self._event_log.save()
-        if ambiguous := self._ambiguous():
-            self.say(Notice(source="pairing", level="warning", text=ambiguous))
         self._driver.save()
+        if ambiguous := self._ambiguous() or contradiction_text(self._pipeline.store.ledger, self._pipeline.store.out):
+            self.say(Notice(source="pairing", level="warning", text=ambiguous))
         self._pipeline.checkpoint(at_once=True)
         self._until_writable(self._output.verify)
         self._state = "stopped"

@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from contextlib import closing
-from dataclasses import dataclass
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.geo.shifted_positions import shift_by_positions
 from gcs_mosaic.store.disk import write_beside
+from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME, PAIRING_NAME, find_flight
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import try_lock
 from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord, FrameState
+from gcs_mosaic.triggers.shifted_positions import shift_by_positions
 
 LARGEST = 16 << 20  # bytes of pairing.json: some hundred thousand pairs
 MOST_SHIFT = 1000  # shots
@@ -30,7 +31,7 @@ Pairs = dict[int, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class FoundPairs:
     """The pairs found in flight, the shift that was chosen instead, and the last event then known."""
 
     shift: int
@@ -83,17 +84,20 @@ def contradiction(ledger: Ledger) -> int | None:
 
 def contradiction_text(ledger: Ledger, flight: Path) -> str | None:
     """For the operator: the positions contradict the pairs, and what to do."""
-    shift = contradiction(ledger)
+    shift, shift_so_far = contradiction(ledger), 0
     if shift is None:
         return None
+    with suppress(UsageError):  # of what somebody else has put there, the pairs are as they are now
+        kept = _kept(flight)
+        shift_so_far = kept.shift if kept is not None else 0
+    chosen = shift_so_far + shift
     return (
-        f"The positions of the triggers fit the map far better if each picture belongs {_shots_later(shift)}: which trigger belongs to which "
-        f"picture is ambiguous; gcs-mosaic pair {flight} --shift {(kept.shift if (kept := _kept(flight)) else 0) + shift} "
-        "chooses that, once the flight has ended"
+        f"The positions of the triggers fit the map far better if each picture belongs {_shots_later(shift)}: which trigger "
+        f"belongs to which picture is ambiguous; gcs-mosaic pair {flight} --shift {chosen} chooses that, after the flight"
     )
 
 
-def _shifted(path: Path, ledger: Ledger, shift: int) -> Kept | None:
+def _shifted(path: Path, ledger: Ledger, shift: int) -> FoundPairs | None:
     """Shift the pairs found in flight; what is kept of them is written before the ledger, and removed after it."""
     events, kept = ledger.events(), _kept(path)
     now = {record.id: record.frame for record in events if record.frame is not None}
@@ -107,7 +111,7 @@ def _shifted(path: Path, ledger: Ledger, shift: int) -> Kept | None:
             wanted |= _moved(
                 [shot.id for shot in shots], found, _pictures(ledger.frames(), shots[0].event.vehicle), shift
             )
-        kept = Kept(shift, found, last)
+        kept = FoundPairs(shift, found, last)
         document = {"shift": shift, "last_event": last, "found": {str(one): name for one, name in found.items()}}
         write_beside(path / PAIRING_NAME, json.dumps(document).encode("ascii"), durable=True)
     with ledger.transaction():
@@ -117,10 +121,25 @@ def _shifted(path: Path, ledger: Ledger, shift: int) -> Kept | None:
             frame = wanted.get(record.id)
             ledger.settle_event(record.id, EventState.MISSING if frame is None else EventState.MATCHED, frame=frame)
     ledger.make_durable()
+    _count_again(path, ledger)
     if not shift:
         (path / PAIRING_NAME).unlink(missing_ok=True)
         return None
     return kept
+
+
+def _count_again(path: Path, ledger: Ledger) -> None:
+    """The documents that tell how many triggers have a picture."""
+    accounts = ledger.accounts()
+    told = {"events": asdict(accounts.events), "frames": asdict(accounts.frames), "orphans": accounts.orphans}
+    for name in ("mosaic.json", "status.json"):
+        file = path / name
+        if file.is_symlink() or not file.is_file() or file.stat().st_size > LARGEST:
+            continue
+        with suppress(ValueError, RecursionError):  # one that is damaged is made anew by `check --repair`
+            document: Any = json.loads(file.read_bytes())
+            if isinstance(document, dict):
+                write_json(file, document | told)
 
 
 def _moved(shots: Sequence[int], found: Mapping[int, str], pictures: Sequence[str], shift: int) -> Pairs:
@@ -150,7 +169,7 @@ def _pictures(frames: Sequence[FrameRecord], vehicle: int) -> list[str]:
     return [one.name for one in frames if one.state not in _NO_PICTURES and one.vehicle in (None, vehicle)]
 
 
-def _told(ledger: Ledger, kept: Kept | None) -> str:
+def _told(ledger: Ledger, kept: FoundPairs | None) -> str:
     accounts = ledger.accounts()
     matched, shots = (
         accounts.events.matched,
@@ -167,7 +186,7 @@ def _shots_later(shift: int) -> str:
     return f"{abs(shift)} shot{'s' * (abs(shift) > 1)} {'later' if shift > 0 else 'earlier'}"
 
 
-def _kept(path: Path) -> Kept | None:
+def _kept(path: Path) -> FoundPairs | None:
     """What is kept of the pairs found in flight; None: they are as found. Raises UsageError for what is none of ours."""
     file = path / PAIRING_NAME
     try:
@@ -179,7 +198,7 @@ def _kept(path: Path) -> Kept | None:
             raise _none_of_ours(file)
         document: Any = json.loads(file.read_bytes())
         found = {int(one): name for one, name in document["found"].items()}
-        kept = Kept(document["shift"], found, document["last_event"])
+        kept = FoundPairs(document["shift"], found, document["last_event"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise _none_of_ours(file) from error
     if not isinstance(kept.shift, int) or not isinstance(kept.last_event, int):

@@ -22,6 +22,7 @@ from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.frame_sources import frame_sources
+from gcs_mosaic.app.pairing import contradiction_text
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.replay_timing import FILE_TIMES, Arrivals, arrivals
@@ -214,9 +215,13 @@ class _Replay:
             progress.advance(task)
         self._event_log.close()
         self._event_log.save()
-        if self._judges and (doubts := self._event_log.doubts):
-            self._say(Notice(source="pairing", level="warning", text=doubts.text(str(self._pipeline.store.out))))
         self._pipeline.save()
+        out, doubts = self._pipeline.store.out, self._event_log.doubts
+        text = (
+            doubts.text(str(out)) if self._judges and doubts else contradiction_text(self._pipeline.store.ledger, out)
+        )
+        if text is not None:
+            self._say(Notice(source="pairing", level="warning", text=text))
 
     def _say(self, notice: Notice) -> None:
         say(self._console, notice)
