@@ -181,6 +181,7 @@ class LinkReport:
     aircraft: tuple[Aircraft, ...] = ()  # the followed one first, then those heard last
     refused: Refusals = Refusals()
     sent: int = 0  # packets; 0 unless announcing is enabled
+    is_crowded: bool = False  # whether more sources trigger cameras than an aircraft has
 
 
 SourceState = Literal["watching", "missing", "ended", "connecting", "connected", "silent", "lost"]

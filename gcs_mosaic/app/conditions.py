@@ -141,6 +141,13 @@ def _over(key: str) -> str | None:
 def _of_links(facts: Facts) -> Iterator[_Found]:
     for link in facts.links:
         key = f"link {link.address}"
+        if link.is_crowded:
+            text = (
+                f"More sources trigger cameras on {link.address} than an aircraft has: if somebody forges triggers, pictures may "
+                "be given to the wrong ones. Only signing keeps them out: give the autopilot a key, and here "
+                "link: {signing_key: FILE}"
+            )
+            yield _Found(f"crowd {link.address}", "warning", text, said=False)
         if link.state == "failed":
             yield _Found(
                 key, "error", f"The link {link.address} has failed: it is opened again as soon as it can be", said=False

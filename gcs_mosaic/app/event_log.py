@@ -82,8 +82,9 @@ class EventLog:
                 _remember(self._ids, event, event_id, self._remembered)
                 self._outcomes += pairing.event(event_id, event, moment, now)
             case Duplicate(of):
-                pairing.duplicate()
-                self._note_duplicate(event, event_id, self._shots.get(of, event_id))
+                shot = self._shots.get(of, event_id)
+                pairing.duplicate(shot, event)
+                self._note_duplicate(event, event_id, shot)
             case Better(of):
                 shot = self._shots.get(of, event_id)
                 self._note_duplicate(event, event_id, shot)

@@ -61,9 +61,14 @@ class Pairing:
             self._search.sources.shot(event.teller, held.moment)
         return list(self._look_at(held, event))
 
-    def duplicate(self) -> None:
-        """A message without new information."""
+    def duplicate(self, event_id: int | None = None, event: TriggerEvent | None = None) -> None:
+        """A message without new information about the shot, but that its sender knows of it, too."""
         self._duplicates += 1
+        held = next(self._events.under(("id", event_id)), None)
+        if held is None or event is None or event.teller in held.tellers or event.result is CaptureResult.FAILED:
+            return
+        held.tellers.append(event.teller)
+        self._search.sources.shot(event.teller, event.received)
 
     def frame(self, frame: Frame, now: float, *, fresh: bool = True, asked_by: int | None = None) -> list[Outcome]:
         """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: its arrival says
