@@ -105,6 +105,9 @@ class Frame:
     size: int  # bytes
     received: float  # when the file was found complete
     modified: float  # the file's modification time, or its capture time if known, seconds since 1970
+    captured: float | None = (
+        None  # by the camera's own clock (EXIF), as if it showed UTC; only to find the frame's trigger
+    )
     data: bytes | None = field(default=None, repr=False)  # the whole file as hashed, while in memory
     taken_for: TriggerEvent | None = None  # the event that requested it from a live stream
     vehicle: int | None = None  # MAVLink system id of the aircraft whose source brought it; None: one source for all
@@ -178,6 +181,7 @@ class LinkReport:
     aircraft: tuple[Aircraft, ...] = ()  # the followed one first, then those heard last
     refused: Refusals = Refusals()
     sent: int = 0  # packets; 0 unless announcing is enabled
+    is_crowded: bool = False  # whether more sources trigger cameras than an aircraft has
 
 
 SourceState = Literal["watching", "missing", "ended", "connecting", "connected", "silent", "lost"]

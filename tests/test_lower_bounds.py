@@ -27,7 +27,12 @@ TESTS = (
         "frames/test_exif.py",
         "frames/rtsp/test_stream_address.py",
     ),
-    *("mavlink/test_mavlink_parser.py", "mavlink/test_signing.py", "mavlink/test_mavlink_messages.py"),
+    *(
+        "mavlink/test_mavlink_parser.py",
+        "mavlink/test_signing.py",
+        "mavlink/test_mavlink_messages.py",
+        "mavlink/test_flight_logs.py",
+    ),
     *(
         "stitch/features/test_extraction.py",
         "stitch/features/test_matching.py",

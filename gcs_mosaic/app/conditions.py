@@ -63,6 +63,7 @@ class Conditions:
     def __init__(self) -> None:
         self.disk: str | None = None  # what is wrong with it, as long as it is
         self.old_range = False  # whether parts of the map show a range of counts that was fitted anew since
+        self.pairing: str | None = None  # which triggers and pictures may as well belong together otherwise
         self._unmatched = Counter[Aircraft]()  # frames in a row that matched nothing, of each aircraft
         self._since: dict[str, float] = {}
         self._told: set[str] = set()
@@ -113,6 +114,8 @@ class Conditions:
         yield from _of_silent_aircraft(facts)
         yield from _of_the_source(facts)
         yield from _of_shots(facts)
+        if self.pairing is not None:
+            yield _Found("pairing", "warning", self.pairing, held_s=HELD_S)
 
     def _of_the_map(self, facts: Facts) -> Iterator[_Found]:
         for vehicle, count in self._unmatched.items():
@@ -147,6 +150,13 @@ def _over(key: str) -> str | None:
 def _of_links(facts: Facts) -> Iterator[_Found]:
     for link in facts.links:
         key = f"link {link.address}"
+        if link.is_crowded:
+            text = (
+                f"More sources trigger cameras on {link.address} than an aircraft has: if somebody forges triggers, pictures may "
+                "be given to the wrong ones. Only signing keeps them out: give the autopilot a key, and here "
+                "link: {signing_key: FILE}"
+            )
+            yield _Found(f"crowd {link.address}", "warning", text, said=False)
         if link.state == "failed":
             yield _Found(
                 key, "error", f"The link {link.address} has failed: it is opened again as soon as it can be", said=False

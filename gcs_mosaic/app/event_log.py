@@ -16,6 +16,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
+from gcs_mosaic.triggers.doubts import NONE, Doubts
 from gcs_mosaic.triggers.shots import MOST_SHOTS, Better, CameraMessage, Duplicate, New, Shots
 
 logger = logging.getLogger(__name__)
@@ -81,8 +82,9 @@ class EventLog:
                 _remember(self._ids, event, event_id, self._remembered)
                 self._outcomes += pairing.event(event_id, event, moment, now)
             case Duplicate(of):
-                pairing.duplicate()
-                self._note_duplicate(event, event_id, self._shots.get(of, event_id))
+                shot = self._shots.get(of, event_id)
+                pairing.duplicate(shot, event)
+                self._note_duplicate(event, event_id, shot)
             case Better(of):
                 shot = self._shots.get(of, event_id)
                 self._note_duplicate(event, event_id, shot)
@@ -98,6 +100,11 @@ class EventLog:
     def credible(self) -> frozenset[Teller]:
         """The sources of events whose shots have proved true."""
         return frozenset().union(*(pairing.credible() for pairing in self._pairings.values()))
+
+    @property
+    def doubts(self) -> Doubts:
+        """Where another explanation of who belongs to whom is about as good, of the aircraft of which most is in doubt."""
+        return max((pairing.doubts for pairing in self._pairings.values()), key=lambda one: one.pairs, default=NONE)
 
     def tick(self, now: float) -> list[Missing]:
         """Advance time; returns the events whose frames are now missing."""

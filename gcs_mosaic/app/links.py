@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs_mosaic.mavlink.address import connection_string, parse_address
@@ -52,6 +52,7 @@ class Links:
     speakers: list[Speaker]
     choice: VehicleChoice
     trust: Trust
+    since_utc: float = field(default_factory=time.time)  # when they were opened, seconds since 1970
 
 
 def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:

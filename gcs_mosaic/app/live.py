@@ -24,6 +24,7 @@ from gcs_mosaic.app.inbox import Inbox, keeping, record
 from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.output import OutputFolder
+from gcs_mosaic.app.pairing import contradiction_text
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
@@ -155,6 +156,7 @@ class _Daemon:
         self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
         self._fleet = Fleet(tuple, store.ledger, several=bool(config.aircraft))
         self._came: dict[str, float] = {}  # when files were complete, by frame name
+        self._heard_since = math.inf  # since when the links are open, seconds since 1970
         self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
@@ -196,7 +198,7 @@ class _Daemon:
     def run(self, links: Links) -> None:
         """Run until stopped, then finish."""
         self._announcements.speakers = links.speakers
-        self._trust = links.trust
+        self._trust, self._heard_since = links.trust, links.since_utc
         several = bool(self._config.aircraft)
         self._fleet = Fleet(lambda: links.choice.counted, self._pipeline.store.ledger, several=several)
         requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
@@ -210,6 +212,7 @@ class _Daemon:
             self._work()
             self._announcements.missing(self._event_log.tick(self._inbox.taken_until(time.monotonic())))
             self._event_log.save()
+            self._reporter.conditions.pairing = self._ambiguous()
             requests.look(time.monotonic())
             self._look_after_disk()
             self._report()
@@ -259,15 +262,22 @@ class _Daemon:
                 self._reporter.source(item)
 
     def _take_frame(self, found: Frame) -> None:
+        if came_meanwhile := found.vehicle not in self._looked and self._came_while_starting(found):
+            appeared = time.monotonic() - (time.time() - found.modified)
+            found = replace(found, received=min(found.received, appeared))
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
-        fresh = found.vehicle in self._looked and frame is not None
+        fresh = (found.vehicle in self._looked or came_meanwhile) and frame is not None
         self._event_log.frame(found, time.monotonic(), fresh=fresh)
         self._trust.sources = self._event_log.credible()
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
             self._preparation.append(frame)
+
+    def _came_while_starting(self, found: Frame) -> bool:
+        """Whether a file that was there at the first look was written since the links are heard: its trigger was heard, too."""
+        return self._heard_since <= found.modified <= time.time() + 1.0
 
     # Processing
 
@@ -381,11 +391,18 @@ class _Daemon:
         self._event_log.close()
         self._event_log.save()
         self._driver.save()
+        if ambiguous := self._ambiguous() or contradiction_text(self._pipeline.store.ledger, self._pipeline.store.out):
+            self.say(Notice(source="pairing", level="warning", text=ambiguous))
         self._pipeline.checkpoint(at_once=True)
         self._until_writable(self._output.verify)
         self._state = "stopped"
         self._report(now=True)
         self._reporter.judge(self._pipeline.mosaic.held_out())
+
+    def _ambiguous(self) -> str | None:
+        """Which triggers and pictures may as well belong together otherwise, and what to do."""
+        doubts = self._event_log.doubts
+        return doubts.text(str(self._pipeline.store.out)) if doubts else None
 
     def _take_in_the_rest(self) -> None:
         while len(self._inbox) and self._may_go_on():

@@ -22,9 +22,10 @@ from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.frame_sources import frame_sources
+from gcs_mosaic.app.pairing import contradiction_text
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
-from gcs_mosaic.app.replay_timing import Arrivals, arrivals
+from gcs_mosaic.app.replay_timing import FILE_TIMES, Arrivals, arrivals
 from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
@@ -32,7 +33,7 @@ from gcs_mosaic.frames.aircraft_source import marked
 from gcs_mosaic.frames.files import looks_in, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.messages import DamagedFile, Frame, Notice
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.records import EventAccount
@@ -84,7 +85,10 @@ def replay(
                 say(console, Notice(source="replay", level="info", text=text))
             for text in (text for one in folders for text in one.passed_over):
                 say(console, Notice(source="frames", level="warning", text=text))
-            with closing(_Replay(folder.path, config, console, link)) as flight:
+            for doubts in (told.doubts for told in came if told.doubts):
+                say(console, Notice(source="pairing", level="warning", text=doubts.text(str(folder.path))))
+            by_times = all(told.told_by == FILE_TIMES for told in came)
+            with closing(_Replay(folder.path, config, console, link, judges=by_times)) as flight:
                 if config.anchor == "positions":
                     say(console, let_positions_lay(folder.path))
                 start = time.monotonic()
@@ -110,8 +114,10 @@ def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
 
 def _merged(link: RecordedLink, config: Config) -> list[tuple[float, CameraMessage | Notice]]:
     """Recorded camera messages and notices, in order."""
-    shots = Shots(config.shots)
-    return [(at, shots.hear(what) if isinstance(what, TriggerEvent) else what) for at, what in link.heard]
+    shots, merged = Shots(config.shots), list[tuple[float, CameraMessage | Notice]]()
+    for at, what in link.heard:
+        merged += [(at, one) for one in shots.follow(iter([what]))]
+    return merged
 
 
 def _came(
@@ -148,7 +154,8 @@ def _described(link: RecordedLink, folders: Sequence[FramesFolder], came: Sequen
 
 
 class _Replay:
-    def __init__(self, out: Path, config: Config, console: Console, link: RecordedLink) -> None:
+    def __init__(self, out: Path, config: Config, console: Console, link: RecordedLink, *, judges: bool) -> None:
+        """`judges`: whether files come when they came, so that their times tell something of which shots they are."""
         # A finished folder is no longer written to, so its frames need no copies.
         linking = replace(config, originals=replace(config.originals, keep="link"))
         self._config, self._console, self._now = config, console, 0.0
@@ -157,6 +164,7 @@ class _Replay:
         self._driver = Driver(self._pipeline)
         self._event_log = EventLog(self._pipeline.store.ledger, config.pairing, apart=bool(config.sources))
         self._done: list[Done] = []
+        self._judges = judges
 
     def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
         """Process all happenings, then paint a last time; returns the frames' outcomes."""
@@ -208,6 +216,12 @@ class _Replay:
         self._event_log.close()
         self._event_log.save()
         self._pipeline.save()
+        out, doubts = self._pipeline.store.out, self._event_log.doubts
+        text = (
+            doubts.text(str(out)) if self._judges and doubts else contradiction_text(self._pipeline.store.ledger, out)
+        )
+        if text is not None:
+            self._say(Notice(source="pairing", level="warning", text=text))
 
     def _say(self, notice: Notice) -> None:
         say(self._console, notice)

@@ -1,24 +1,28 @@
 """Arrival times of a recorded flight's frames, derived from the recording and the files alone, so that they are reproducible.
 
 The files' own times are used if they lie within the recording. Copies lose them, and a camera's clock may be wrong: then
-the events decide, by the file names they give, else by their counters and the numbers in file names, else by order.
+the file names in the messages decide, else what is likeliest by numbers, the camera's clock, and order together.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import groupby
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC
 
+from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink
 from gcs_mosaic.messages import CaptureResult, TriggerEvent
+from gcs_mosaic.triggers.alignment import MOST, Alignment, FileClue, ShotClue, align
 from gcs_mosaic.triggers.counters import StreamKey
-from gcs_mosaic.triggers.index import number_in
+from gcs_mosaic.triggers.doubts import NONE, Doubts
+from gcs_mosaic.triggers.names import numbers_in, stem_of
 from gcs_mosaic.triggers.shots import CameraMessage, New
 
-MOST = 0.9  # of all files: some were there before the flight, or were touched later
+MOST_WITHIN = 0.9  # of all files: some were there before the flight, or were touched later
+FILE_TIMES = "the files' times"
+NAMES = "the file names in the camera messages"
 ENOUGH = 0.75  # of the candidates: fewer matching names or numbers may be chance
 COARSE_S = 2.0  # resolution of file times on a memory card's file system (FAT)
 
@@ -31,6 +35,7 @@ class Arrivals:
     seconds: list[float]
     fresh: list[bool]
     told_by: str
+    doubts: Doubts = NONE
 
 
 def arrivals(
@@ -40,16 +45,16 @@ def arrivals(
     if by_times := _by_file_times(looks, link, found_after_s):
         return by_times
     taken = _taken(messages)
-    ways = {
-        "the file names in the camera messages": (_by_names, link.events),
-        "the numbers in the file names": (_by_numbers, link.events),
-        "the order of the shots": (_by_order, taken),
-    }
-    for told_by, (way, events) in ways.items():
-        known = way(looks, events)
-        if known and len(known) >= ENOUGH * min(len(looks), len(taken)):
-            seconds = _filled_up(known, len(looks))
-            return Arrivals(seconds=seconds, fresh=[True] * len(looks), told_by=told_by)
+    named = _by_names(looks, taken)
+    known, told = {place: taken[shot].event.received for shot, place in named}, Alignment([], (), 0, (), 0.0)
+    if len(known) < ENOUGH * min(len(looks), len(taken)):
+        told = _by_likelihood(looks, taken, named, link.began_utc)
+        known |= {place: taken[shot].event.received for shot, place in told.pairs}
+    if known and len(known) >= ENOUGH * min(len(looks), len(taken)):
+        how = " and ".join(told.told_by) or "the order of the shots" if told.pairs else NAMES
+        fresh = [True] * len(looks)
+        doubts = Doubts(shifts=told.shifts, pairs=told.unsure, of=len(told.pairs))
+        return Arrivals(seconds=_filled_up(known, len(looks)), fresh=fresh, told_by=how, doubts=doubts)
     spread = [link.seconds * k / len(looks) for k in range(len(looks))]
     return Arrivals(seconds=spread, fresh=[True] * len(looks), told_by="nothing: spread evenly over the recording")
 
@@ -59,63 +64,64 @@ def _by_file_times(looks: Sequence[Look], link: RecordedLink, found_after_s: flo
         return None
     written = [look.modified_ns / 1e9 - link.began_utc for look in looks]
     within = sum(-COARSE_S <= seconds <= link.seconds + COARSE_S for seconds in written)
-    if within < MOST * len(looks):
+    if within < MOST_WITHIN * len(looks):
         return None
     last = link.seconds + COARSE_S
     return Arrivals(
         seconds=[min(max(seconds, 0.0), last) + found_after_s for seconds in written],
         fresh=[seconds >= -COARSE_S for seconds in written],
-        told_by="the files' times",
+        told_by=FILE_TIMES,
     )
 
 
-def _taken(messages: Iterable[CameraMessage]) -> list[TriggerEvent]:
-    """The first message about each shot."""
-    told = [message.event for message in messages if isinstance(message.verdict, New)]
-    return [event for event in told if event.result is not CaptureResult.FAILED]
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """The first message about a shot, the numbers that all messages give it, and the file names."""
+
+    event: TriggerEvent
+    moment: float
+    counts: dict[Hashable, int]
+    stems: set[str]
 
 
-def _by_names(looks: Sequence[Look], events: Sequence[TriggerEvent]) -> dict[int, float]:
-    named: dict[str, float] = {}
-    for event in events:
-        named.setdefault((event.file_hint or "").casefold(), event.received)
-    names = [look.path.name.casefold() for look in looks]
-    return {place: named[name] for place, name in enumerate(names) if name in named}
+def _taken(messages: Iterable[CameraMessage]) -> list[_Taken]:
+    shots: dict[int, _Taken] = {}
+    for message in messages:
+        event, verdict = message.event, message.verdict
+        if isinstance(verdict, New):
+            shots[message.number] = _Taken(event, verdict.moment, {}, set())
+        shot = shots.get(message.number if isinstance(verdict, New) else verdict.of)
+        if shot is not None and event.sequence is not None:
+            shot.counts[StreamKey(event.vehicle, event.component, event.camera, event.source)] = event.sequence
+        if shot is not None and event.file_hint:
+            shot.stems.add(stem_of(event.file_hint))
+            shot.counts.update(numbers_in(event.file_hint))
+    took = [shot for shot in shots.values() if shot.event.result is not CaptureResult.FAILED]
+    return sorted(took, key=lambda shot: shot.moment)
 
 
-def _by_numbers(looks: Sequence[Look], events: Sequence[TriggerEvent]) -> dict[int, float]:
-    """The matching of file numbers to a counter, at an offset, that gives the most files an event."""
-    numbers = {place: number for place, look in enumerate(looks) if (number := number_in(look.path.name)) is not None}
-    best: dict[int, float] = {}
-    for counted in _counters(events):
-        apart = Counter(number - count for number in numbers.values() for count in counted)
-        # Ties go to the most natural offset: the first file is the first shot.
-        first = next(iter(numbers.values()), 0) - next(iter(counted))
-        offset = max(apart, key=lambda one: (apart[one], -abs(one - first)), default=0)
-        known = {place: counted[number - offset] for place, number in numbers.items() if number - offset in counted}
-        best = max(best, known, key=len)
-    return best
+def _by_names(looks: Sequence[Look], shots: Sequence[_Taken]) -> list[tuple[int, int]]:
+    """Pairs of a shot and the file that it names."""
+    named = {stem: place for place, shot in reversed(list(enumerate(shots))) for stem in shot.stems}
+    stems = [stem_of(look.path.name) for look in looks]
+    return [(named[stem], place) for place, stem in enumerate(stems) if stem in named]
 
 
-def _counters(events: Sequence[TriggerEvent]) -> list[dict[int, float]]:
-    """Time of each count, per source."""
-
-    def stream(event: TriggerEvent) -> StreamKey:
-        return StreamKey(event.vehicle, event.component, event.camera, event.source)
-
-    counted = []
-    for _, heard in groupby(sorted(events, key=stream), stream):
-        times: dict[int, float] = {}
-        for event in heard:
-            if event.sequence is not None and event.result is not CaptureResult.FAILED:
-                times.setdefault(event.sequence, event.received)
-        if times:
-            counted.append(times)
-    return counted
-
-
-def _by_order(looks: Sequence[Look], shots: Sequence[TriggerEvent]) -> dict[int, float]:
-    return {place: shot.received for place, (_, shot) in enumerate(zip(looks, shots, strict=False))}
+def _by_likelihood(
+    looks: Sequence[Look], shots: Sequence[_Taken], named: Sequence[tuple[int, int]], began_utc: float | None
+) -> Alignment:
+    """The pairs among the shots and files that no name connects; a shot whose file has another name is none of them."""
+    taken, placed = {shot for shot, _ in named}, {place for _, place in named}
+    free = [k for k, shot in enumerate(shots) if k not in taken and not (named and shot.stems)][:MOST]
+    times = [capture_time(look.path) for look in looks]
+    captured = [None if time is None else time.replace(tzinfo=UTC).timestamp() for time in times]
+    files = [place for place in range(len(looks)) if place not in placed][:MOST]
+    if None not in captured:
+        files.sort(key=lambda place: captured[place] or 0.0)  # stable: of one second in the order of names
+    shot_clues = [ShotClue(shots[k].moment, shots[k].counts) for k in free]
+    file_clues = [FileClue(numbers_in(looks[place].path.name), captured[place]) for place in files]
+    told = align(shot_clues, file_clues, began_utc)
+    return replace(told, pairs=[(free[shot], files[file]) for shot, file in told.pairs])
 
 
 def _filled_up(known: dict[int, float], count: int) -> list[float]:

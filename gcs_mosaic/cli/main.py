@@ -189,6 +189,13 @@ def anchor(given: argparse.Namespace) -> None:
     print(anchor_flight(given.flight, change))
 
 
+def pair(given: argparse.Namespace) -> None:
+    """Show which triggers belong to which pictures, and shift them."""
+    from gcs_mosaic.app.pairing import pair
+
+    print(pair(given.flight, given.shift))
+
+
 def config(given: argparse.Namespace) -> None:
     """Print all settings with their defaults, as YAML suitable for --config."""
     from gcs_mosaic.config.settings_file import documented_defaults
@@ -215,6 +222,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "vehicle": vehicle,
     "check": check,
     "anchor": anchor,
+    "pair": pair,
     "export": export_flight,
     "benchmark": benchmark,
     "config": config,

@@ -49,8 +49,8 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
 
 WHEN_FRAMES_CAME = """\
 When a frame came follows from the files' times if they lie within the recording; else from the file names in the camera
-messages, else from the numbers in the file names and the messages' counters, else from the order of names and shots. The
-result is the same every time, at any speed."""
+messages, else from what is likeliest by numbers in names, the camera's clock (EXIF) and order together. The result is the same
+every time, at any speed. Besides a telemetry log the autopilot's own can be given: ArduPilot's .BIN, PX4's .ulg."""
 
 T = TypeVar("T")
 
@@ -347,6 +347,21 @@ def _add_flight(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
 
 
+def _add_pair(parser: argparse.ArgumentParser) -> None:
+    _add_flight(parser)
+    told = "by how many shots later each picture belongs than found in flight (-1: earlier); 0 or auto: as found"
+    parser.add_argument("--shift", type=_shift, metavar="N", help=told)
+
+
+def _shift(text: str) -> int:
+    if text == "auto":
+        return 0
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is no number of shots: give 1, -1, or auto") from None
+
+
 def _add_anchor_by(parser: argparse.ArgumentParser) -> None:
     told = "positions: those of the triggers lay the map on earth where nobody sets pins; for showing only"
     parser.add_argument("--anchor", choices=["pins", "positions"], help=told)
@@ -384,6 +399,7 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
     "vehicle": ("which aircraft a running flight follows: list them, or choose one", _add_vehicle_command, {}),
     "check": ("whether a flight is whole, and its repair", _add_check, {}),
     "anchor": ("where the map lies on earth: show it, set control points", _add_anchor, {}),
+    "pair": ("which trigger belongs to which picture: show it, shift them all", _add_pair, {}),
     "export": (
         "a flight for other programs: a picture, all bands, a map with coordinates, what was found",
         _add_export,

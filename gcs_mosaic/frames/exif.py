@@ -1,6 +1,6 @@
 """Capture time by the camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
 
-Used only to order frames. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B,
+Used only to order frames, and to find the trigger of each. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B,
 and the BigTIFF of libtiff.
 """
 
@@ -10,8 +10,8 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime, timedelta
-from io import SEEK_END
+from datetime import UTC, datetime, timedelta
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -35,13 +35,26 @@ def capture_time(path: Path, note: Callable[[str], None] = lambda text: None) ->
     """
     try:
         with path.open("rb") as file:
-            magic = file.read(4)
-            if magic.startswith(b"\xff\xd8\xff"):
-                return _of_jpeg(file)
-            return _of_tiff(_Block(file, 0, file.seek(0, SEEK_END))) if magic.startswith((b"II", b"MM")) else None
+            return _of_file(file)
     except (OSError, StructureError) as error:
         note(f"{path.name}: when it was taken cannot be read: {error}")
         return None
+
+
+def captured_s(data: bytes) -> float | None:
+    """The same of a whole file, in seconds since 1970 as if the clock showed UTC."""
+    try:
+        moment = _of_file(BytesIO(data))
+    except StructureError:
+        return None
+    return None if moment is None else moment.replace(tzinfo=UTC).timestamp()
+
+
+def _of_file(file: BinaryIO) -> datetime | None:
+    magic = file.read(4)
+    if magic.startswith(b"\xff\xd8\xff"):
+        return _of_jpeg(file)
+    return _of_tiff(_Block(file, 0, file.seek(0, SEEK_END))) if magic.startswith((b"II", b"MM")) else None
 
 
 @dataclass(frozen=True, slots=True)

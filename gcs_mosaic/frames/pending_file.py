@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from gcs_mosaic.frames.appearance import Pause
+from gcs_mosaic.frames.exif import captured_s
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
@@ -179,5 +180,6 @@ def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
         size=len(data),
         received=time.monotonic(),
         modified=look.modified_ns / 1e9,
+        captured=captured_s(data),
         data=data,
     )

@@ -25,6 +25,7 @@ _HEADER = struct.Struct("<xBBxxBBHB")
 _MAVLINK_2, _CHECKSUM, _SIGNED, _SIGNATURE = 0xFD, 2, 1, 13
 _KINDS = {112: Source.CAMERA_TRIGGER, 180: Source.CAMERA_FEEDBACK, 263: Source.IMAGE_CAPTURED_BY_CAMERA}
 UNKNOWN_AT_ONCE = 10  # messages of an unknown source beyond its rate; what exceeds it is held
+_CROWDED = 10  # so much slower unknown sources are let in while they are a crowd and the camera's own is known
 _OPENED_AT = 0.5  # of a full bucket: hysteresis against floods that come in waves
 
 
@@ -148,7 +149,8 @@ class FloodGate:
 
     def _has_room(self, now: float) -> bool:
         """Room for one more message of an unknown source."""
-        self._unknown.leak(self._per_second, now)
+        known = self.is_crowded and self._trust.sources
+        self._unknown.leak(self._per_second / (_CROWDED if known else 1), now)
         if self._unknown.level + 1 > self._at_once:
             self.is_crowded = True
             return False

@@ -163,6 +163,7 @@ class Listener:
             aircraft=self._aircraft_heard(),
             refused=refused,
             sent=sent,
+            is_crowded=self._gate.is_crowded,
         )
 
     def _is_news(self, report: LinkReport, now: float) -> bool:

@@ -22,9 +22,10 @@ LOG_NAME = "flight.log"
 TOKEN_NAME = "page.token"  # lets other machines look at the page
 NOTES_NAME = "notes.sqlite"  # what people add to the flight, see the room `notes`
 HINTS_NAME = "hints.sqlite"  # what may be worth a look, see the room `hints`
+PAIRING_NAME = "pairing.json"  # the pairs of triggers and pictures found in flight, where others were chosen
 OUR_NAMES = (
     *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
-    *("checkpoint", "checkpoint.values", TOKEN_NAME, NOTES_NAME, HINTS_NAME),
+    *("checkpoint", "checkpoint.values", TOKEN_NAME, NOTES_NAME, HINTS_NAME, PAIRING_NAME),
     *("tiles", "masks", "frames"),
 )
 ARTEFACTS = "archive"  # folder in which `reprocess` keeps what it has found

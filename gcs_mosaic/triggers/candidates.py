@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from itertools import takewhile
 
 from gcs_mosaic.messages import Teller
 from gcs_mosaic.triggers.credibility import Credibility
 from gcs_mosaic.triggers.delay import UsualDelay
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State
+from gcs_mosaic.triggers.names import stem_of
 from gcs_mosaic.triggers.outcomes import How
 from gcs_mosaic.triggers.sequence_offsets import Learnt
 from gcs_mosaic.triggers.settings import PairingSettings
@@ -26,6 +28,11 @@ def lag(event: PendingEvent, frame: PendingFrame) -> float:
 def _came_before(event: PendingEvent, frame: PendingFrame) -> bool:
     """Whether the file was there before the picture can have been taken; what was there at the start has no such time."""
     return frame.fresh and lag(event, frame) < -NAMED_EARLY_S
+
+
+def keys_of(name: str) -> list[Hashable]:
+    """What a file is looked up by, the surest first: its name, that without case, and its stem whatever the extension."""
+    return [name, ("folded", name.casefold()), ("stem", stem_of(name))]
 
 
 class FrameSearch:
@@ -54,21 +61,20 @@ class FrameSearch:
         if event.how is How.NAME:
             return None
         believed = [hint for teller, hint in event.hints if self._is_believed(event, teller)]
-        keys = [*believed, *(("folded", hint.casefold()) for hint in believed)]
+        keys = [key for keys in zip(*map(keys_of, believed), strict=True) for key in keys]
         frames = (frame for key in keys for frame in self._frames.under(key))
         return next((frame for frame in frames if self._may_be_named(event, frame)), None)
 
     def naming(self, frame: PendingFrame) -> PendingEvent | None:
         """The event that names the frame, unless already matched by name; the more credible comes first."""
-        name = frame.frame.path.name
-        folded = name.casefold()
-        events = {event: None for key in (name, ("folded", folded)) for event in self._events.under(key)}
+        keys = keys_of(frame.frame.path.name)
+        events = {event: None for key in keys for event in self._events.under(key)}
         meant = [
             event
             for event in events
             if event.state is not State.FAILED
             if event.how is not How.NAME and not _came_before(event, frame)
-            if any(hint.casefold() == folded and self._is_believed(event, teller) for teller, hint in event.hints)
+            if any(keys_of(hint)[-1] == keys[-1] and self._is_believed(event, teller) for teller, hint in event.hints)
         ]
         return max(meant, key=self.rank, default=None)  # the first of equals
 
@@ -87,20 +93,19 @@ class FrameSearch:
 
     def numbered(self, event: PendingEvent) -> PendingFrame | None:
         """The orphan whose file number agrees with one of the event's counters."""
-        for stream, count in event.counts:
-            offset = self.learnt.offset(stream)
-            for frame in self._frames.under(("number", count + offset)) if offset is not None else ():
+        counts = dict(event.counts)
+        for (stream, place), offset in self.learnt.offsets():
+            for frame in self._frames.under((place, counts[stream] + offset)) if stream in counts else ():
                 if self._may_belong(event, frame) and lag(event, frame) >= -self._settings.early_s:
                     return frame
         return None
 
     def counting(self, frame: PendingFrame) -> PendingEvent | None:
-        if frame.number is None:
-            return None
         events = [
             event
-            for stream, offset in self.learnt.offsets()
-            for event in self._events.under((stream, frame.number - offset))
+            for (stream, place), offset in self.learnt.offsets()
+            if place in frame.numbers
+            for event in self._events.under((stream, frame.numbers[place] - offset))
             if self._may_belong(event, frame) and lag(event, frame) >= -self._settings.early_s
         ]
         return min(events, key=self.is_doubtful, default=None)  # the first of equals

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from gcs_mosaic.messages import FEEDBACK_WRAP_S, Source, TriggerEvent, unwrapped
+from gcs_mosaic.messages import FEEDBACK_WRAP_S, Source, Teller, TriggerEvent, unwrapped
+from gcs_mosaic.triggers.conduct import Pace
 
 JUMP_S = 5.0  # further above the envelope than this: a delayed message, or a clock jump
 SAME_CLOCK_S = 0.5  # two late messages agree this well only if the clock itself has jumped
@@ -25,6 +26,7 @@ class OffsetClock:
 
     offset: float | None = None
     wrap_s: float | None = None  # period after which the clock wraps
+    pace: Pace = field(default_factory=Pace)
     _updated: float = 0.0
     _suspect: tuple[float, float] | None = None
 
@@ -35,8 +37,11 @@ class OffsetClock:
         sample = received - source_time
         if self.offset is not None:
             self.offset += DRIFT * max(0.0, received - self._updated)
-        if self.offset is None or sample <= self.offset or self._has_leapt(sample, received):
+        before, leapt = self.offset, self._has_leapt(sample, received)
+        if self.offset is None or sample <= self.offset or leapt:
             self.offset = sample
+        ahead = before is not None and before - sample > JUMP_S
+        self.pace.heard(source_time, received, self.offset, jumped=leapt or ahead)
         self._updated = received
         return source_time + self.offset
 
@@ -51,13 +56,14 @@ class OffsetClock:
 
 
 class SourceClocks:
-    """One clock offset per source of timestamped events."""
+    """One clock offset per source of timestamped events. `faults`: why a source's clock is not believed at present."""
 
     def __init__(self) -> None:
         self._clocks: OrderedDict[Hashable, OffsetClock] = OrderedDict()
+        self.faults: dict[Teller, str] = {}
 
     def moment(self, event: TriggerEvent) -> float:
-        """Time of the event on the host's monotonic clock; its arrival if it carries no timestamp."""
+        """Time of the event on the host's monotonic clock; its arrival if it carries no timestamp, or none to be believed."""
         if event.source_time is None or event.clock == "none":
             return event.received
         key = (event.teller, event.clock)
@@ -66,4 +72,10 @@ class SourceClocks:
         self._clocks.move_to_end(key)
         if len(self._clocks) > _MOST_CLOCKS:
             self._clocks.popitem(last=False)
-        return clock.moment(event.source_time, event.received if event.latest is None else event.latest)
+        came = event.received if event.latest is None else event.latest
+        moment, fault = clock.moment(event.source_time, came), clock.pace.fault()
+        self.faults.pop(event.teller, None)
+        if fault is None:
+            return moment
+        self.faults[event.teller] = fault
+        return event.received

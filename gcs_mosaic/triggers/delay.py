@@ -11,7 +11,7 @@ from collections import deque
 from itertools import pairwise
 from statistics import median
 
-_FILES, _SHOTS = 32, 80
+MOST_FILES, MOST_SHOTS = 32, 80  # newest ones that are kept
 _TRIED = 4  # newest files that supply candidates
 _SHARP_S = 1.0  # a file further than this from a shot scores nothing
 _BETTER = 4.0  # files by which another delay must score higher: chance alone reaches 3
@@ -27,12 +27,12 @@ class UsualDelay:
         """Deviation from the usual delay beyond which a file is nearer to another shot."""
         self._early_s, self._window_s, self._widest_s = early_s, window_s, widest_s
         self._shots: list[float] = []
-        self._files: deque[float] = deque(maxlen=_FILES)
+        self._files: deque[float] = deque(maxlen=MOST_FILES)
 
     def shot(self, moment: float) -> None:
         """A picture was taken."""
         insort(self._shots, moment)
-        if len(self._shots) > _SHOTS:
+        if len(self._shots) > MOST_SHOTS:
             self._shots.pop(0)
 
     def file(self, received: float) -> None:
@@ -66,7 +66,7 @@ class UsualDelay:
         if self.value is None or not self._files or not self._shots:
             return 0.0
         files = sorted(file - self.value for file in self._files)
-        began = files[0] - _SHARP_S if len(files) == _FILES else self._shots[0]
+        began = files[0] - _SHARP_S if len(files) == MOST_FILES else self._shots[0]
         due = bisect(self._shots, files[-1] + _SHARP_S) - bisect(self._shots, began - 1e-9)
         explained = sum(max(0.0, 1 - abs(_distance(file, self._shots)) / _SHARP_S) for file in files)
         return min(self._score(self.value), explained - max(0, due - len(files)))
@@ -78,7 +78,7 @@ class UsualDelay:
     def _score(self, delay: float) -> float:
         files = sorted(file - delay for file in self._files)
         explained = sum(max(0.0, 1 - abs(_distance(file, self._shots)) / _SHARP_S) for file in files)
-        began = files[0] - _SHARP_S if len(files) == _FILES else self._shots[0]
+        began = files[0] - _SHARP_S if len(files) == MOST_FILES else self._shots[0]
         due = self._shots[bisect(self._shots, began - 1e-9) : bisect(self._shots, files[-1])]
         return explained - sum(abs(_distance(shot, files)) > _SHARP_S for shot in due)
 

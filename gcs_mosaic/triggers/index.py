@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import OrderedDict
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Generic, TypeAlias, TypeVar
 
 from gcs_mosaic.messages import Frame, Teller, TriggerEvent
 from gcs_mosaic.triggers.counters import StreamKey
+from gcs_mosaic.triggers.names import Field
 from gcs_mosaic.triggers.outcomes import How
 
 Count: TypeAlias = tuple[StreamKey, int]
@@ -45,18 +45,12 @@ class PendingEvent:
 
 @dataclass(slots=True, eq=False)
 class PendingFrame:
-    """A frame and the number in its name, if any."""
+    """A frame and the numbers in its name."""
 
     frame: Frame
-    number: int | None
+    numbers: dict[Field, int]
     fresh: bool
     event: PendingEvent | None = None
-
-
-def number_in(name: str) -> int | None:
-    """The last number in a file name: the camera's file counter."""
-    numbers = re.findall(r"[0-9]+", name.rpartition(".")[0] or name)
-    return int(numbers[-1]) if numbers and len(numbers[-1]) <= 12 else None
 
 
 Held = TypeVar("Held", PendingEvent, PendingFrame)

@@ -7,14 +7,17 @@ from collections.abc import Iterator
 from itertools import islice
 
 from gcs_mosaic.messages import CaptureResult, Frame, Teller, TriggerEvent
-from gcs_mosaic.triggers.candidates import FrameSearch, lag
+from gcs_mosaic.triggers.candidates import FrameSearch, keys_of, lag
 from gcs_mosaic.triggers.counters import StreamKey
-from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State, number_in
+from gcs_mosaic.triggers.doubts import Doubts
+from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State
+from gcs_mosaic.triggers.names import numbers_in
 from gcs_mosaic.triggers.outcomes import EventCounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
-from gcs_mosaic.triggers.post_flight import match_by_sequence
 from gcs_mosaic.triggers.settings import PairingSettings
+from gcs_mosaic.triggers.stretch import LIVE, is_odd, judge, may_change
 
 _TAKEN_BACK = 32  # frames looked through; a source is doubted long before
+_LOOK_BACK_S = 5.0
 _MISLED = 5  # most frames that can arrive before a counter is known to have shifted
 
 
@@ -33,6 +36,9 @@ class Pairing:
         self._votes: deque[tuple[PendingEvent, PendingFrame]] = deque(maxlen=_MISLED)
         self._states: Counter[State] = Counter()
         self._duplicates = self._frames_seen = 0
+        self._look_back_at = 0.0
+        self.doubts = Doubts()
+        """Where another explanation is about as good."""
 
     def event(self, event_id: int, event: TriggerEvent, moment: float, now: float) -> list[Outcome]:
         """A new shot; `moment` is on the clock of `now` (`shots.Shots` provides both)."""
@@ -55,9 +61,14 @@ class Pairing:
             self._search.sources.shot(event.teller, held.moment)
         return list(self._look_at(held, event))
 
-    def duplicate(self) -> None:
-        """A message without new information."""
+    def duplicate(self, event_id: int | None = None, event: TriggerEvent | None = None) -> None:
+        """A message without new information about the shot, but that its sender knows of it, too."""
         self._duplicates += 1
+        held = next(self._events.under(("id", event_id)), None)
+        if held is None or event is None or event.teller in held.tellers or event.result is CaptureResult.FAILED:
+            return
+        held.tellers.append(event.teller)
+        self._search.sources.shot(event.teller, event.received)
 
     def frame(self, frame: Frame, now: float, *, fresh: bool = True, asked_by: int | None = None) -> list[Outcome]:
         """A new frame: matched, or an orphan for now. One that is not `fresh` was there at the start: its arrival says
@@ -65,14 +76,15 @@ class Pairing:
         if next(self._frames.under(("frame", frame.name)), None):
             raise ValueError(f"frame {frame.name} came before")
         self._frames_seen += 1
-        held = PendingFrame(frame, number_in(frame.path.name), fresh)
         name = frame.path.name
-        self._frames.put(held, [("frame", frame.name), name, ("folded", name.casefold()), ("number", held.number)])
+        held = PendingFrame(frame, numbers_in(name), fresh)
+        self._frames.put(held, [("frame", frame.name), *keys_of(name), *held.numbers.items()])
         self._frames.overflow()
         if fresh:
             self._search.sources.file(frame.received)
         outcomes = [*self._answer(held, asked_by), *self._check_counters(held), *self._take_back()]
         outcomes += () if held.event else self._find_event(held)
+        outcomes += self._look_back(now)
         return outcomes if held.event else [*outcomes, Orphan(frame)]
 
     def known(self, event_id: int, name: str) -> list[Outcome]:
@@ -98,7 +110,10 @@ class Pairing:
 
     def close(self) -> list[Outcome]:
         """End of input: match the rest by sequence; events still pending become missing."""
-        outcomes = [*self._take_back(), *self._count_off()]
+        outcomes = [
+            *self._take_back(),
+            *self._judge(list(self._events.oldest_first()), list(self._frames.oldest_first())),
+        ]
         pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
         return [*outcomes, *(self._missing(held) for held in pending)]
 
@@ -131,7 +146,7 @@ class Pairing:
             self._events.put(held, [(stream, event.sequence)])
         if event.file_hint:
             held.hints.append((event.teller, event.file_hint))
-            self._events.put(held, [event.file_hint, ("folded", event.file_hint.casefold())])
+            self._events.put(held, keys_of(event.file_hint))
 
     def _find_frame(self, held: PendingEvent, *, by_time: bool = True) -> Iterator[Outcome]:
         if frame := self._search.named(held):
@@ -202,14 +217,31 @@ class Pairing:
         if freed and not freed.event:
             yield from self._find_event(freed)
 
-    def _count_off(self) -> Iterator[Outcome]:
-        pairs = match_by_sequence(self._events.oldest_first(), self._frames.oldest_first(), self._search.learnt)
-        wrong = [(event, frame) for event, frame in pairs if frame.event is not event]
-        for event, frame in wrong:
+    def _look_back(self, now: float) -> Iterator[Outcome]:
+        """Correct what the newest stretch contradicts by now."""
+        if now < self._look_back_at:
+            return
+        self._look_back_at = now + _LOOK_BACK_S
+        shots = [
+            held for held in islice(self._events.newest_first(), LIVE) if now - held.moment >= self._settings.window_s
+        ]
+        if is_odd(shots):
+            yield from self._judge(shots[::-1], list(islice(self._frames.newest_first(), LIVE))[::-1])
+        else:
+            self.doubts = Doubts()
+
+    def _judge(self, events: list[PendingEvent], frames: list[PendingFrame]) -> Iterator[Outcome]:
+        """Decide by the whole stretch what names have not settled, and note what is ambiguous."""
+        named = self._search.learnt.names_work
+        shots = [held for held in events if may_change(held) and not (named and held.hints)]
+        shots = [held for held in shots if held.frame or not self._search.is_doubtful(held)]
+        found = judge(shots, [held for held in frames if may_change(held)])
+        self.doubts = found.doubts
+        for event, frame in found.pairs:
             yield from self._release(event)
             if frame.event:
                 yield from self._release(frame.event)
-        for event, frame in wrong:
+        for event, frame in found.pairs:
             yield from self._match(event, frame, How.SEQUENCE)
 
     def _release(self, held: PendingEvent) -> Iterator[Outcome]:

@@ -2,10 +2,30 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from gcs_mosaic.triggers.counters import OffsetVotes, StreamKey
 from gcs_mosaic.triggers.index import PendingEvent, PendingFrame
+from gcs_mosaic.triggers.names import Field
+
+Ruler: TypeAlias = tuple[StreamKey, Field]
+"""A counter, and one of the numbers in names of one kind, which may go with it."""
+_MOST_RULERS = 256  # the oldest are forgotten: names are anybody's
+
+
+@dataclass(slots=True)
+class _Votes:
+    """Of one ruler. A number in names that stays the same (a width, a date) tells nothing, nor does such a counter."""
+
+    votes: OffsetVotes = field(default_factory=OffsetVotes)
+    last: tuple[int, int] | None = None
+
+    def vary(self, number: int, count: int) -> bool:
+        before, self.last = self.last, (number, count)
+        return before is None or (number != before[0] and count != before[1])
 
 
 class Learnt:
@@ -13,32 +33,51 @@ class Learnt:
 
     def __init__(self) -> None:
         self.names_work = False  # whether a file name in an event has ever named a frame
-        self._offsets: dict[StreamKey, OffsetVotes] = {}
+        self._rulers: OrderedDict[Ruler, _Votes] = OrderedDict()
 
     def offset(self, stream: StreamKey) -> int | None:
         """File number minus event counter, None while unknown."""
-        votes = self._offsets.get(stream)
-        return votes.offset if votes else None
+        return next((offset for (one, _), offset in self.offsets() if one == stream), None)
 
-    def offsets(self) -> Iterator[tuple[StreamKey, int]]:
+    def offsets(self) -> Iterator[tuple[Ruler, int]]:
         """All known offsets."""
-        return ((stream, votes.offset) for stream, votes in self._offsets.items() if votes.offset is not None)
+        known = ((ruler, held.votes.offset) for ruler, held in self._rulers.items())
+        return ((ruler, offset) for ruler, offset in known if offset is not None)
 
     def named(self, event: PendingEvent, frame: PendingFrame) -> None:
         """Learn from a match by name, which is certain."""
         self.names_work = True
-        if frame.number is not None:
-            for stream, count in event.counts:
-                self._offsets.setdefault(stream, OffsetVotes()).settle(frame.number - count)
+        for ruler, number, count in _readings(event, frame):
+            held = self._held(ruler)
+            before = held.last
+            if held.vary(number, count):
+                (held.votes.settle if before else held.votes.vote)(number - count)
 
     def vote(self, event: PendingEvent, frame: PendingFrame) -> None:
         """Count a likely pair, whatever the two are matched with."""
-        if frame.number is not None:
-            for stream, count in event.counts:
-                self._offsets.setdefault(stream, OffsetVotes()).vote(frame.number - count)
+        for ruler, number, count in _readings(event, frame):
+            held = self._held(ruler)
+            if held.vary(number, count):
+                held.votes.vote(number - count)
 
     def contradicts(self, event: PendingEvent, frame: PendingFrame) -> bool:
-        """Whether the file number agrees with none of the event's counters whose offset is known."""
-        known = [(self.offset(stream), count) for stream, count in event.counts]
-        expected = [offset + count for offset, count in known if offset is not None]
-        return frame.number is not None and bool(expected) and frame.number not in expected
+        """Whether the numbers in the name agree with none of the event's counters whose offset is known."""
+        known = [
+            held.votes.offset == number - count
+            for ruler, number, count in _readings(event, frame)
+            if (held := self._rulers.get(ruler)) is not None and held.votes.offset is not None
+        ]
+        return bool(known) and not any(known)
+
+    def _held(self, ruler: Ruler) -> _Votes:
+        held = self._rulers.setdefault(ruler, _Votes())
+        self._rulers.move_to_end(ruler)
+        if len(self._rulers) > _MOST_RULERS:
+            self._rulers.popitem(last=False)
+        return held
+
+
+def _readings(event: PendingEvent, frame: PendingFrame) -> Iterator[tuple[Ruler, int, int]]:
+    for stream, count in event.counts:
+        for place, number in frame.numbers.items():
+            yield (stream, place), number, count

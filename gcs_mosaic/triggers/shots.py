@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
-from gcs_mosaic.messages import Source, Teller, TriggerEvent
+from gcs_mosaic.messages import Notice, Source, Teller, TriggerEvent
 from gcs_mosaic.triggers.clocks import SourceClocks
+from gcs_mosaic.triggers.conduct import Conduct
 from gcs_mosaic.triggers.counters import Counters, StreamKey
 
 _RECENT = 16  # shots that may still lie within the window; no camera takes more a second
@@ -25,6 +26,8 @@ _MOST_UNPROVEN = (
 MOST_SHOTS = 1 << 16  # shots that a message may still refer to: above `remembered` times `_MOST_STREAMS`
 _MOST_STREAMS = 32  # sources with a counter; no aircraft has as many, but a forger might
 _MOST_AIRCRAFT = 32  # remembered, those heard last; ids can be forged
+_MOST_SAID = 8  # remarks on the senders of one aircraft: ids can be forged
+LINKS_APART_S = 3.0  # by which one message comes later over the slower of two links
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +100,12 @@ class Shots:
             verdict = self._merger_of(event.vehicle).add(self._heard, event, self._credible())
             return CameraMessage(self._heard, event, verdict)
 
+    def news(self, event: TriggerEvent) -> list[Notice]:
+        """What is to be said of an event's sender, each once: it counts or dates its shots as nobody can believe."""
+        with self._lock:
+            texts = list(self._merger_of(event.vehicle).news(event))
+        return [Notice(source="triggers", level="warning", text=text) for text in texts]
+
     def _merger_of(self, vehicle: int) -> ShotMerger:
         if vehicle not in self._mergers:
             self._mergers[vehicle] = ShotMerger(self._settings)
@@ -105,10 +114,14 @@ class Shots:
             self._mergers.popitem(last=False)
         return self._mergers[vehicle]
 
-    def follow(self, items: Iterator[T | TriggerEvent]) -> Iterator[T | CameraMessage]:
-        """A link's items, with each event replaced by its CameraMessage."""
+    def follow(self, items: Iterator[T | TriggerEvent]) -> Iterator[T | CameraMessage | Notice]:
+        """A link's items, with each event replaced by its CameraMessage, and what is to be said of its sender."""
         for item in items:
-            yield self.hear(item) if isinstance(item, TriggerEvent) else item
+            if isinstance(item, TriggerEvent):
+                yield self.hear(item)
+                yield from self.news(item)
+            else:
+                yield item
 
 
 @dataclass(slots=True, eq=False)
@@ -130,15 +143,21 @@ class ShotMerger:
         self._settings = settings or ShotSettings()
         self._clocks = SourceClocks()
         self._counters = Counters(self._settings.window_s)
-        self._seen: dict[StreamKey, OrderedDict[int | None, tuple[TriggerEvent, _Shot]]] = {}
+        # By number, and by number and file name: a camera that cannot count may still name its files.
+        self._seen: dict[StreamKey, OrderedDict[Hashable, tuple[TriggerEvent, _Shot]]] = {}
+        self._conduct: dict[StreamKey, Conduct] = {}
+        self._said: dict[tuple[StreamKey, str], None] = {}
         self._recent: deque[_Shot] = deque(maxlen=_RECENT)
 
     def add(self, event_id: int, event: TriggerEvent, credible: frozenset[Teller] = frozenset()) -> Verdict:
         """Classify `event`. Its id becomes the shot's if the shot is new. `credible`: see `Shots`."""
         key = StreamKey(event.vehicle, event.component, event.camera, event.source)
-        before = self._seen.setdefault(key, OrderedDict()).get(event.sequence)
-        if before and self._is_resent(before[0], event):
+        seen, conduct = self._seen.setdefault(key, OrderedDict()), self._conduct.setdefault(key, Conduct())
+        before = seen.get((event.sequence, event.file_hint)) or seen.get(event.sequence)
+        if before and self._is_resent(before[0], event, conduct):
+            conduct.repeated(event, self._settings.window_s)
             return Duplicate(before[1].id)
+        conduct.shot(event)
         moment = self._clocks.moment(event)
         shot = self._same_shot(key, event, moment, credible)
         verdict = _verdict(shot, event, moment)
@@ -148,20 +167,43 @@ class ShotMerger:
         self._remember(key, event, shot)
         return verdict
 
-    def _is_resent(self, before: TriggerEvent, event: TriggerEvent) -> bool:
+    def news(self, event: TriggerEvent) -> Iterator[str]:
+        """What this event's sender does not keep, in words for the operator, each once."""
+        key = StreamKey(event.vehicle, event.component, event.camera, event.source)
+        faults = list(self._conduct[key].faults()) if key in self._conduct else []
+        if fault := self._clocks.faults.get(event.teller):
+            faults.append(("clock", f"has a clock that {fault}: its shots are dated by when its messages come"))
+        for kind, text in faults:
+            if (key, kind) not in self._said and len(self._said) < _MOST_SAID:
+                self._said[key, kind] = None
+                yield f"{event.teller} {text}"
+
+    def _is_resent(self, before: TriggerEvent, event: TriggerEvent, conduct: Conduct) -> bool:
+        """Whether two messages of one sender with one number are about one shot.
+
+        What never differs between its shots tells nothing: then only time does, as of one message that came by two ways.
+        """
         if before.result != event.result:  # not every camera's counter advances on a failed capture
             return False
-        if before.source_time is not None and before.source_time == event.source_time:
+        if before.file_hint and event.file_hint and before.file_hint != event.file_hint:
+            return False
+        late_s, same_time = event.received - before.received, _same(before.source_time, event.source_time)
+        if same_time and conduct.tells_by("source_time"):
             return True
         timeless = before.source_time is None and event.source_time is None
-        alike = timeless or _same(before.utc, event.utc) or _same(before.file_hint, event.file_hint)
-        return alike and event.received - before.received <= self._settings.resend_s
+        alike = (timeless and conduct.tells_by("sequence")) or any(
+            _same(getattr(before, name), getattr(event, name)) and conduct.tells_by(name)
+            for name in ("utc", "file_hint")
+        )
+        if alike:
+            return late_s <= self._settings.resend_s
+        return late_s <= (LINKS_APART_S if same_time else self._settings.window_s) and (same_time or timeless)
 
     def _same_shot(
         self, key: StreamKey, event: TriggerEvent, moment: float, credible: frozenset[Teller]
     ) -> _Shot | None:
         sequence, nearest = event.sequence, self._nearest_in_time(key, event, moment, credible)
-        if sequence is None:
+        if sequence is None or self._conduct[key].is_stuck:
             return nearest
         self._counters.heard(key, sequence, moment)
         expected = self._counters.expected(key, sequence)
@@ -193,13 +235,14 @@ class ShotMerger:
         shot.tellers.add(event.teller)
         shot.best = max(shot.best, event.source)
         seen = self._seen[key]
-        seen[event.sequence] = (event, shot)
-        seen.move_to_end(event.sequence)
-        if len(seen) > self._settings.remembered:
+        for known in (event.sequence, (event.sequence, event.file_hint)):
+            seen[known] = (event, shot)
+            seen.move_to_end(known)
+        while len(seen) > 2 * self._settings.remembered:
             seen.popitem(last=False)
         if len(self._seen) > _MOST_STREAMS:
             oldest = next(iter(self._seen))
-            del self._seen[oldest]
+            del self._seen[oldest], self._conduct[oldest]
             self._counters.forget(oldest)
 
 
@@ -213,5 +256,5 @@ def _verdict(shot: _Shot | None, event: TriggerEvent, moment: float) -> Verdict:
     return Better(shot.id) if event.source > shot.best else Duplicate(shot.id)
 
 
-def _same(one: float | str | None, other: float | str | None) -> bool:
+def _same(one: Any, other: Any) -> bool:
     return one is not None and one == other

@@ -128,7 +128,13 @@ def test_files_after_landing_with_another_gap_than_the_shots_are_not_guessed_abo
     assert flown(gappy, AFTER_LANDING)[1] == {}
 
 
-@pytest.mark.parametrize("without", [(0,), (19,), (7,)])
+def test_a_gap_in_the_numbers_of_files_after_landing_tells_which_is_missing() -> None:
+    pairing, ended = flown(COUNTERS, {shot: at for shot, at in AFTER_LANDING.items() if shot not in (7, 8)})
+    assert ended == right(COUNTERS, [shot for shot in range(COUNT) if shot not in (7, 8)])
+    assert (pairing.accounts().missing, pairing.accounts().orphans) == (2, 0)
+
+
+@pytest.mark.parametrize("without", [(0,), (19,)])
 def test_files_after_landing_that_do_not_fit_are_not_guessed_about(without: tuple[int, ...]) -> None:
     comes = {shot: at for shot, at in AFTER_LANDING.items() if shot not in without}
     pairing, ended = flown(COUNTERS, comes)

@@ -52,8 +52,8 @@ def test_a_counter_that_wraps_goes_on() -> None:
 
 
 def test_without_any_time_a_repetition_is_one_only_for_a_while() -> None:
-    events = told(TRIGGER, 1, 0.0), told(TRIGGER, 1, 30.0), told(TRIGGER, 1, 500.0)
-    assert verdicts(*events) == [New(), Duplicate(0), New()]
+    events = told(TRIGGER, 0, -2.0), told(TRIGGER, 1, 0.0), told(TRIGGER, 1, 30.0), told(TRIGGER, 1, 500.0)
+    assert verdicts(*events) == [New(), New(), Duplicate(1), New()]
 
 
 def test_a_failed_attempt_and_the_next_picture_may_have_one_index() -> None:
@@ -92,6 +92,13 @@ def test_counters_decide_where_times_would_mislead() -> None:
     ]
     late = [told(FEEDBACK, 5, 10.0), told(FEEDBACK, 6, 12.0), told(CAMERA, 10, 12.1), told(CAMERA, 11, 12.2)]
     assert verdicts(*learnt, *late)[10:] == [New(), New(), Better(10), Better(11)]
+
+
+def test_a_counter_whose_offset_is_known_does_not_reach_for_a_shot_of_long_ago() -> None:
+    """The autopilot lost a shot and the camera was switched off for a minute: its number still fits, but not the time."""
+    learnt = [told(source, seq, 2.0 * seq + 0.1 * source) for seq in range(5) for source in (FEEDBACK, CAMERA)]
+    late = [told(FEEDBACK, 5, 10.0), told(CAMERA, 5, 10.0 + 31.0)]
+    assert verdicts(*learnt, *late)[10:] == [New(), New()]
 
 
 def test_a_shot_that_only_the_camera_tells_is_not_given_to_a_neighbour() -> None:

@@ -47,7 +47,6 @@ MOST_ENLARGED = 1.5
 # a half of the inliers of faint pictures was lost.
 RATIO = 1.0
 FINE_BLUR = 0.8  # px of a faint picture, see `faint.equalised`: a model bears more noise than SIFT
-LARGEST_MODEL = 1 << 30  # bytes; those that run on a laptop have some megabytes
 REMEDY = "export one as tests/benchmarks/export_xfeat.py does, or leave the setting `model` out"
 
 

@@ -1,0 +1,32 @@
+"""What is said where another explanation of who belongs to whom is about as good. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Doubts:
+    """`pairs` of `of` may as well be others; `shifts`: by how many shots later each picture may belong, if that is it."""
+
+    shifts: tuple[int, ...] = ()
+    pairs: int = 0
+    of: int = 0
+
+    def __bool__(self) -> bool:
+        return self.pairs > 0
+
+    def text(self, flight: str = "DIR") -> str:
+        """For the operator: what is in doubt, and what to do."""
+        pictures = "1 picture" if self.pairs == 1 else f"{self.pairs} pictures"
+        what = f"Which trigger belongs to which picture is ambiguous for {pictures} of {self.of}: "
+        if not self.shifts:
+            return f"{what}some were lost, and neither names nor times tell which"
+        later = " or ".join(
+            f"{abs(one)} shot{'s' * (abs(one) > 1)} {'later' if one > 0 else 'earlier'}" for one in self.shifts
+        )
+        words = " or ".join(f"--shift {one}" for one in self.shifts)
+        return f"{what}each may as well belong {later}; gcs-mosaic pair {flight} {words} chooses that, once the flight has ended"
+
+
+NONE = Doubts()

@@ -1,0 +1,104 @@
+"""Looks over the whole stretch of what has been paired so far, by all that is known of it: what is likelier another way?
+
+Pairs are decided one by one as files come, by names, counters and times. What a stretch tells later (intervals of the camera's
+clock, gaps in numbers) can contradict them. Names that a message gives are certain and are left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+from gcs_mosaic.triggers.doubts import NONE, Doubts
+from gcs_mosaic.triggers.index import PendingEvent, PendingFrame, State
+from gcs_mosaic.triggers.names import numbers_in
+from gcs_mosaic.triggers.outcomes import How
+
+if TYPE_CHECKING:
+    from gcs_mosaic.triggers.alignment import Alignment
+
+Pair: TypeAlias = tuple[PendingEvent, PendingFrame]
+
+LIVE = 64  # newest shots and frames that are looked over in flight
+_OFF_S = 1.0  # pairs of which the camera's clock says less agree
+_LEAST = 4  # pairs; with fewer, three might be chance
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Pairs that are surely to be made instead of what there is, and what is ambiguous."""
+
+    pairs: Sequence[Pair] = ()
+    doubts: Doubts = NONE
+
+
+def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> Judgement:
+    """What is likeliest for all of them together. Nothing is changed where another explanation is about as good."""
+    from gcs_mosaic.triggers import alignment  # numpy takes a while to load, and links are opened before
+
+    shots = sorted(shots, key=lambda held: held.moment)[-alignment.MOST :]
+    best, row = None, list[PendingFrame]()
+    for ordered in _orders(frames[-alignment.MOST :]):
+        found = _aligned(shots, ordered)
+        if best is None or found.score > best.score + 1e-6:
+            best, row = found, ordered
+    if best is None or not best.told_by or len(best.pairs) < _LEAST:
+        return Judgement()
+    pairs = [(shots[shot], row[file]) for shot, file in best.pairs]
+    changed = [(event, frame) for event, frame in pairs if frame.event is not event]
+    if best.unsure:
+        made = sum(held.frame is not None for held in shots)
+        doubts = Doubts(best.shifts, best.unsure, max(made, best.unsure)) if made else Doubts()
+        return Judgement(doubts=doubts)
+    is_better = best.better_by is None or best.better_by > alignment.SURE or _adds_only(changed)
+    return Judgement(changed if is_better else ())
+
+
+def is_odd(shots: Iterable[PendingEvent]) -> bool:
+    """Whether the camera's clock contradicts some of the pairs."""
+    apart = sorted(
+        held.frame.frame.captured - held.moment for held in shots if held.frame and held.frame.frame.captured
+    )
+    if len(apart) < _LEAST:
+        return False
+    usual = apart[len(apart) // 2]
+    return sum(abs(one - usual) > _OFF_S for one in apart) >= 2
+
+
+def may_change(held: PendingEvent | PendingFrame) -> bool:
+    """Whether no name and no request to a stream has settled it."""
+    if isinstance(held, PendingFrame):
+        return held.fresh and (held.event is None or held.event.how in (How.TIME, How.SEQUENCE))
+    return held.state is not State.FAILED and held.how in (None, How.TIME, How.SEQUENCE)
+
+
+def _adds_only(changed: Sequence[Pair]) -> bool:
+    return all(event.frame is None and frame.event is None for event, frame in changed)
+
+
+def _orders(frames: Sequence[PendingFrame]) -> list[list[PendingFrame]]:
+    """The orders in which they may have been taken: by the camera's clock, by arrival, by the numbers in their names."""
+    by_arrival = sorted(frames, key=lambda held: held.frame.received)
+    by_numbers = sorted(frames, key=lambda held: (held.frame.vehicle or 0, *held.numbers.values()))
+    if all(held.frame.captured is not None for held in frames):
+        return [sorted(by_numbers, key=lambda held: held.frame.captured or 0.0)]
+    return [by_arrival] if by_arrival == by_numbers else [by_arrival, by_numbers]
+
+
+def _aligned(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> Alignment:
+    from gcs_mosaic.triggers.alignment import FileClue, ShotClue, align
+
+    place = {id(frame): number for number, frame in enumerate(frames)}
+    so_far = [(number, place[id(held.frame)]) for number, held in enumerate(shots) if id(held.frame) in place]
+    shot_clues = [ShotClue(held.moment, _counts(held)) for held in shots]
+    file_clues = [FileClue(held.numbers, held.frame.captured, held.frame.received) for held in frames]
+    return align(shot_clues, file_clues, pairs_so_far=so_far)
+
+
+def _counts(held: PendingEvent) -> dict[object, int]:
+    """Its number by each source, and those in the file names that were told of it."""
+    counts: dict[object, int] = dict(held.counts)
+    for _, hint in held.hints:
+        counts.update(numbers_in(hint))
+    return counts

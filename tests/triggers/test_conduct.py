@@ -1,0 +1,126 @@
+"""Senders whose numbers and times are none: a public camera simulator writes index 1 and no time for every picture, others
+write index -1, or seconds into the milliseconds since boot. Eight shots, one each five seconds."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gcs_mosaic.mavlink.messages import decode
+from gcs_mosaic.messages import Notice, TriggerEvent
+from gcs_mosaic.triggers.shots import CameraMessage, Duplicate, New, Shots, ShotSettings
+from tests.mavlink.mavlink_peer import captured, received
+
+Fields = Callable[[int], dict[str, Any]]
+COUNT, EVERY_S = 8, 5.0
+
+
+def told(
+    fields: Fields, *, every: float = EVERY_S, jitter: float = 0.0, copies: int = 1
+) -> list[CameraMessage | Notice]:
+    """What is made of the camera's messages about eight shots; copies come 0.2 s apart."""
+    dice, events = random.Random(7), list[TriggerEvent]()
+    for shot in range(COUNT):
+        for copy in range(copies):
+            message = received(captured(fields(shot).pop("index", 1), **_plain(fields(shot))), component=100)
+            event = decode(message, 100.0 + every * shot + 0.2 * copy + jitter * dice.random())
+            assert event is not None
+            events.append(event)
+    return list(Shots(ShotSettings()).follow(iter(events)))
+
+
+def _plain(fields: dict[str, Any]) -> dict[str, Any]:
+    return {"time_boot_ms": 0, "time_utc": 0, **{name: value for name, value in fields.items() if name != "index"}}
+
+
+def moments(heard: list[CameraMessage | Notice]) -> list[float]:
+    return [one.verdict.moment for one in heard if isinstance(one, CameraMessage) and isinstance(one.verdict, New)]
+
+
+def said(heard: list[CameraMessage | Notice]) -> str:
+    return "; ".join(one.text for one in heard if isinstance(one, Notice))
+
+
+SENDERS: dict[str, tuple[Fields, str]] = {
+    "always 1, no time": (lambda shot: {"index": 1}, "the number 1 every time"),
+    "always 0, no time": (lambda shot: {"index": 0}, "the number 0 every time"),
+    "always -1, no time": (lambda shot: {"index": -1}, "no number"),
+    "always 1, the same time": (lambda shot: {"index": 1, "time_boot_ms": 1234}, "stands still"),
+    "always 1, the same date": (lambda shot: {"index": 1, "time_utc": 1_700_000_000_000_000}, "stands still"),
+    "always 1, the same name": (lambda shot: {"index": 1, "file_url": b"image.jpg"}, "the number 1 every time"),
+    "always 1, each its name": (lambda shot: {"index": 1, "file_url": b"a%d.jpg" % shot}, "the number 1 every time"),
+    "seconds for milliseconds": (lambda shot: {"index": -1, "time_boot_ms": 60 + 5 * shot}, "a clock that"),
+    "microseconds for them": (lambda shot: {"index": -1, "time_boot_ms": 1_000_000 * (60 + 5 * shot)}, "a clock that"),
+    "half as fast": (lambda shot: {"index": shot, "time_boot_ms": 60_000 + 2500 * shot}, "a clock that goes 0.5"),
+    "jumps": (lambda shot: {"index": shot, "time_boot_ms": 900_000 * (shot % 3) + 5000 * shot + 1}, "a clock that"),
+    "backwards": (lambda shot: {"index": shot, "time_boot_ms": 900_000 - 5000 * shot}, "a clock that"),
+}
+
+
+@pytest.mark.parametrize("sender", SENDERS)
+@pytest.mark.parametrize("copies", [1, 2])
+def test_each_shot_is_one_whatever_its_sender_counts_and_dates(sender: str, copies: int) -> None:
+    fields, remark = SENDERS[sender]
+    heard = told(fields, copies=copies)
+    assert len(moments(heard)) == COUNT
+    assert remark in said(heard)
+
+
+@pytest.mark.parametrize("sender", set(SENDERS) - {"half as fast", "jumps", "backwards"})
+def test_shots_are_dated_by_their_messages_where_the_clock_is_none(sender: str) -> None:
+    assert moments(told(SENDERS[sender][0])) == pytest.approx(
+        [100.0 + EVERY_S * shot for shot in range(COUNT)], abs=0.5
+    )
+
+
+@pytest.mark.parametrize("sender", ["half as fast", "backwards"])
+def test_a_clock_of_another_pace_is_found_out_within_a_few_shots(sender: str) -> None:
+    late = [100.0 + EVERY_S * shot - at for shot, at in enumerate(moments(told(SENDERS[sender][0])))]
+    assert max(late) < 25.0
+    assert late[4:] == pytest.approx([0.0] * (COUNT - 4), abs=0.5)
+
+
+def test_pictures_in_quick_succession_of_a_camera_that_cannot_count_are_all_counted() -> None:
+    assert len(moments(told(lambda shot: {"index": 1}, every=1.2))) == COUNT
+
+
+def test_nothing_is_said_of_a_camera_that_counts_and_dates_its_shots() -> None:
+    heard = told(lambda shot: {"index": shot, "time_boot_ms": 60_000 + 5000 * shot}, jitter=2.5, copies=2)
+    assert len(moments(heard)) == COUNT
+    assert said(heard) == ""
+
+
+def test_an_outage_of_the_link_says_nothing_about_the_clock() -> None:
+    """What was held back comes at once, dated to when it happened."""
+    shots = Shots(ShotSettings())
+    came = [0.0, 2.0, 4.0, 6.0] + [60.0] * 27 + [62.0, 64.0]
+    for shot, at in enumerate(came):
+        event = decode(received(captured(shot, time_boot_ms=5000 + 2000 * shot, time_utc=0), component=100), at)
+        assert event is not None
+        verdict = shots.hear(event).verdict
+        assert isinstance(verdict, New)
+        assert verdict.moment == pytest.approx(2.0 * shot, abs=0.1)
+        assert shots.news(event) == []
+
+
+def test_what_is_asked_for_again_is_still_a_repetition() -> None:
+    """A ground station asks for number 3 again, half a minute later; this camera tells no times."""
+    shots, verdicts = Shots(ShotSettings()), []
+    for index, at in [(1, 0.0), (2, 5.0), (3, 10.0), (4, 15.0), (3, 40.0)]:
+        event = decode(received(captured(index, time_boot_ms=0, time_utc=0), component=100), at)
+        assert event is not None
+        verdicts.append(shots.hear(event).verdict)
+    assert verdicts == [New(), New(), New(), New(), Duplicate(3)]
+
+
+def test_forgers_are_remarked_upon_only_so_often() -> None:
+    shots, texts = Shots(ShotSettings()), []
+    for n in range(300):
+        event = decode(received(captured(1, time_boot_ms=0, time_utc=0), component=2 + n % 20), 5.0 * n)
+        assert event is not None
+        shots.hear(event)
+        texts += shots.news(event)
+    assert 0 < len(texts) <= 8
