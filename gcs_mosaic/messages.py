@@ -127,6 +127,15 @@ class DamagedFile:
     vehicle: int | None = None  # as of a frame
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherFile:
+    """A file of a camera that is not mapped, while another one's file of the same shot is. Never loaded; known by its name."""
+
+    frame: Frame  # as it would be, without data
+    camera: str  # as told by the names of the files, such as "_t"; empty if settings chose by a pattern
+    mapped: str  # the camera that is mapped
+
+
 class Topic(Enum):
     """Subject of a notice, for code that reacts to it."""
 
@@ -180,6 +189,14 @@ class LinkReport:
     sent: int = 0  # packets; 0 unless announcing is enabled
 
 
+class CameraCount(NamedTuple):
+    """One of several cameras that take each shot together, as told by the names of the files."""
+
+    name: str
+    files: int
+    mapped: bool
+
+
 SourceState = Literal["watching", "missing", "ended", "connecting", "connected", "silent", "lost"]
 
 
@@ -200,6 +217,13 @@ class SourceReport:
     damaged: int = 0
     gaps: int = 0  # how often the folder was missing or the stream silent
     vehicle: int | None = None  # the aircraft that it belongs to, where each has one
+    # A folder's files that are not taken: kinds of those that came since the start (endings, or folders of previews with a
+    # slash), most first; of those there at the start that are too old, how many there are and how many came here lately.
+    passed_over: tuple[tuple[str, int], ...] = ()
+    left: int = 0
+    left_lately: int = 0
+    clock_off_s: float | None = None  # how far the times of new files are behind this computer's clock; None: not known
+    cameras: tuple[CameraCount, ...] = ()  # where several cameras take each shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,7 +36,7 @@ from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, OtherFile, SourceReport, Topic
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
@@ -249,6 +249,8 @@ class _Daemon:
             case DroppedFrame():
                 self._driver.accept(item)
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
+            case OtherFile():
+                self._pipeline.store.accept_other(item)
             case Notice():
                 self._looked |= {item.vehicle} if item.topic is Topic.FIRST_LOOK else set()
                 self.say(item)

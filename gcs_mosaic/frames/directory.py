@@ -14,11 +14,14 @@ from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.appearance import Appearances, Pause
+from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.files import frames_in as frames_in
+from gcs_mosaic.frames.integrity import image_size
+from gcs_mosaic.frames.passed_over import PassedOver, stem_of
 from gcs_mosaic.frames.pending_file import Candidate, Unread
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, SourceReport, Topic
 
 REPORT_EACH_S = 1.0
 AGAIN_S = 0.08  # delay of the scan after one that found a new or changed file: most are complete by then
@@ -29,7 +32,9 @@ AGAIN_AFTER_FAILURE_S = 2.0
 
 logger = logging.getLogger(__name__)
 
-Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
+CLOCK_OFF_S = 3600.0  # a camera's clock further off than this is set to another time, or another time zone
+
+Item: TypeAlias = Frame | DamagedFile | OtherFile | Notice | SourceReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +108,11 @@ class FolderWatch:
         self._scanned: float | None = None  # when the last scan began
         self._before = NOTHING_TAKEN if taken is None else taken
         self._versions = {name: one.version for name, one in self._before.items()}
+        self._cameras, self._passed_over = Cameras(settings.cameras), PassedOver()
+        self._cameras.resume(self._before)
         self._has_left = False  # some that were ready wait for the next scan
-        self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
+        self._polls = self._left = self._left_lately = self._taken = self._damaged = self._gaps = self._changed = 0
+        self._clock_off_s: float | None = None
         self._said: set[str] = set()
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
@@ -128,9 +136,10 @@ class FolderWatch:
         yield from self._presence(found)
         yield from self._remarks(found)
         yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
+        yield from self._cameras.due(now)
         if self._polls == 2:
             yield self._first_look()
-        yield from self._report(len(found.images), now)
+        yield from self._report(found, now)
 
     def failed(self, error: Exception) -> Iterator[Notice]:
         """No failure ends the watching; each kind is said once."""
@@ -159,6 +168,7 @@ class FolderWatch:
             candidate = self._candidates[look.path] = Candidate(self._settings)
             if self._polls == 1 and look.modified_ns < self._oldest_ns:
                 self._left += 1
+                self._left_lately += look.changed_ns >= self._oldest_ns
                 candidate.leave(look)
             elif self._was_taken(look):
                 candidate.leave(look)
@@ -183,12 +193,16 @@ class FolderWatch:
             yield from self._unread_now(look, item)
             return
         self._unread.discard(look.path)
-        if item is not None:
+        if isinstance(item, Frame):
+            yield from self._cameras.take(item, image_size(item.data or b""), now)
+        elif item is not None:
             yield item
 
     def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
         if pause is None:
             return frame
+        if pause.is_short and self._polls > 1:
+            self._clock_off_s = time.time() - frame.modified
         utc_of_zero = time.time() - time.monotonic()
         return replace(frame, received=self._appearances.dated(pause, frame.modified, frame.received, utc_of_zero))
 
@@ -211,20 +225,28 @@ class FolderWatch:
         for suffix in sorted(found.strangers):
             kind = f"files ending in {suffix}" if suffix else "files without an ending"
             yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
+        for name in sorted(found.previews):
+            yield from self._once("info", f"{name} is a folder of small copies by its name: it is not looked into")
         for name in sorted(found.links)[:1]:
             yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
 
-    def _report(self, seen: int, now: float) -> Iterator[SourceReport]:
+    def _report(self, found: Scan, now: float) -> Iterator[SourceReport]:
+        stems = frozenset(stem_of(look.name) for look in found.images) if found.others else frozenset[str]()
         report = SourceReport(
             kind="folder",
             name=str(self._folder),
             state="missing" if self._missing else "watching",
             since_utc=self._since_utc,
             last_seen_utc=self._last_utc,
-            seen=seen,
+            seen=len(found.images),
             taken=self._taken,
             damaged=self._damaged,
             gaps=self._gaps,
+            passed_over=self._passed_over.kinds(found.others, stems, self._oldest_ns),
+            left=self._left,
+            left_lately=self._left_lately,
+            clock_off_s=self._clock_off_s if abs(self._clock_off_s or 0.0) >= CLOCK_OFF_S else None,
+            cameras=self._cameras.counts,
         )
         before = self._reported
         is_news = before is None or (report != before[0] and now - before[1] >= REPORT_EACH_S)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Topic
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, OtherFile, Topic
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
@@ -194,6 +194,11 @@ class FlightStore(Kept):
         self.taken_in += 1
         self._retry(lambda: self._record_as(dropped.frame, FrameState.DROPPED, dropped.reason))
         logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
+
+    def accept_other(self, other: OtherFile) -> None:
+        """Record a file of a camera that is not mapped; its file stays where it is."""
+        self._retry(lambda: self.ledger.record_other(other))
+        logger.info("%s: of the camera %s, which is not mapped", other.frame.name, other.camera or "that is left out")
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file."""

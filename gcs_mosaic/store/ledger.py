@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict
 
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, TriggerEvent
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -129,6 +129,24 @@ class Ledger(LedgerFile):
             if not self.changed(f"UPDATE frames SET {mend} WHERE name = ? AND state = 'damaged'", *values):
                 columns = "content_hash, size, received, modified, vehicle, name"
                 self.write(f"INSERT INTO frames ({columns}) VALUES ({marks(values)})", *values)
+            self.write("DELETE FROM other_files WHERE name = ?", stored(frame.name))  # its camera is mapped after all
+
+    def record_other(self, other: OtherFile) -> None:
+        """Record a file of a camera that is not mapped; the newest version of it."""
+        frame = other.frame
+        values = (stored(frame.name), other.camera, frame.content_hash, frame.size, frame.received, frame.modified)
+        columns = "name, camera, content_hash, size, received, modified, vehicle"
+        self.write(
+            f"INSERT OR REPLACE INTO other_files ({columns}) VALUES ({marks((*values, 0))})", *values, frame.vehicle
+        )
+
+    def other_files(self) -> list[tuple[str, str]]:
+        """Name and camera of each file of a camera that is not mapped, in order of arrival."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'other_files'"):  # an older ledger that is only read
+            return []
+        return [
+            (name_of(row), row["camera"]) for row in self.rows("SELECT name, camera FROM other_files ORDER BY rowid")
+        ]
 
     def record_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file. If repeated, the newest reason is kept; the name of a complete frame is an error."""

@@ -1,0 +1,198 @@
+"""Several files of one shot (wide, thermal and zoom; bands; a preview beside the picture): one camera is mapped, the others are
+told. A map of several cameras at once would show the same ground twice, and an event would find the wrong one's file."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import PurePosixPath
+
+from gcs_mosaic.frames.guesses import proved
+from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.frames.scan import Look
+from gcs_mosaic.frames.shot_names import Guess, ShotFile, shot_file, without_guess
+from gcs_mosaic.frames.shot_register import ShotRegister, Size
+from gcs_mosaic.messages import CameraCount, Frame, OtherFile
+
+HOLD_S = 2.0  # the first files of a camera, until those of others of the same shot are there
+HOLD_KIND_S = 1.0  # ... of a TIFF that no more than its ending would tell apart: most have no others beside them
+HELD_DATA = 8  # files whose bytes are held, too
+MOST_TRIES = 3  # of a guess that is not borne out
+CHOSEN = "*"  # name of all that patterns leave out
+MOST_ASIDE = 5000  # files of other cameras that can still be taken, should their camera be mapped after all
+
+
+@dataclass(slots=True)
+class _Held:
+    frame: Frame
+    size: Size
+    until: float
+
+
+class Cameras:
+    """Sorts the files of one folder as they come. Pure; time is passed in.
+
+    `patterns` of file names (without regard to case) choose what is mapped; without them one of the cameras is chosen
+    that take their shots together. A choice may be corrected: then the files of the other camera come as frames after all.
+    """
+
+    def __init__(self, patterns: Sequence[str] = ()) -> None:
+        self._patterns = tuple(patterns)
+        self._register, self._by_pattern = ShotRegister(), Counter[bool]()
+        self._held: list[_Held] = []
+        self._settled: set[str] = {"", ".png"}  # cameras whose files are not held any more
+        self._proved: set[Guess] = set()
+        self._tries = Counter[Guess]()
+        self._aside: dict[str, list[Frame]] = {}  # by camera
+
+    def take(self, frame: Frame, size: Size, now: float) -> Iterator[Frame | OtherFile]:
+        """A file has come; yields what is decided by it."""
+        if self._patterns:
+            chosen = is_chosen(frame.name, self._patterns)
+            self._by_pattern[chosen] += 1
+            yield frame if chosen else OtherFile(frame=replace(frame, data=None), camera="", mapped="")
+            return
+        file = self._file(frame.name)
+        if file.guess in self._proved or (file.guess is None and file.camera in self._settled):
+            yield from self._add(frame, file, size)
+            return
+        if self._held and file.shot not in {self._file(one.frame.name).shot for one in self._held}:
+            yield from self._decide()
+        until = now + (HOLD_KIND_S if file.camera.startswith(".") else HOLD_S)
+        self._held.append(_Held(frame if len(self._held) < HELD_DATA else replace(frame, data=None), size, until))
+
+    def resume(self, names: Iterable[str]) -> None:
+        """Files of these names were mapped before a restart."""
+        for name in () if self._patterns else names:
+            file = without_guess(name) if shot_file(name).guess else shot_file(name)
+            self._register.add(file)
+            self._register.mapped(file.camera)
+            self._settled.add(file.camera)
+
+    def due(self, now: float) -> Iterator[Frame | OtherFile]:
+        """What has been held long enough."""
+        if self._held and now >= self._held[0].until:
+            yield from self._decide()
+
+    @property
+    def counts(self) -> tuple[CameraCount, ...]:
+        """The cameras, if there are several."""
+        if not self._patterns:
+            return self._register.counts()
+        words, left = " or ".join(self._patterns), self._by_pattern[False]
+        mapped = CameraCount(words, self._by_pattern[True], mapped=True)
+        return (mapped, CameraCount(CHOSEN, left, mapped=False)) if left else ()
+
+    def _file(self, name: str) -> ShotFile:
+        name, _ = file_and_version(name)
+        file = shot_file(name)
+        refused = file.guess is not None and file.guess not in self._proved and self._tries[file.guess] >= MOST_TRIES
+        return without_guess(name) if refused else file
+
+    def _decide(self) -> Iterator[Frame | OtherFile]:
+        held, self._held = self._held, []
+        files = [(self._file(one.frame.name), one.frame.path) for one in held]
+        for guess in {file.guess for file, _ in files if file.guess is not None}:
+            if proved(guess, files, self._register.cameras_of, more=True):
+                self._proved.add(guess)
+            self._tries[guess] += 1
+        told = [self._believed(one.frame.name, file) for one, (file, _) in zip(held, files, strict=True)]
+        for one, file in zip(held, told, strict=True):
+            self._register.add(file, one.size)
+            self._settled.add(file.camera)
+        for one, file in zip(held, told, strict=True):
+            yield from self._sorted(one.frame, file)
+
+    def _believed(self, name: str, file: ShotFile) -> ShotFile:
+        return file if file.guess is None or file.guess in self._proved else without_guess(name)
+
+    def _add(self, frame: Frame, file: ShotFile, size: Size) -> Iterator[Frame | OtherFile]:
+        self._register.add(file, size)
+        yield from self._sorted(frame, file)
+
+    def _sorted(self, frame: Frame, file: ShotFile) -> Iterator[Frame | OtherFile]:
+        mapped = self._register.mapped(file.camera)
+        yield from self._aside.pop(mapped, [])
+        if mapped == file.camera:
+            yield frame
+            return
+        aside, without = self._aside.setdefault(file.camera, []), replace(frame, data=None)
+        if len(aside) < MOST_ASIDE:
+            aside.append(without)
+        yield OtherFile(frame=without, camera=file.camera, mapped=mapped)
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """The files that are mapped, in the order given, and what is to be said of the others; empty if there are none."""
+
+    looks: list[Look]
+    said: str = ""
+
+
+def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = ()) -> Chosen:
+    """Of files that are all there: those of one camera, where several take each shot."""
+    if patterns:
+        mapped = [look for look in looks if is_chosen(look.name, patterns)]
+        left = len(looks) - len(mapped)
+        return Chosen(mapped, f"{left} files are left out that are not called {' or '.join(patterns)}" if left else "")
+    files = _told(looks)
+    register = ShotRegister()
+    for file in files:
+        register.add(file)
+    kept = [look for look, file in zip(looks, files, strict=True) if register.mapped(file.camera) == file.camera]
+    return Chosen(kept, in_words(register.counts()))
+
+
+def _told(looks: Sequence[Look]) -> list[ShotFile]:
+    files = [shot_file(look.name) for look in looks]
+    register = ShotRegister()
+    for file in files:
+        register.add(file)
+    paths = [(file, look.path) for file, look in zip(files, looks, strict=True)]
+    guesses = {file.guess for file in files if file.guess is not None}
+    believed = {guess for guess in guesses if proved(guess, paths, register.cameras_of, more=False)}
+    return [
+        file if file.guess is None or file.guess in believed else without_guess(look.name)
+        for file, look in zip(files, looks, strict=True)
+    ]
+
+
+def is_chosen(name: str, patterns: Sequence[str]) -> bool:
+    """Whether a file of this name (POSIX, with its folders) fits one of the patterns: by its last part, or as a whole."""
+    whole = file_and_version(name)[0].casefold()
+    names = whole, PurePosixPath(whole).name
+    return any(fnmatchcase(one, pattern.casefold()) for pattern in patterns for one in names)
+
+
+def in_words(cameras: Sequence[CameraCount]) -> str:
+    """What is mapped and what is left out, with what to do; empty if there is one camera."""
+    mapped, left = [one for one in cameras if one.mapped], [one for one in cameras if not one.mapped]
+    if not mapped or not left:
+        return ""
+    if left[0].name == CHOSEN:
+        return (
+            f"{left[0].files} files are left out, for only those called {mapped[0].name} are mapped ({mapped[0].files} so far), "
+            "as the settings say (cameras:)"
+        )
+    others = ", ".join(f"{_called(one.name)} ({one.files})" for one in left[:8])
+    return (
+        f"Each shot has several files: {', '.join(_called(one.name) for one in mapped)} is mapped, {others} left out. To map "
+        f"another instead, put frames: {{cameras: ['{pattern_of(left[0].name)}']}} into the settings; ['*'] takes all"
+    )
+
+
+def _called(camera: str) -> str:
+    return camera.upper() if camera else "the plain JPEG"
+
+
+def pattern_of(camera: str) -> str:
+    """A pattern for the names of a camera's files."""
+    camera = camera.upper()
+    if camera.endswith("/"):
+        return f"*{camera}*"
+    if "." in camera:
+        return f"*{camera}"
+    return f"*{camera}.*" if camera.startswith("_") else f"{camera}*" if camera else "*.JPG"
