@@ -108,6 +108,9 @@ class Frame:
     data: bytes | None = field(default=None, repr=False)  # the whole file as hashed, while in memory
     taken_for: TriggerEvent | None = None  # the event that requested it from a live stream
     vehicle: int | None = None  # MAVLink system id of the aircraft whose source brought it; None: one source for all
+    picture: str | None = field(default=None, compare=False)  # see `frames.picture_hash`; None: not known
+    earlier: str | None = None  # name of the frame that the same file held before
+    is_whole_of_earlier: bool = False  # that was a smaller preview of this, and is the same shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

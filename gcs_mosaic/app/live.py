@@ -27,6 +27,7 @@ from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
+from gcs_mosaic.app.rewritten import taken_as_rewritten
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
@@ -260,6 +261,9 @@ class _Daemon:
                 self._reporter.source(item)
 
     def _take_frame(self, found: Frame) -> None:
+        if taken_as_rewritten(self._pipeline.store, found):
+            return
+        self._set_preview_aside(found)
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
         fresh = found.vehicle in self._looked and frame is not None
@@ -269,6 +273,15 @@ class _Daemon:
         if frame is not None:
             self._came[frame.name] = found.received
             self._preparation.append(frame)
+
+    def _set_preview_aside(self, whole: Frame) -> None:
+        """Of a file whose whole picture has come: the preview is not stitched, if it was not yet."""
+        if not whole.is_whole_of_earlier or whole.earlier is None:
+            return
+        self._pipeline.store.note_preview(whole.earlier, whole)
+        if self._preparation.withdraw(whole.earlier):
+            self._came.pop(whole.earlier, None)
+            self._pipeline.store.settle(whole.earlier, FrameState.DUPLICATE, f"a smaller preview of {whole.name}")
 
     # Processing
 

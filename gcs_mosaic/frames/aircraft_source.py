@@ -60,6 +60,8 @@ def of_aircraft(
 
 def marked(file: File, vehicle: int) -> File:
     """The same file as that aircraft's."""
+    if isinstance(file, Frame) and file.earlier is not None:
+        file = replace(file, earlier=name_with(vehicle, file.earlier))
     return replace(file, name=name_with(vehicle, file.name), vehicle=vehicle)
 
 

@@ -18,7 +18,8 @@ from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.files import frames_in as frames_in
 from gcs_mosaic.frames.integrity import image_size
 from gcs_mosaic.frames.passed_over import PassedOver, stem_of
-from gcs_mosaic.frames.pending_file import Candidate, Unread
+from gcs_mosaic.frames.pending_file import Candidate, Unread, file_and_version
+from gcs_mosaic.frames.previews import Previews
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, SourceReport, Topic
@@ -108,7 +109,7 @@ class FolderWatch:
         self._scanned: float | None = None  # when the last scan began
         self._before = NOTHING_TAKEN if taken is None else taken
         self._versions = {name: one.version for name, one in self._before.items()}
-        self._cameras, self._passed_over = Cameras(settings.cameras), PassedOver()
+        self._cameras, self._passed_over, self._previews = Cameras(settings.cameras), PassedOver(), Previews()
         self._cameras.resume(self._before)
         self._has_left = False  # some that were ready wait for the next scan
         self._polls = self._left = self._left_lately = self._taken = self._damaged = self._gaps = self._changed = 0
@@ -136,7 +137,7 @@ class FolderWatch:
         yield from self._presence(found)
         yield from self._remarks(found)
         yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
-        yield from self._cameras.due(now)
+        yield from self._due(now)
         if self._polls == 2:
             yield self._first_look()
         yield from self._report(found, now)
@@ -175,6 +176,7 @@ class FolderWatch:
         if candidate.is_changed(look):
             self._changed += 1
             candidate.appeared = pause
+            self._previews.changed(look.path)
         return candidate.is_ready(look, now)
 
     def _was_taken(self, look: Look) -> bool:
@@ -183,20 +185,30 @@ class FolderWatch:
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:
         item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1)
-        if isinstance(item, Frame):
-            self._versions[look.name] = self._versions.get(look.name, 0) + 1
-            self._taken += 1
-            self._last_utc = time.time()
-            item = self._dated(item, self._candidates[look.path].appeared)
         self._damaged += isinstance(item, DamagedFile)
         if isinstance(item, Unread):
             yield from self._unread_now(look, item)
             return
         self._unread.discard(look.path)
         if isinstance(item, Frame):
-            yield from self._cameras.take(item, image_size(item.data or b""), now)
+            item = self._dated(item, self._candidates[look.path].appeared)
+            whole = self._previews.take(item, image_size(item.data or b""), now)
+            yield from () if whole is None else self._accepted(whole, now)
         elif item is not None:
             yield item
+
+    def _accepted(self, frame: Frame, now: float) -> Iterator[Item]:
+        name, version = file_and_version(frame.name)
+        self._versions[name] = version
+        self._taken += 1
+        self._last_utc = time.time()
+        yield from self._cameras.take(frame, image_size(frame.data or b""), now)
+
+    def _due(self, now: float) -> Iterator[Item]:
+        """What has waited for other files of its shot, or for the rest of itself."""
+        for frame in self._previews.due(now):
+            yield from self._accepted(frame, now)
+        yield from self._cameras.due(now)
 
     def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
         if pause is None:
@@ -239,7 +251,7 @@ class FolderWatch:
             since_utc=self._since_utc,
             last_seen_utc=self._last_utc,
             seen=len(found.images),
-            taken=self._taken,
+            taken=self._taken - self._previews.again,
             damaged=self._damaged,
             gaps=self._gaps,
             passed_over=self._passed_over.kinds(found.others, stems, self._oldest_ns),

@@ -7,11 +7,12 @@ import os
 import re
 import stat
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs_mosaic.frames.appearance import Pause
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.picture_hash import picture_hash
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
@@ -94,7 +95,8 @@ class Candidate:
         taken_before, self.content = self.content, content_hash(data)
         if self.content == taken_before:
             return None
-        return frame_of(look, versioned(look.name, version), data, self.content)
+        frame = frame_of(look, versioned(look.name, version), data, self.content)
+        return frame if version == 1 else replace(frame, earlier=versioned(look.name, version - 1))
 
     def _broken(self, name: str, reason: str, now: float, patience_s: float) -> DamagedFile | None:
         since = self._broken_since = now if self._broken_since is None else self._broken_since
@@ -157,4 +159,5 @@ def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
         received=time.monotonic(),
         modified=look.modified_ns / 1e9,
         data=data,
+        picture=picture_hash(data),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 
 from gcs_mosaic.messages import CaptureResult, Frame, Teller, TriggerEvent
@@ -74,6 +75,17 @@ class Pairing:
         outcomes = [*self._answer(held, asked_by), *self._check_counters(held), *self._take_back()]
         outcomes += () if held.event else self._find_event(held)
         return outcomes if held.event else [*outcomes, Orphan(frame)]
+
+    def whole_of(self, preview: str, frame: Frame) -> list[Outcome]:
+        """The frame of the name `preview` was a smaller picture of this shot: all that is known of it is of `frame` now."""
+        held = next(self._frames.under(("frame", preview)), None)
+        if held is None:
+            return []
+        held.frame = replace(frame, received=held.frame.received)
+        self._frames.put(held, [("frame", frame.name)])
+        if held.event is None:
+            return [Orphan(held.frame)]
+        return [Matched(held.event.id, held.event.event, held.frame, held.event.how or How.TIME)]
 
     def known(self, event_id: int, name: str) -> list[Outcome]:
         """This event was matched with the frame of this name before, by what is not known any more; both have been told."""

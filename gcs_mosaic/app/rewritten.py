@@ -1,0 +1,22 @@
+"""Files that are written again while the flight goes on: the same picture in new bytes is the same frame."""
+
+from __future__ import annotations
+
+from gcs_mosaic.frames.picture_hash import picture_hash
+from gcs_mosaic.messages import Frame
+from gcs_mosaic.store.flight_store import FlightStore
+
+
+def taken_as_rewritten(store: FlightStore, frame: Frame) -> bool:
+    """Whether `frame` is the picture that its file held before, as where a program has written tags into it: then its bytes are
+    that frame's original from now on, and it is no frame of its own."""
+    name = None if frame.earlier is None else store.known_as(frame.earlier)
+    if name is None or frame.picture is None:
+        return False
+    same = store.has_picture(name, frame.picture)
+    if same is None:
+        original = store.original(name)
+        same = original is not None and picture_hash(original) == frame.picture
+    if same:
+        store.take_new_bytes(frame, name)
+    return same
