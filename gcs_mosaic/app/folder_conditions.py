@@ -37,9 +37,9 @@ def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[F
 def _of_pictures_that_are_not_read(source: SourceReport, whose: str) -> Iterator[Found]:
     pictures = _of_kinds(source.passed_over, RAW_SUFFIXES | OTHER_PICTURES)
     if pictures:
-        what = "RAW and the like" if _of_kinds(pictures, RAW_SUFFIXES) else "This kind of file"
+        what = "RAW files are" if _of_kinds(pictures, RAW_SUFFIXES) else "This kind of file is"
         text = (
-            f"Pictures{whose} come that cannot be mapped: {in_words(pictures)}. {what} is not read: set the camera to JPEG, or "
+            f"Pictures{whose} come that cannot be mapped: {in_words(pictures)}. {what} not read: set the camera to JPEG, or "
             "to RAW and JPEG, or convert them to JPEG or TIFF into the watched folder"
         )
         yield Found(f"raw{whose}", "warning", text, held_s=SOON_S)
@@ -59,22 +59,26 @@ def _of_other_files(source: SourceReport, whose: str, announced: int) -> Iterato
 
 
 def _of_clocks(source: SourceReport, whose: str, announced: int) -> Iterator[Found]:
-    if not source.left:
-        return
-    off = source.clock_off_s is not None
-    if off or source.left_lately or (not source.taken and announced):
-        files = "1 file" if source.left == 1 else f"{source.left} files"
-        clock = f" The camera's clock{whose} is {_hours(source.clock_off_s)}" if source.clock_off_s is not None else ""
-        lately = f", {source.left_lately} of which came here lately" if source.left_lately else ""
+    off = source.clock_off_s
+    if source.left and (off is not None or source.left_lately or (not source.taken and announced)):
+        files = "1 file that was" if source.left == 1 else f"{source.left} files that were"
+        lately = f", though {source.left_lately} came here lately" if source.left_lately else ""
+        clock = "" if off is None else f", and new files are dated {_apart(off)}"
         text = (
-            f"{files} of {source.name} were there at the start and are left alone, being old by their times{lately}.{clock} If "
-            "they are of this flight (the camera's clock is wrong), start again with --from start"
+            f"{files} in {source.name} at the start are left alone, for their times are old{lately}{clock}. If the camera's "
+            "clock is wrong and they are of this flight, start again with --from start"
         )
         yield Found(f"left{whose}", "warning", text, held_s=SOON_S)
+    elif off is not None:
+        text = (
+            f"New files in {source.name} are dated {_apart(off)}: either the camera's clock is wrong, or old pictures are copied "
+            "there. They are mapped as they come; set the clock before the next flight"
+        )
+        yield Found(f"clock{whose}", "info", text, held_s=SOON_S)
 
 
-def _hours(behind_s: float) -> str:
-    return f"{abs(behind_s) / 3600:.1f} h {'behind' if behind_s > 0 else 'ahead'}."
+def _apart(behind_s: float) -> str:
+    return f"{abs(behind_s) / 3600:.1f} h {'before' if behind_s > 0 else 'after'} they came"
 
 
 def _of_cameras(source: SourceReport, whose: str) -> Iterator[Found]:

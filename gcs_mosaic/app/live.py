@@ -27,7 +27,7 @@ from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
-from gcs_mosaic.app.rewritten import taken_as_rewritten
+from gcs_mosaic.app.rewritten import as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
@@ -263,6 +263,7 @@ class _Daemon:
     def _take_frame(self, found: Frame) -> None:
         if taken_as_rewritten(self._pipeline.store, found):
             return
+        found = as_whole_of_damaged(self._pipeline.store, found)
         self._set_preview_aside(found)
         frame = self._driver.accept(found)
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.

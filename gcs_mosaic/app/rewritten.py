@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gcs_mosaic.frames.picture_hash import picture_hash
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.store.flight_store import FlightStore
@@ -20,3 +22,10 @@ def taken_as_rewritten(store: FlightStore, frame: Frame) -> bool:
     if same:
         store.take_new_bytes(frame, name)
     return same
+
+
+def as_whole_of_damaged(store: FlightStore, frame: Frame) -> Frame:
+    """The same frame, told to be the rest of what its file held before, if that could not be decoded: an upload went on."""
+    if frame.earlier is not None and store.was_unreadable(frame.earlier):
+        return replace(frame, is_whole_of_earlier=True)
+    return frame

@@ -76,6 +76,16 @@ class Cameras:
         if self._held and now >= self._held[0].until:
             yield from self._decide()
 
+    def all_held(self) -> Iterator[Frame | OtherFile]:
+        """Everything that is held, as no other file of these shots is to come."""
+        if self._held:
+            yield from self._decide()
+
+    @property
+    def left_out(self) -> int:
+        """Files of cameras that are not mapped."""
+        return self._by_pattern[False] + sum(map(len, self._aside.values()))
+
     @property
     def counts(self) -> tuple[CameraCount, ...]:
         """The cameras, if there are several."""

@@ -139,6 +139,7 @@ class FolderWatch:
         yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
         yield from self._due(now)
         if self._polls == 2:
+            yield from self._cameras.all_held()  # that a file was there at the start says something of its event
             yield self._first_look()
         yield from self._report(found, now)
 
@@ -251,7 +252,7 @@ class FolderWatch:
             since_utc=self._since_utc,
             last_seen_utc=self._last_utc,
             seen=len(found.images),
-            taken=self._taken - self._previews.again,
+            taken=self._taken_as_frames,
             damaged=self._damaged,
             gaps=self._gaps,
             passed_over=self._passed_over.kinds(found.others, stems, self._oldest_ns),
@@ -287,6 +288,10 @@ class FolderWatch:
         away = self._device is not None and found.device != self._device and not found.is_mount
         return "is empty, its disk is gone" if away else ""
 
+    @property
+    def _taken_as_frames(self) -> int:
+        return max(0, self._taken - self._previews.again - self._cameras.left_out)
+
     def _once(self, level: Literal["info", "warning", "error"], text: str) -> Iterator[Notice]:
         if text not in self._said:
             self._said.add(text)
@@ -294,5 +299,5 @@ class FolderWatch:
 
     def _first_look(self) -> Notice:
         left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
-        text = f"watching {self._folder}: {self._taken} frames were there{left}"
+        text = f"watching {self._folder}: {self._taken_as_frames} frames were there{left}"
         return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)

@@ -28,11 +28,14 @@ class ShotRegister:
         self._mapped: set[str] = set()
 
     def add(self, file: ShotFile, size: Size = None) -> None:
-        """A file has come."""
+        """A file has come; one that is written again counts once."""
         self._rank[file.camera] = file.rank
-        self._files.setdefault(file.camera, Counter())[size] += 1
+        files = self._files.setdefault(file.camera, Counter())
         cameras = self._shots.setdefault(file.shot, set())
-        for other in cameras - {file.camera} if file.camera not in cameras else ():
+        if file.camera in cameras:
+            return
+        files[size] += 1
+        for other in cameras:
             self._shared.setdefault(file.camera, Counter())[other] += 1
             self._shared.setdefault(other, Counter())[file.camera] += 1
         cameras.add(file.camera)

@@ -111,6 +111,7 @@ class FlightStore(Kept):
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
         self._names: dict[str, str] = {}  # first frame's name by content hash, and by the hash of its picture
         self._pictures: dict[str, str] = {}  # hash of its picture by frame name, where it is known
+        self._unreadable: set[str] = set()  # frames that came whole, as it seemed, and could not be decoded
         self._rewritten = RewrittenFiles()
         self._vehicles: dict[str, int] = {}  # of frames whose aircraft is known, by name
         self._told: Accounts | None = None  # as last written to the documents: events change them without any frame
@@ -198,6 +199,10 @@ class FlightStore(Kept):
             self._vehicles[frame.name] = frame.vehicle
         return kept, said
 
+    def was_unreadable(self, name: str) -> bool:
+        """Whether this frame could not be decoded."""
+        return name in self._unreadable
+
     def known_as(self, name: str) -> str | None:
         """The frame that this one is, if its file was written again with the same picture; None for no frame of this flight."""
         name = self._rewritten.first(name)
@@ -274,6 +279,7 @@ class FlightStore(Kept):
         """Do not treat the same image as a duplicate if it arrives again: this one could not be read."""
         self._names.pop(frame.content_hash, None)
         self._names.pop(frame.picture or "", None)
+        self._unreadable.add(frame.name)
 
     # After the folder was made anew
 
