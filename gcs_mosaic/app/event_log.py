@@ -98,6 +98,10 @@ class EventLog:
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
         self._outcomes += self._pairing_of(frame.vehicle).frame(frame, now, fresh=fresh, asked_by=asked_by)
 
+    def withdraw(self, frame: Frame) -> None:
+        """This one, told before, was no frame of its own: another one's file was written again."""
+        self._outcomes += self._pairing_of(frame.vehicle).withdraw(frame.name)
+
     def credible(self) -> frozenset[Teller]:
         """The sources of events whose shots have proved true."""
         return frozenset().union(*(pairing.credible() for pairing in self._pairings.values()))

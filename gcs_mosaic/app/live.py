@@ -25,9 +25,9 @@ from gcs_mosaic.app.links import Item, Links
 from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
+from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
-from gcs_mosaic.app.rewritten import as_whole_of_damaged, taken_as_rewritten
+from gcs_mosaic.app.rewritten import SeenPictures, as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
@@ -154,6 +154,7 @@ class _Daemon:
             self._reporter.source(source.report)
         self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
         self._fleet = Fleet(tuple, store.ledger, several=bool(config.aircraft))
+        self._seen = SeenPictures()
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
@@ -279,10 +280,18 @@ class _Daemon:
         """Of a file whose whole picture has come: the preview is not stitched, if it was not yet."""
         if not whole.is_whole_of_earlier or whole.earlier is None:
             return
-        self._pipeline.store.note_preview(whole.earlier, whole)
+        self._pipeline.store.note_beside(whole.earlier, "preview")
         if self._preparation.withdraw(whole.earlier):
             self._came.pop(whole.earlier, None)
-            self._pipeline.store.settle(whole.earlier, FrameState.DUPLICATE, f"a smaller preview of {whole.name}")
+            self._pipeline.skip(whole.earlier, f"a smaller preview of {whole.name}")
+
+    def _set_aside_as_again(self, frame: Frame) -> None:
+        """Its file held the same pixels before, in another encoding."""
+        self._came.pop(frame.name, None)
+        self._event_log.withdraw(frame)
+        self._pipeline.store.note_beside(frame.name, "written again")
+        self._pipeline.skip(frame.name, f"the same picture as {frame.earlier}, written again")
+        self._driver.save()
 
     # Processing
 
@@ -298,6 +307,9 @@ class _Daemon:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
             if isinstance(prepared, UndecodableFrame) and self._unread.add(prepared, time.monotonic()):
+                return
+            if isinstance(prepared, DecodedFrame) and self._seen.is_again(prepared):
+                self._set_aside_as_again(prepared.frame)
                 return
             self._note_done(self._driver.process(prepared, self._begin_next), prepared.frame.vehicle)
             self._pipeline.checkpoint()

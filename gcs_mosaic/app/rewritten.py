@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import blake2b
 
+import numpy as np
+
+from gcs_mosaic.app.prefetch import DecodedFrame
 from gcs_mosaic.frames.picture_hash import picture_hash
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.store.flight_store import FlightStore
@@ -22,6 +26,23 @@ def taken_as_rewritten(store: FlightStore, frame: Frame) -> bool:
     if same:
         store.take_new_bytes(frame, name)
     return same
+
+
+class SeenPictures:
+    """What decoded frames look like, to know one again that was encoded anew without loss (an optimised JPEG, another PNG)."""
+
+    def __init__(self) -> None:
+        self._digests: dict[str, bytes] = {}  # by frame name
+
+    def is_again(self, prepared: DecodedFrame) -> bool:
+        """Whether the file held the very same pixels before."""
+        frame, image = prepared.frame, prepared.image
+        thumbnail = np.ascontiguousarray(
+            prepared.thumbnail
+        )  # of thousands of means: two photographs never have the same
+        digest = blake2b(repr(image.shape).encode() + thumbnail.tobytes(), digest_size=16).digest()
+        self._digests[frame.name] = digest
+        return frame.earlier is not None and self._digests.get(frame.earlier) == digest
 
 
 def as_whole_of_damaged(store: FlightStore, frame: Frame) -> Frame:

@@ -185,12 +185,12 @@ def in_words(cameras: Sequence[CameraCount]) -> str:
     if left[0].name == CHOSEN:
         return (
             f"{left[0].files} files are left out, for only those called {mapped[0].name} are mapped ({mapped[0].files} so far), "
-            "as the settings say (cameras:)"
+            "as asked for by --cameras or the settings"
         )
     others = ", ".join(f"{_called(one.name)} ({one.files})" for one in left[:8])
     return (
         f"Each shot has several files: {', '.join(_called(one.name) for one in mapped)} is mapped, {others} left out. To map "
-        f"another instead, put frames: {{cameras: ['{pattern_of(left[0].name)}']}} into the settings; ['*'] takes all"
+        f"another instead, give --cameras '{pattern_of(left[0].name)}' (or frames: {{cameras: ...}} in the settings), '*' for all"
     )
 
 

@@ -254,12 +254,10 @@ class FlightStore(Kept):
         self._retry(lambda: self.ledger.record_other(other))
         logger.info("%s: of the camera %s, which is not mapped", other.frame.name, other.camera or "that is left out")
 
-    def note_preview(self, name: str, whole: Frame) -> None:
-        """The frame `name` was a smaller preview of `whole`, which has come into the same file: both are of one shot."""
+    def note_beside(self, name: str, what: str) -> None:
+        """The frame `name` is of a shot whose frame is another one, a smaller preview for instance."""
         if name in self._places:
-            path, digest = self._places[name]
-            preview = replace(whole, name=name, path=path, content_hash=digest, data=None)
-            self.accept_other(OtherFile(frame=preview, camera=PREVIEW, mapped=whole.name))
+            self._retry(lambda: self.ledger.record_beside(name, what))
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file."""
@@ -520,7 +518,6 @@ class FlightStore(Kept):
                 )
 
 
-PREVIEW = "preview"  # what the camera of a smaller picture in the same file is called
 # Frames that will not be placed.
 SET_ASIDE = (FrameState.DUPLICATE, FrameState.DROPPED, FrameState.DAMAGED)
 

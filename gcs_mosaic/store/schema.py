@@ -45,8 +45,8 @@ COVERED = """CREATE TABLE covered (
 );
 """
 OTHER_FILES = """CREATE TABLE IF NOT EXISTS other_files (
-    name PRIMARY KEY, -- of a file of a shot whose frame is another camera's
-    camera TEXT NOT NULL,
+    name PRIMARY KEY, -- of a file of a shot whose frame is another one
+    camera TEXT NOT NULL, -- or what it is: preview, written again
     content_hash TEXT NOT NULL,
     size INTEGER NOT NULL,
     received NOT NULL,

@@ -87,6 +87,16 @@ class Pairing:
             return [Orphan(held.frame)]
         return [Matched(held.event.id, held.event.event, held.frame, held.event.how or How.TIME)]
 
+    def withdraw(self, name: str) -> list[Outcome]:
+        """The frame of this name was none of its own: an event that was matched with it is looked at again."""
+        held = next(self._frames.under(("frame", name)), None)
+        if held is None:
+            return []
+        event, held.fresh = held.event, False
+        self._frames.remove(held)
+        self._frames_seen -= 1
+        return [] if event is None else [*self._release(event), *self._find_frame(event)]
+
     def known(self, event_id: int, name: str) -> list[Outcome]:
         """This event was matched with the frame of this name before, by what is not known any more; both have been told."""
         event = next(self._events.under(("id", event_id)), None)
