@@ -34,8 +34,10 @@ def are_bands(files: Files, *, more_to_come: bool) -> bool:
 
 
 def are_tens(files: Iterable[ShotFile], cameras_of: Callable[[str], frozenset[str]]) -> bool:
-    """Whether files that are guessed to be the bands beside a JPEG of a round number are: it is there."""
-    return any("" in cameras_of(file.shot) for file in files)
+    """Whether files that are guessed to be the bands beside a JPEG of a round number are: it is there, and none of their own."""
+    guessed = list(files)
+    own = [file.shot[:-1] + file.camera[0] for file in guessed]
+    return any("" in cameras_of(file.shot) for file in guessed) and not any("" in cameras_of(shot) for shot in own)
 
 
 def proved(guess: Guess, files: Files, cameras_of: Callable[[str], frozenset[str]], *, more: bool) -> bool:
