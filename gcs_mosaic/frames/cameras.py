@@ -3,14 +3,18 @@ told. A map of several cameras at once would show the same ground twice, and an 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 
+from gcs_mosaic.frames.alternation import CAMERAS as COUNTED_TOGETHER
+from gcs_mosaic.frames.alternation import Alternation
 from gcs_mosaic.frames.guesses import proved
 from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.frames.picture_size import picture_size
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.shot_names import Guess, ShotFile, shot_file, without_guess
 from gcs_mosaic.frames.shot_register import ShotRegister, Size
@@ -21,6 +25,9 @@ HOLD_KIND_S = 1.0  # ... of a TIFF that no more than its ending would tell apart
 HELD_DATA = 8  # files whose bytes are held, too
 MOST_TRIES = 3  # of a guess that is not borne out
 CHOSEN = "*"  # name of all that patterns leave out
+LOOKED_AT = 16  # first files of a folder that are opened to see whether they are of two sizes in turn
+SHARED_AT_LEAST = 0.5  # of all files
+_SIZE = re.compile(r"\d+x\d+", re.IGNORECASE)
 MOST_ASIDE = 5000  # files of other cameras that can still be taken, should their camera be mapped after all
 
 
@@ -41,6 +48,7 @@ class Cameras:
     def __init__(self, patterns: Sequence[str] = ()) -> None:
         self._patterns = tuple(patterns)
         self._register, self._by_pattern = ShotRegister(), Counter[bool]()
+        self._alternation = Alternation()
         self._held: list[_Held] = []
         self._settled: set[str] = {"", ".png"}  # cameras whose files are not held any more
         self._proved: set[Guess] = set()
@@ -50,11 +58,14 @@ class Cameras:
     def take(self, frame: Frame, size: Size, now: float) -> Iterator[Frame | OtherFile]:
         """A file has come; yields what is decided by it."""
         if self._patterns:
-            chosen = is_chosen(frame.name, self._patterns)
+            chosen = is_chosen(frame.name, self._patterns, size)
             self._by_pattern[chosen] += 1
             yield frame if chosen else OtherFile(frame=replace(frame, data=None), camera="", mapped="")
             return
         file = self._file(frame.name)
+        if file.camera in COUNTED_TOGETHER and size is not None and (told := self._alternation.note(frame.name, size)):
+            yield from self._add_in_turn(frame, told)
+            return
         if file.guess in self._proved or (file.guess is None and file.camera in self._settled):
             yield from self._add(frame, file, size)
             return
@@ -118,6 +129,12 @@ class Cameras:
     def _believed(self, name: str, file: ShotFile) -> ShotFile:
         return file if file.guess is None or file.guess in self._proved else without_guess(name)
 
+    def _add_in_turn(self, frame: Frame, told: Sequence[tuple[str, Size, ShotFile]]) -> Iterator[Frame | OtherFile]:
+        """Those of them that came before it showed are frames already."""
+        for _, size, file in told:
+            self._register.add(file, size)
+        yield from self._sorted(frame, told[-1][2])
+
     def _add(self, frame: Frame, file: ShotFile, size: Size) -> Iterator[Frame | OtherFile]:
         self._register.add(file, size)
         yield from self._sorted(frame, file)
@@ -145,7 +162,10 @@ class Chosen:
 def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = ()) -> Chosen:
     """Of files that are all there: those of one camera, where several take each shot."""
     if patterns:
-        mapped = [look for look in looks if is_chosen(look.name, patterns)]
+        by_size = any(_SIZE.fullmatch(pattern) for pattern in patterns)
+        mapped = [
+            look for look in looks if is_chosen(look.name, patterns, picture_size(look.path) if by_size else None)
+        ]
         left = len(looks) - len(mapped)
         return Chosen(mapped, f"{left} files are left out that are not called {' or '.join(patterns)}" if left else "")
     files = _told(looks)
@@ -161,6 +181,8 @@ def _told(looks: Sequence[Look]) -> list[ShotFile]:
     register = ShotRegister()
     for file in files:
         register.add(file)
+    if len(in_turn := _in_turn(looks, files)) >= SHARED_AT_LEAST * len(looks):
+        return [in_turn.get(look.name, file) for look, file in zip(looks, files, strict=True)]
     paths = [(file, look.path) for file, look in zip(files, looks, strict=True)]
     guesses = {file.guess for file in files if file.guess is not None}
     believed = {guess for guess in guesses if proved(guess, paths, register.cameras_of, more=False)}
@@ -170,10 +192,22 @@ def _told(looks: Sequence[Look]) -> list[ShotFile]:
     ]
 
 
-def is_chosen(name: str, patterns: Sequence[str]) -> bool:
-    """Whether a file of this name (POSIX, with its folders) fits one of the patterns: by its last part, or as a whole."""
+def _in_turn(looks: Sequence[Look], files: Sequence[ShotFile]) -> dict[str, ShotFile]:
+    """Files that only their sizes tell apart, by name; none unless the first few already show it, for each is opened."""
+    alternation, found = Alternation(), dict[str, ShotFile]()
+    for number, (look, file) in enumerate(zip(looks, files, strict=True)):
+        if number >= LOOKED_AT and not found:
+            return {}
+        if file.camera in COUNTED_TOGETHER and (size := picture_size(look.path)) is not None:
+            found |= {name: one for name, _, one in alternation.note(look.name, size)}
+    return found
+
+
+def is_chosen(name: str, patterns: Sequence[str], size: Size = None) -> bool:
+    """Whether a file of this name (POSIX, with its folders) fits one of the patterns: by its last part, or as a whole; or its
+    picture by its size, such as 640x512."""
     whole = file_and_version(name)[0].casefold()
-    names = whole, PurePosixPath(whole).name
+    names = [whole, PurePosixPath(whole).name, *([] if size is None else [f"{size[0]}x{size[1]}"])]
     return any(fnmatchcase(one, pattern.casefold()) for pattern in patterns for one in names)
 
 
@@ -195,11 +229,13 @@ def in_words(cameras: Sequence[CameraCount]) -> str:
 
 
 def _called(camera: str) -> str:
-    return camera.upper() if camera else "the plain JPEG"
+    return (camera if _SIZE.fullmatch(camera) else camera.upper()) or "the plain JPEG"
 
 
 def pattern_of(camera: str) -> str:
     """A pattern for the names of a camera's files."""
+    if _SIZE.fullmatch(camera):
+        return camera
     camera = camera.upper()
     if camera.endswith("/"):
         return f"*{camera}*"

@@ -17,7 +17,7 @@ from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.files import frames_in as frames_in
 from gcs_mosaic.frames.integrity import image_size
-from gcs_mosaic.frames.passed_over import PassedOver, stem_of
+from gcs_mosaic.frames.passed_over import Kinds, PassedOver, stem_of
 from gcs_mosaic.frames.pending_file import Candidate, Unread, file_and_version
 from gcs_mosaic.frames.previews import Previews
 from gcs_mosaic.frames.scan import Look, Scan, scan
@@ -114,6 +114,8 @@ class FolderWatch:
         self._has_left = False  # some that were ready wait for the next scan
         self._polls = self._left = self._left_lately = self._taken = self._damaged = self._gaps = self._changed = 0
         self._clock_off_s: float | None = None
+        self._kinds: Kinds = ()
+        self._counts_due = -math.inf
         self._said: set[str] = set()
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
@@ -244,7 +246,7 @@ class FolderWatch:
             yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
 
     def _report(self, found: Scan, now: float) -> Iterator[SourceReport]:
-        stems = frozenset(stem_of(look.name) for look in found.images) if found.others else frozenset[str]()
+        self._count_passed_over(found, now)
         report = SourceReport(
             kind="folder",
             name=str(self._folder),
@@ -255,7 +257,7 @@ class FolderWatch:
             taken=self._taken_as_frames,
             damaged=self._damaged,
             gaps=self._gaps,
-            passed_over=self._passed_over.kinds(found.others, stems, self._oldest_ns),
+            passed_over=self._kinds,
             left=self._left,
             left_lately=self._left_lately,
             clock_off_s=self._clock_off_s if abs(self._clock_off_s or 0.0) >= CLOCK_OFF_S else None,
@@ -266,6 +268,20 @@ class FolderWatch:
         if is_news or (before and before[0].state != report.state):
             self._reported = (report, now)
             yield report
+
+    def _count_passed_over(self, found: Scan, now: float) -> None:
+        """Less often than it is looked for frames: of thousands of files it takes milliseconds."""
+        if now < self._counts_due:
+            return
+        self._counts_due = now + REPORT_EACH_S
+        stems = {stem_of(look.name) for look in found.images} if found.others else set[str]()
+        self._kinds = self._passed_over.kinds(found.others, stems, self._is_old)
+
+    def _is_old(self, name: str) -> bool:
+        try:
+            return (self._folder / name).stat().st_mtime_ns < self._oldest_ns
+        except OSError:  # gone, or of a name that is only shown so
+            return True
 
     def _presence(self, found: Scan) -> Iterator[Notice]:
         """Report when the folder disappears (card removed, mount lost) and when it returns."""

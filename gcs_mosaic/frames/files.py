@@ -122,7 +122,7 @@ def looks_in(path: Path) -> tuple[list[Look], list[str]]:
         ) from error
     found = scan(path)
     images = sorted(found.images, key=lambda look: name_order(look.name))
-    without = PassedOver().kinds(found.others, frozenset(stem_of(look.name) for look in images), 0.0)
+    without = PassedOver().kinds(found.others, {stem_of(look.name) for look in images}, lambda name: False)
     if not images:
         if (path / LEDGER).is_file():
             raise UsageError(

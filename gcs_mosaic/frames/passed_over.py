@@ -6,7 +6,7 @@ Pure; the looks are passed in.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Set
 from pathlib import PurePosixPath
 from typing import TypeAlias
 
@@ -52,17 +52,17 @@ class PassedOver:
     def __init__(self) -> None:
         self._before: frozenset[str] | None = None
 
-    def kinds(self, others: Mapping[str, int], taken_stems: frozenset[str], oldest_ns: float) -> Kinds:
+    def kinds(self, others: Set[str], taken_stems: Set[str], is_old: Callable[[str], bool]) -> Kinds:
         """Each suffix (or, for folders of previews, the folder's name with a slash) and how many files of it came.
 
-        `others`: name (POSIX, relative) and time in ns since 1970 of each file that is not taken; those of one look.
-        `taken_stems`: names of the images without their endings; a RAW file beside an image of its stem is that image's.
+        `others`: names (POSIX, relative) of the files that are not taken; those of one look. `taken_stems`: names of the images
+        without their endings; a RAW file beside an image of its stem is that image's. `is_old` is asked at the first look.
         """
         if self._before is None:
-            self._before = frozenset(name for name, modified_ns in others.items() if modified_ns < oldest_ns)
+            self._before = frozenset(name for name in others if is_old(name))
         counts = Counter(
             kind_of(name)
-            for name in others.keys() - self._before
+            for name in others - self._before
             if PurePosixPath(name).suffix.lower() not in RAW_SUFFIXES or stem_of(name) not in taken_stems
         )
         return tuple(sorted(counts.items(), key=lambda one: (-one[1], one[0])))

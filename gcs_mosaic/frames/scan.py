@@ -41,7 +41,7 @@ class Scan:
 
     images: list[Look] = field(default_factory=list)
     strangers: set[str] = field(default_factory=set)  # suffixes of files that are not images
-    others: dict[str, int] = field(default_factory=dict)  # files that are not taken: name and time, ns since 1970
+    others: set[str] = field(default_factory=set)  # names of the files that are not taken
     previews: set[str] = field(default_factory=set)  # folders of small copies, which are not looked into
     links: set[str] = field(default_factory=set)  # names of symbolic links, which may lead anywhere
     unreadable: set[str] = field(default_factory=set)  # sentences: what could not be inspected, and why
@@ -74,7 +74,7 @@ def scan(folder: Path) -> Scan:
             found.links.add(name)
         elif suffix not in IMAGE_SUFFIXES:
             found.strangers.add(shown_name(Path(suffix)) if suffix else "")
-            _note_other(entry, name, found)
+            found.others.add(name)
         elif look := _look(entry, name, found):
             found.images.append(look)
     return found
@@ -108,16 +108,7 @@ def _note_previews(folder: os.DirEntry[str], root: Path, found: Scan) -> None:
     found.previews.add(shown_name(Path(folder.path).relative_to(root)))
     for entry in _listing(folder.path, found, ours=()):
         if Path(entry.name).suffix.lower() in IMAGE_SUFFIXES and not _is_link(entry, Scan()):
-            _note_other(entry, shown_name(Path(entry.path).relative_to(root)), found)
-
-
-def _note_other(entry: os.DirEntry[str], name: str, found: Scan) -> None:
-    try:
-        status = entry.stat(follow_symlinks=False)
-    except OSError:  # it has vanished, or its mount is lost, which is told of the folder
-        return
-    if stat.S_ISREG(status.st_mode):
-        found.others[name] = status.st_mtime_ns
+            found.others.add(shown_name(Path(entry.path).relative_to(root)))
 
 
 def _listing(folder: str, found: Scan, ours: Collection[str]) -> list[os.DirEntry[str]]:

@@ -17,7 +17,7 @@ from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import Frame, OtherFile
-from tests.frames.image_files import encoded, photographed
+from tests.frames.image_files import encoded, photographed, picture
 
 SHOTS: dict[str, tuple[Callable[[int], list[str]], str]] = {
     "thermal first": (lambda k: [f"DJI_2023010112000{k}_000{k}_{one}.JPG" for one in "TZW"], "_W.JPG"),
@@ -175,3 +175,34 @@ def test_a_folder_is_stitched_of_one_camera_and_patterns_that_fit_nothing_are_re
     settings = FolderSettings(cameras=("*_X.*",))
     with pytest.raises(UsageError, match="DJI_0000_T"):
         frames_in(tmp_path, settings)
+
+
+def in_turn(k: int) -> tuple[int, int]:
+    return (400, 300) if k % 2 else (64, 51)
+
+
+@pytest.mark.parametrize("suffix", ["", "_R"])
+def test_two_sizes_in_turn_are_two_cameras_of_each_shot(tmp_path: Path, suffix: str) -> None:
+    """In the field: cameras with two sensors that count both pictures of a shot, and say nothing of it in the names."""
+    cameras, frames = Cameras(), list[str]()
+    names = [f"IMG_{k:04}{'' if k % 2 else suffix}.JPG" for k in range(20)]
+    for k, name in enumerate(names):
+        items = [*cameras.take(frame(name), in_turn(k), 3.0 * k), *cameras.due(3.0 * k + HOLD_S)]
+        frames += [item.name for item in items if isinstance(item, Frame)]
+        (tmp_path / name).write_bytes(encoded(".jpg", picture(*in_turn(k), seed=k)))
+    assert frames == [name for k, name in enumerate(names) if k < 3 or k % 2]
+    assert "--cameras '64x51'" in in_words(cameras.counts)
+    given = frames_in(tmp_path)
+    assert given.count == 10
+    assert "400x300 is mapped, 64x51 (10) left out" in given.passed_over[0]
+    assert frames_in(tmp_path, FolderSettings(cameras=("64X51",))).count == 10
+
+
+@pytest.mark.parametrize("sizes", [[1] * 10 + [2] * 10, [1, 2, 2, 1, 1, 1, 2, 1] * 2, [1, 2, 3] * 6], ids=str)
+def test_sizes_that_do_not_come_in_turn_are_of_one_camera(tmp_path: Path, sizes: list[int]) -> None:
+    cameras = Cameras()
+    for k, size in enumerate(sizes):
+        items = list(cameras.take(frame(f"IMG_{k:04}.JPG"), (64 * size, 48 * size), 3.0 * k))
+        assert [isinstance(item, Frame) for item in items] == [True]
+        (tmp_path / f"IMG_{k:04}.JPG").write_bytes(encoded(".jpg", picture(64 * size, 48 * size)))
+    assert frames_in(tmp_path).count == len(sizes)

@@ -86,7 +86,7 @@ def test_a_folder_of_raw_files_says_what_is_in_it(tmp_path: Path) -> None:
 
 
 def test_counts_in_words_are_few() -> None:
-    kinds = PassedOver().kinds({f"{k}.{suffix}": 0 for k in range(2) for suffix in "abcdef"}, frozenset(), -1.0)
+    kinds = PassedOver().kinds({f"{k}.{suffix}" for k in range(2) for suffix in "abcdef"}, set(), lambda name: False)
     assert in_words(kinds) == "2 ending in .A, 2 ending in .B, 2 ending in .C, 2 ending in .D, ..."
     assert in_words(((".arw", 1), ("thumbs/", 3), ("", 2))) == "1 ending in .ARW, 3 in thumbs/, 2 without an ending"
 
