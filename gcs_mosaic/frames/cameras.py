@@ -18,12 +18,14 @@ from gcs_mosaic.frames.picture_size import picture_size
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.shot_names import Guess, ShotFile, shot_file, without_guess
 from gcs_mosaic.frames.shot_register import ShotRegister, Size
+from gcs_mosaic.frames.small_copies import SizedFile, SmallCopies
 from gcs_mosaic.messages import CameraCount, Frame, OtherFile
 
 HOLD_S = 2.0  # the first files of a camera, until those of others of the same shot are there
 HOLD_KIND_S = 1.0  # ... of a TIFF that no more than its ending would tell apart: most have no others beside them
 HELD_DATA = 8  # files whose bytes are held, too
 MOST_TRIES = 3  # of a guess that is not borne out
+COPY = "small copy"  # of a frame of the same name, in the place of its camera
 CHOSEN = "*"  # name of all that patterns leave out
 LOOKED_AT = 16  # first files of a folder that are opened to see whether they are of two sizes in turn
 SHARED_AT_LEAST = 0.5  # of all files
@@ -48,7 +50,7 @@ class Cameras:
     def __init__(self, patterns: Sequence[str] = ()) -> None:
         self._patterns = tuple(patterns)
         self._register, self._by_pattern = ShotRegister(), Counter[bool]()
-        self._alternation = Alternation()
+        self._alternation, self._copies, self._copied = Alternation(), SmallCopies(), 0
         self._held: list[_Held] = []
         self._settled: set[str] = {"", ".png"}  # cameras whose files are not held any more
         self._proved: set[Guess] = set()
@@ -63,6 +65,10 @@ class Cameras:
             yield frame if chosen else OtherFile(frame=replace(frame, data=None), camera="", mapped="")
             return
         file = self._file(frame.name)
+        if size is not None and self._copies.is_one(SizedFile(frame.name, frame.path, size, frame.modified)):
+            self._copied += 1
+            yield OtherFile(frame=replace(frame, data=None), camera=COPY, mapped=file.camera)
+            return
         if file.camera in COUNTED_TOGETHER and size is not None and (told := self._alternation.note(frame.name, size)):
             yield from self._add_in_turn(frame, told)
             return
@@ -95,7 +101,7 @@ class Cameras:
     @property
     def left_out(self) -> int:
         """Files of cameras that are not mapped."""
-        return self._by_pattern[False] + sum(map(len, self._aside.values()))
+        return self._by_pattern[False] + self._copied + sum(map(len, self._aside.values()))
 
     @property
     def counts(self) -> tuple[CameraCount, ...]:
@@ -168,12 +174,30 @@ def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = ()) -> Chosen:
         ]
         left = len(looks) - len(mapped)
         return Chosen(mapped, f"{left} files are left out that are not called {' or '.join(patterns)}" if left else "")
+    copies = _small_copies(looks)
+    looks = [look for look in looks if look.name not in copies]
     files = _told(looks)
     register = ShotRegister()
     for file in files:
         register.add(file)
     kept = [look for look, file in zip(looks, files, strict=True) if register.mapped(file.camera) == file.camera]
-    return Chosen(kept, in_words(register.counts()))
+    told = f"{len(copies)} small copies of other images are left out, {min(copies)} for one" if copies else ""
+    return Chosen(kept, "; ".join(filter(None, [in_words(register.counts()), told])))
+
+
+def _small_copies(looks: Sequence[Look]) -> set[str]:
+    """Names of those; only files whose last name is another's, too, are opened."""
+    alike: dict[str, list[Look]] = {}
+    for look in looks:
+        alike.setdefault(look.path.name.casefold(), []).append(look)
+    found = set[str]()
+    for several in alike.values():
+        sized = [(look, size) for look in several if len(several) > 1 and (size := picture_size(look.path)) is not None]
+        copies = SmallCopies()
+        for look, size in sorted(sized, key=lambda one: -one[1][0] * one[1][1]):
+            if copies.is_one(SizedFile(look.name, look.path, size, look.modified_ns / 1e9)):
+                found.add(look.name)
+    return found
 
 
 def _told(looks: Sequence[Look]) -> list[ShotFile]:
