@@ -215,10 +215,11 @@ class FlightStore(Kept):
 
     def take_new_bytes(self, frame: Frame, name: str) -> None:
         """Take what came as `frame`, the same picture as the frame `name` in other bytes, for the original of that."""
-        self._retry(lambda: self._keep_new_bytes(replace(frame, name=name)))
         self._rewritten.note(frame.name, name)
+        if frame.content_hash != self.content_hash(name):  # the same bytes: it is known since before a restart
+            self._retry(lambda: self._keep_new_bytes(replace(frame, name=name)))
+            logger.info("%s was written again with the same picture: its original is that file now", name)
         self._note_identity(frame, name)
-        logger.info("%s was written again with the same picture: its original is that file now", name)
 
     def _keep_new_bytes(self, frame: Frame) -> None:
         old, _ = self._places[frame.name]

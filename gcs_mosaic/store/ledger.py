@@ -155,9 +155,9 @@ class Ledger(LedgerFile):
         ]
 
     def record_new_bytes(self, frame: Frame) -> None:
-        """Record that a frame's file holds the same picture in other bytes now."""
-        told = (frame.content_hash, frame.size, frame.modified, stored(frame.name))
-        self.update("UPDATE frames SET content_hash = ?, size = ?, modified = ? WHERE name = ?", *told)
+        """Record that a frame's file holds the same picture in other bytes now; its time is still that of the picture."""
+        told = (frame.content_hash, frame.size, stored(frame.name))
+        self.update("UPDATE frames SET content_hash = ?, size = ? WHERE name = ?", *told)
 
     def record_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file. If repeated, the newest reason is kept; the name of a complete frame is an error."""

@@ -85,7 +85,8 @@ def test_after_a_restart_the_picture_is_known_by_its_original(tmp_path: Path, st
     store.accept(came(tmp_path, JPEG))
     with closing(FlightStore(store.out)) as resumed:
         resumed.resume([], [])
-        assert taken_as_rewritten(resumed, came(tmp_path, turned(JPEG), "a.jpg#2", "a.jpg"))
+        for _ in range(2):
+            assert taken_as_rewritten(resumed, came(tmp_path, turned(JPEG), "a.jpg#2", "a.jpg"))
         assert originals(resumed) == {"a.jpg": turned(JPEG)}
 
 
