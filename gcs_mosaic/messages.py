@@ -111,6 +111,9 @@ class Frame:
     data: bytes | None = field(default=None, repr=False)  # the whole file as hashed, while in memory
     taken_for: TriggerEvent | None = None  # the event that requested it from a live stream
     vehicle: int | None = None  # MAVLink system id of the aircraft whose source brought it; None: one source for all
+    picture: str | None = field(default=None, compare=False)  # see `frames.picture_hash`; None: not known
+    earlier: str | None = None  # name of the frame that the same file held before
+    is_whole_of_earlier: bool = False  # that was a smaller preview of this, and is the same shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,6 +131,15 @@ class DamagedFile:
     name: str
     reason: str
     vehicle: int | None = None  # as of a frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherFile:
+    """A file of a camera that is not mapped, while another one's file of the same shot is. Never loaded; known by its name."""
+
+    frame: Frame  # as it would be, without data
+    camera: str  # as told by the names of the files, such as "_t"; empty if settings chose by a pattern
+    mapped: str  # the camera that is mapped
 
 
 class Topic(Enum):
@@ -184,6 +196,14 @@ class LinkReport:
     is_crowded: bool = False  # whether more sources trigger cameras than an aircraft has
 
 
+class CameraCount(NamedTuple):
+    """One of several cameras that take each shot together, as told by the names of the files."""
+
+    name: str
+    files: int
+    mapped: bool
+
+
 SourceState = Literal["watching", "missing", "ended", "connecting", "connected", "silent", "lost"]
 
 
@@ -204,6 +224,13 @@ class SourceReport:
     damaged: int = 0
     gaps: int = 0  # how often the folder was missing or the stream silent
     vehicle: int | None = None  # the aircraft that it belongs to, where each has one
+    # A folder's files that are not taken: kinds of those that came since the start (endings, or folders of previews with a
+    # slash), most first; of those there at the start that are too old, how many there are and how many came here lately.
+    passed_over: tuple[tuple[str, int], ...] = ()
+    left: int = 0
+    left_lately: int = 0
+    clock_off_s: float | None = None  # how far the times of new files are behind this computer's clock; None: not known
+    cameras: tuple[CameraCount, ...] = ()  # where several cameras take each shot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -94,8 +94,15 @@ class EventLog:
         """Add a frame that is in the ledger; `fresh` if it arrived after the watch began."""
         # Events name the original file, wherever its frame is kept and however often it was rewritten.
         frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
+        if frame.is_whole_of_earlier and frame.earlier is not None:
+            self._outcomes += self._pairing_of(frame.vehicle).whole_of(frame.earlier, frame)
+            return
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
         self._outcomes += self._pairing_of(frame.vehicle).frame(frame, now, fresh=fresh, asked_by=asked_by)
+
+    def withdraw(self, frame: Frame) -> None:
+        """This one, told before, was no frame of its own: another one's file was written again."""
+        self._outcomes += self._pairing_of(frame.vehicle).withdraw(frame.name)
 
     def credible(self) -> frozenset[Teller]:
         """The sources of events whose shots have proved true."""

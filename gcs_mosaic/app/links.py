@@ -25,6 +25,7 @@ from gcs_mosaic.messages import (
     Frame,
     LinkReport,
     Notice,
+    OtherFile,
     SourceReport,
     StreamOffer,
     TriggerEvent,
@@ -32,7 +33,7 @@ from gcs_mosaic.messages import (
 from gcs_mosaic.triggers.shots import CameraMessage
 
 Report = LinkReport | SourceReport
-Item = TriggerEvent | CameraMessage | StreamOffer | Frame | DamagedFile | DroppedFrame | Notice | Report
+Item = TriggerEvent | CameraMessage | StreamOffer | Frame | DamagedFile | DroppedFrame | OtherFile | Notice | Report
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,9 @@ from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pairing import contradiction_text
 from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import Preparation, UndecodableFrame
+from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
+from gcs_mosaic.app.rewritten import SeenPictures, as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
@@ -37,7 +38,7 @@ from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, SourceReport, Topic
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, OtherFile, SourceReport, Topic
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
@@ -155,6 +156,7 @@ class _Daemon:
             self._reporter.source(source.report)
         self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
         self._fleet = Fleet(tuple, store.ledger, several=bool(config.aircraft))
+        self._seen = SeenPictures()
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._heard_since = math.inf  # since when the links are open, seconds since 1970
         self._trust = Trust()  # which sources of events have proved true, for the links
@@ -253,6 +255,8 @@ class _Daemon:
             case DroppedFrame():
                 self._driver.accept(item)
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
+            case OtherFile():
+                self._pipeline.store.accept_other(item)
             case Notice():
                 self._looked |= {item.vehicle} if item.topic is Topic.FIRST_LOOK else set()
                 self.say(item)
@@ -262,6 +266,10 @@ class _Daemon:
                 self._reporter.source(item)
 
     def _take_frame(self, found: Frame) -> None:
+        if taken_as_rewritten(self._pipeline.store, found):
+            return
+        found = as_whole_of_damaged(self._pipeline.store, found)
+        self._set_preview_aside(found)
         if came_meanwhile := found.vehicle not in self._looked and self._came_while_starting(found):
             appeared = time.monotonic() - (time.time() - found.modified)
             found = replace(found, received=min(found.received, appeared))
@@ -279,6 +287,23 @@ class _Daemon:
         """Whether a file that was there at the first look was written since the links are heard: its trigger was heard, too."""
         return self._heard_since <= found.modified <= time.time() + 1.0
 
+    def _set_preview_aside(self, whole: Frame) -> None:
+        """Of a file whose whole picture has come: the preview is not stitched, if it was not yet."""
+        if not whole.is_whole_of_earlier or whole.earlier is None:
+            return
+        self._pipeline.store.note_beside(whole.earlier, "preview")
+        if self._preparation.withdraw(whole.earlier):
+            self._came.pop(whole.earlier, None)
+            self._pipeline.skip(whole.earlier, f"a smaller preview of {whole.name}")
+
+    def _set_aside_as_again(self, frame: Frame) -> None:
+        """Its file held the same pixels before, in another encoding."""
+        self._came.pop(frame.name, None)
+        self._event_log.withdraw(frame)
+        self._pipeline.store.note_beside(frame.name, "written again")
+        self._pipeline.skip(frame.name, f"the same picture as {frame.earlier}, written again")
+        self._driver.save()
+
     # Processing
 
     def _has_work(self) -> bool:
@@ -293,6 +318,9 @@ class _Daemon:
             prepared = self._preparation.next()
             assert prepared is not None, "a frame that is ready is there"
             if isinstance(prepared, UndecodableFrame) and self._unread.add(prepared, time.monotonic()):
+                return
+            if isinstance(prepared, DecodedFrame) and self._seen.is_again(prepared):
+                self._set_aside_as_again(prepared.frame)
                 return
             self._note_done(self._driver.process(prepared, self._begin_next), prepared.frame.vehicle)
             self._pipeline.checkpoint()

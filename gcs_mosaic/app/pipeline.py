@@ -232,6 +232,11 @@ class Pipeline(Kept):
             self.store.settle(name, FrameState.REJECTED, reason)
             return Done(name, FrameState.REJECTED, reason, None, {})
 
+    def skip(self, name: str, reason: str) -> None:
+        """Do not process a frame that was accepted: another one shows the same. Call `save` afterwards."""
+        self._processed[name] = None
+        self.store.settle(name, FrameState.DUPLICATE, reason)
+
     def _process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
         name = prepared.frame.name
         self.tell_troubles()

@@ -184,6 +184,17 @@ class Preparation:
         self._waiting[number] = frame
         self._turns.add(number, frame.vehicle)
 
+    def withdraw(self, name: str) -> bool:
+        """Take a frame from the queue that is not to be processed; whether it was there."""
+        number = next((number for number, frame in self._waiting.items() if frame.name == name), None)
+        if number is None:
+            return False
+        self._turns.remove(number)
+        del self._waiting[number]
+        self._ahead.pop(number, None)
+        self._features.pop(number, None)
+        return True
+
     def next(self) -> DecodedFrame | UndecodableFrame | None:
         """The next frame, once it is ready; None if the queue is empty."""
         if not self._waiting:

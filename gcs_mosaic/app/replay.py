@@ -30,7 +30,7 @@ from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import marked
-from gcs_mosaic.frames.files import looks_in, read_frame
+from gcs_mosaic.frames.files import looks_in, mapped_of, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import DamagedFile, Frame, Notice
@@ -100,8 +100,14 @@ def replay(
 def _folders(frames: Path | None, config: Config) -> list[FramesFolder]:
     """Raises UsageError for a folder without images, and for one that two aircraft share."""
     if frames is not None:
-        return [FramesFolder(None, *looks_in(frames))]
-    return [FramesFolder(one.vehicle, *looks_in(Path(one.config.watch))) for one in frame_sources(config)]
+        return [_folder(frames, config)]
+    return [_folder(Path(one.config.watch), one.config, one.vehicle) for one in frame_sources(config)]
+
+
+def _folder(path: Path, config: Config, vehicle: int | None = None) -> FramesFolder:
+    looks, passed_over = looks_in(path)
+    mapped, said = mapped_of(looks, config.frames.cameras)
+    return FramesFolder(vehicle, mapped, [*passed_over, *said])
 
 
 def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:

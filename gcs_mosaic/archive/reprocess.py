@@ -65,7 +65,7 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
     Raises UsageError and CannotWrite for what was given, FlightFailed if it cannot go on, NothingPlaced if there is no map.
     """
     refuse_source_in_target(request.sources, request.target)
-    sources = sources_of(request.sources)
+    sources = sources_of(request.sources, config.frames.cameras)
     with checked_target(request.target) as target:
         for text in sources.said:
             progress.say(text)

@@ -11,8 +11,9 @@ from pathlib import Path, PurePath, PurePosixPath
 from gcs_mosaic.archive.files import files_at, is_bucket
 from gcs_mosaic.archive.target import MARKER
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.files import files_in, name_order
-from gcs_mosaic.frames.scan import IMAGE_SUFFIXES, OURS
+from gcs_mosaic.frames.files import files_in, mapped_of, name_order
+from gcs_mosaic.frames.passed_over import is_preview_folder
+from gcs_mosaic.frames.scan import IMAGE_SUFFIXES, OURS, Look
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,21 +54,24 @@ class Sources:
     said: tuple[str, ...]
 
 
-def sources_of(given: Sequence[str]) -> Sources:
-    """The files of folders, single files and buckets. Raises UsageError, and CannotWrite for a bucket."""
+def sources_of(given: Sequence[str], cameras: Sequence[str] = ()) -> Sources:
+    """The files of folders, single files and buckets; `cameras` are patterns as in `FolderSettings`.
+
+    Raises UsageError, and CannotWrite for a bucket.
+    """
     folders = [Path(place) for place in given if not is_bucket(place)]
     files, said = list[SourceFile](), list[str]()
     if folders:
-        found = files_in(folders)
+        found = files_in(folders, cameras)
         files += [
             SourceFile(look.name, "", str(look.path.resolve()), look.size, look.modified_ns) for look in found.looks
         ]
         said += [found.order, *found.passed_over]
     for place in given:
         if is_bucket(place):
-            some = _in_bucket(place)
+            some, left_out = _mapped_of(_in_bucket(place), cameras)
             files += some
-            said.append(f"{len(some)} frames of {place} in the order of their names")
+            said += [f"{len(some)} frames of {place} in the order of their names", *left_out]
     return Sources(_told_apart(files), tuple(said))
 
 
@@ -83,9 +87,17 @@ def _in_bucket(place: str) -> list[SourceFile]:
     return [SourceFile(one.name, place, one.name, one.size, one.modified_ns, one.tag) for one in found]
 
 
+def _mapped_of(files: Sequence[SourceFile], cameras: Sequence[str]) -> tuple[list[SourceFile], list[str]]:
+    """As in a folder: of one camera, where several take each shot."""
+    looks, said = mapped_of([Look(Path(one.path), one.name, one.size, one.modified_ns) for one in files], cameras)
+    names = {look.name for look in looks}
+    return [one for one in files if one.name in names], said
+
+
 def _may_be_a_frame(path: PurePosixPath) -> bool:
     """By its name, as in a folder."""
-    return path.suffix.lower() in IMAGE_SUFFIXES and not any(part.startswith(".") for part in path.parts)
+    passed_over = any(part.startswith(".") or is_preview_folder(part) for part in path.parts[:-1])
+    return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".") and not passed_over
 
 
 def _told_apart(files: Sequence[SourceFile]) -> tuple[SourceFile, ...]:

@@ -15,7 +15,18 @@ from gcs_mosaic.store.ledger import Ledger
 
 logger = logging.getLogger(__name__)
 
-TABLES = ("flight", "frames", "events", "islands", "cameras", "painted", "estimates", "covered", "notices")
+TABLES = (
+    "flight",
+    "frames",
+    "events",
+    "islands",
+    "cameras",
+    "painted",
+    "estimates",
+    "covered",
+    "other_files",
+    "notices",
+)
 SUFFIXES = ("", "-wal", "-shm")
 
 

@@ -36,6 +36,7 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
     "sources": ("sources",),
     "every": ("stream", "every"),
     "from": ("frames", "from_age_s"),
+    "cameras": ("frames", "cameras"),
     "out": ("out",),
     "resume": ("resume",),
     "verbose": ("log", "verbose"),
@@ -167,6 +168,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     add_sources(parser)
     parser.add_argument("--every", metavar="1s|overlap", help="frames of the stream without triggers too")
     parser.add_argument("--from", metavar="now|start|30m", help="how old a file may be at the start")
+    _add_cameras(parser)
     add_vehicles(parser)
     announce = parser.add_argument(
         "--announce", type=int, nargs="?", metavar="ID", help="send a heartbeat and warnings, as this MAVLink system"
@@ -202,6 +204,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
 
 def _add_stitch(parser: argparse.ArgumentParser) -> None:
     _add_frames(parser)
+    _add_cameras(parser)
     _add_method(parser)
     _add_scale(parser)
     parser.add_argument(
@@ -228,6 +231,7 @@ def _add_reprocess(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=_positive, metavar="N", help="on this machine; default: one for each core")
     parser.add_argument("--dashboard", action="store_true", help="tell where Dask shows what the workers do")
     parser.add_argument("--json", action="store_true", help="progress as a line of JSON each second")
+    _add_cameras(parser)
     _add_scale(parser)
     _add_blend(parser)
     parser.add_argument("--features", choices=get_args(FeatureKind), help="what frames are matched by; default: sift")
@@ -243,6 +247,7 @@ def _positive(text: str) -> int:
 def _add_replay(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", type=Path, metavar="FLIGHT.tlog", help="what was heard (--record writes it)")
     add_recorded_frames(parser)
+    _add_cameras(parser)
     parser.add_argument(
         "--speed", type=float, default=0.0, metavar="N", help="times as fast as it was flown; 0 as fast as it goes (0)"
     )
@@ -365,6 +370,11 @@ def _shift(text: str) -> int:
 def _add_anchor_by(parser: argparse.ArgumentParser) -> None:
     told = "positions: those of the triggers lay the map on earth where nobody sets pins; for showing only"
     parser.add_argument("--anchor", choices=["pins", "positions"], help=told)
+
+
+def _add_cameras(parser: argparse.ArgumentParser) -> None:
+    told = "names of the files that are mapped, such as '*_T.*'; '*': all; may be repeated"
+    parser.add_argument("--cameras", action="append", metavar="PATTERN", help=told)
 
 
 def _add_scale(parser: argparse.ArgumentParser) -> None:

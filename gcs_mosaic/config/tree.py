@@ -90,7 +90,8 @@ class Config(Listening):
 
     def of_source(self, source: AircraftSource) -> Config:
         """A copy whose one source of frames is this."""
-        return dataclasses.replace(self, watch=source.watch or self.watch, rtsp=source.rtsp, sources=())
+        frames = dataclasses.replace(self.frames, cameras=source.cameras or self.frames.cameras)
+        return dataclasses.replace(self, watch=source.watch or self.watch, rtsp=source.rtsp, sources=(), frames=frames)
 
     @property
     def features(self) -> FeatureKind:

@@ -6,7 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from gcs_mosaic.messages import HIGHEST_SYSTEM, DamagedFile, DroppedFrame, Frame, Notice, SourceReport, expected_system
+from gcs_mosaic.messages import (
+    HIGHEST_SYSTEM,
+    DamagedFile,
+    DroppedFrame,
+    Frame,
+    Notice,
+    OtherFile,
+    SourceReport,
+    expected_system,
+)
 
 T = TypeVar("T")
 File = TypeVar("File", bound=Frame | DamagedFile)
@@ -22,6 +31,8 @@ class AircraftSource:
     """Folder in which its camera's files appear."""
     rtsp: str | None = None
     """Live stream instead; auto: as announced by this aircraft."""
+    cameras: tuple[str, ...] = ()
+    """Patterns of the names of its files that are mapped; empty: as `frames.cameras` says."""
 
     def __post_init__(self) -> None:
         if not 0 < self.vehicle <= HIGHEST_SYSTEM:
@@ -33,13 +44,13 @@ class AircraftSource:
 
 def of_aircraft(
     items: Iterator[T], vehicle: int
-) -> Iterator[T | Frame | DamagedFile | DroppedFrame | Notice | SourceReport]:
+) -> Iterator[T | Frame | DamagedFile | DroppedFrame | OtherFile | Notice | SourceReport]:
     """What a source brings, each item marked as that aircraft's."""
     for item in items:
         match item:
             case Frame() | DamagedFile():
                 yield marked(item, vehicle)
-            case DroppedFrame():
+            case DroppedFrame() | OtherFile():
                 yield replace(item, frame=marked(item.frame, vehicle))
             case Notice() | SourceReport():
                 yield replace(item, vehicle=vehicle)
@@ -49,6 +60,8 @@ def of_aircraft(
 
 def marked(file: File, vehicle: int) -> File:
     """The same file as that aircraft's."""
+    if isinstance(file, Frame) and file.earlier is not None:
+        file = replace(file, earlier=name_with(vehicle, file.earlier))
     return replace(file, name=name_with(vehicle, file.name), vehicle=vehicle)
 
 

@@ -15,13 +15,17 @@ from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.appearance import Appearances, Pause
+from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.decoding.proof import Proof, decodes_here
 from gcs_mosaic.frames.files import frames_in as frames_in
-from gcs_mosaic.frames.pending_file import Candidate, Prove, Unread
+from gcs_mosaic.frames.integrity import image_size
+from gcs_mosaic.frames.passed_over import Kinds, PassedOver, stem_of
+from gcs_mosaic.frames.pending_file import Candidate, Prove, Unread, file_and_version
+from gcs_mosaic.frames.previews import Previews
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, SourceReport, Topic
 
 REPORT_EACH_S = 1.0
 AGAIN_S = 0.08  # delay of the scan after one that found a new or changed file: most are complete by then
@@ -32,7 +36,9 @@ AGAIN_AFTER_FAILURE_S = 2.0
 
 logger = logging.getLogger(__name__)
 
-Item: TypeAlias = Frame | DamagedFile | Notice | SourceReport
+CLOCK_OFF_S = 3600.0  # a camera's clock further off than this is set to another time, or another time zone
+
+Item: TypeAlias = Frame | DamagedFile | OtherFile | Notice | SourceReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +126,13 @@ class FolderWatch:
         self._scanned: float | None = None  # when the last scan began
         self._before = NOTHING_TAKEN if taken is None else taken
         self._versions = {name: one.version for name, one in self._before.items()}
+        self._cameras, self._passed_over, self._previews = Cameras(settings.cameras), PassedOver(), Previews()
+        self._cameras.resume(self._before)
         self._has_left = False  # some that were ready wait for the next scan
-        self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
+        self._polls = self._left = self._left_lately = self._taken = self._damaged = self._gaps = self._changed = 0
+        self._clock_off_s: float | None = None
+        self._kinds: Kinds = ()
+        self._counts_due = -math.inf
         self._said: set[str] = set()
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
@@ -145,9 +156,11 @@ class FolderWatch:
         yield from self._presence(found)
         yield from self._remarks(found)
         yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
+        yield from self._due(now)
         if self._polls == 2:
+            yield from self._cameras.all_held()  # that a file was there at the start says something of its event
             yield self._first_look()
-        yield from self._report(len(found.images), now)
+        yield from self._report(found, now)
 
     def failed(self, error: Exception) -> Iterator[Notice]:
         """No failure ends the watching; each kind is said once."""
@@ -176,12 +189,14 @@ class FolderWatch:
             candidate = self._candidates[look.path] = Candidate(self._settings)
             if self._polls == 1 and look.modified_ns < self._oldest_ns:
                 self._left += 1
+                self._left_lately += look.changed_ns >= self._oldest_ns
                 candidate.leave(look)
             elif self._was_taken(look):
                 candidate.leave(look)
         if candidate.is_changed(look):
             self._changed += 1
             candidate.appeared = pause
+            self._previews.changed(look.path)
         return candidate.is_ready(look, now)
 
     def _was_taken(self, look: Look) -> bool:
@@ -190,22 +205,36 @@ class FolderWatch:
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:
         item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1, self._prove)
-        if isinstance(item, Frame):
-            self._versions[look.name] = self._versions.get(look.name, 0) + 1
-            self._taken += 1
-            self._last_utc = time.time()
-            item = self._dated(item, self._candidates[look.path].appeared)
         self._damaged += isinstance(item, DamagedFile)
         if isinstance(item, Unread):
             yield from self._unread_now(look, item)
             return
         self._unread.discard(look.path)
-        if item is not None:
+        if isinstance(item, Frame):
+            item = self._dated(item, self._candidates[look.path].appeared)
+            whole = self._previews.take(item, image_size(item.data or b""), now)
+            yield from () if whole is None else self._accepted(whole, now)
+        elif item is not None:
             yield item
+
+    def _accepted(self, frame: Frame, now: float) -> Iterator[Item]:
+        name, version = file_and_version(frame.name)
+        self._versions[name] = version
+        self._taken += 1
+        self._last_utc = time.time()
+        yield from self._cameras.take(frame, image_size(frame.data or b""), now)
+
+    def _due(self, now: float) -> Iterator[Item]:
+        """What has waited for other files of its shot, or for the rest of itself."""
+        for frame in self._previews.due(now):
+            yield from self._accepted(frame, now)
+        yield from self._cameras.due(now)
 
     def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
         if pause is None:
             return frame
+        if pause.is_short and self._polls > 1:
+            self._clock_off_s = time.time() - frame.modified
         utc_of_zero = time.time() - time.monotonic()
         return replace(frame, received=self._appearances.dated(pause, frame.modified, frame.received, utc_of_zero))
 
@@ -228,26 +257,48 @@ class FolderWatch:
         for suffix in sorted(found.strangers):
             kind = f"files ending in {suffix}" if suffix else "files without an ending"
             yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
+        for name in sorted(found.previews):
+            yield from self._once("info", f"{name} is a folder of small copies by its name: it is not looked into")
         for name in sorted(found.links)[:1]:
             yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
 
-    def _report(self, seen: int, now: float) -> Iterator[SourceReport]:
+    def _report(self, found: Scan, now: float) -> Iterator[SourceReport]:
+        self._count_passed_over(found, now)
         report = SourceReport(
             kind="folder",
             name=str(self._folder),
             state="missing" if self._missing else "watching",
             since_utc=self._since_utc,
             last_seen_utc=self._last_utc,
-            seen=seen,
-            taken=self._taken,
+            seen=len(found.images),
+            taken=self._taken_as_frames,
             damaged=self._damaged,
             gaps=self._gaps,
+            passed_over=self._kinds,
+            left=self._left,
+            left_lately=self._left_lately,
+            clock_off_s=self._clock_off_s if abs(self._clock_off_s or 0.0) >= CLOCK_OFF_S else None,
+            cameras=self._cameras.counts,
         )
         before = self._reported
         is_news = before is None or (report != before[0] and now - before[1] >= REPORT_EACH_S)
         if is_news or (before and before[0].state != report.state):
             self._reported = (report, now)
             yield report
+
+    def _count_passed_over(self, found: Scan, now: float) -> None:
+        """Less often than it is looked for frames: of thousands of files it takes milliseconds."""
+        if now < self._counts_due:
+            return
+        self._counts_due = now + REPORT_EACH_S
+        stems = {stem_of(look.name) for look in found.images} if found.others else set[str]()
+        self._kinds = self._passed_over.kinds(found.others, stems, self._is_old)
+
+    def _is_old(self, name: str) -> bool:
+        try:
+            return (self._folder / name).stat().st_mtime_ns < self._oldest_ns
+        except OSError:  # gone, or of a name that is only shown so
+            return True
 
     def _presence(self, found: Scan) -> Iterator[Notice]:
         """Report when the folder disappears (card removed, mount lost) and when it returns."""
@@ -270,6 +321,10 @@ class FolderWatch:
         away = self._device is not None and found.device != self._device and not found.is_mount
         return "is empty, its disk is gone" if away else ""
 
+    @property
+    def _taken_as_frames(self) -> int:
+        return max(0, self._taken - self._previews.again - self._cameras.left_out)
+
     def _once(self, level: Literal["info", "warning", "error"], text: str) -> Iterator[Notice]:
         if text not in self._said:
             self._said.add(text)
@@ -277,5 +332,5 @@ class FolderWatch:
 
     def _first_look(self) -> Notice:
         left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
-        text = f"watching {self._folder}: {self._taken} frames were there{left}"
+        text = f"watching {self._folder}: {self._taken_as_frames} frames were there{left}"
         return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import groupby
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.cameras import chosen_of
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
+from gcs_mosaic.frames.passed_over import RAW_SUFFIXES, Kinds, PassedOver, in_words, stem_of
 from gcs_mosaic.frames.pending_file import FileRead, frame_of, read_whole, versioned
 from gcs_mosaic.frames.scan import LEDGER, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
@@ -40,8 +43,9 @@ def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = No
     and no two are equal; otherwise folder by folder by name, in natural order.
     Raises UsageError immediately for a path that does not exist and for a folder without images.
     """
-    found = files_in([paths] if isinstance(paths, Path) else list(paths))
-    frames = _frames(found.looks, settings or FolderSettings())
+    settings = settings or FolderSettings()
+    found = files_in([paths] if isinstance(paths, Path) else list(paths), settings.cameras)
+    frames = _frames(found.looks, settings)
     return Given(len(found.looks), frames, found.order, found.passed_over, found.notes)
 
 
@@ -55,15 +59,18 @@ class GivenFiles:
     notes: tuple[str, ...]
 
 
-def files_in(given: list[Path]) -> GivenFiles:
-    """As `frames_in`, without reading the files."""
+def files_in(given: list[Path], cameras: Sequence[str] = ()) -> GivenFiles:
+    """As `frames_in`, without reading the files; `cameras` are patterns as in `FolderSettings`."""
     notes = list[str]()
-    found = [looks_in(path) for path in given]
-    looks = [look for looks, _ in found for look in looks]
-    passed_over = tuple(text for _, texts in found for text in texts)
+    looks, passed_over = list[Look](), list[str]()
+    for _, paths in groupby(given, key=lambda path: path if path.is_dir() else None):
+        found = [looks_in(path) for path in paths]  # files that are named one by one are told apart together
+        some, said = mapped_of([look for looks, _ in found for look in looks], cameras)
+        looks += some
+        passed_over += [*(text for _, texts in found for text in texts), *said]
     in_folders = all(path.is_dir() for path in given)
     ordered, order = _in_order(looks, notes.append) if in_folders else (looks, "in the order given")
-    return GivenFiles(ordered, f"{len(looks)} frames {order}", passed_over, tuple(notes))
+    return GivenFiles(ordered, f"{len(looks)} frames {order}", tuple(passed_over), tuple(notes))
 
 
 def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look], str]:
@@ -85,6 +92,20 @@ def name_order(name: str) -> tuple[tuple[tuple[int, str], ...], str]:
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)), name
 
 
+def mapped_of(looks: list[Look], cameras: Sequence[str]) -> tuple[list[Look], list[str]]:
+    """Those of one camera where several take each shot, and what is to be said of the others.
+
+    Raises UsageError if the patterns leave nothing.
+    """
+    chosen = chosen_of(looks, cameras)
+    if looks and not chosen.looks:
+        raise UsageError(
+            f"cameras: none of {len(looks)} images is called {' or '.join(cameras)}, the first is {looks[0].name}: give "
+            "patterns of the names, such as '*_T.*', or none."
+        )
+    return chosen.looks, [chosen.said] if chosen.said else []
+
+
 def looks_in(path: Path) -> tuple[list[Look], list[str]]:
     """The file, or the files of the folder sorted by name; and what could not be inspected, as text.
 
@@ -101,15 +122,26 @@ def looks_in(path: Path) -> tuple[list[Look], list[str]]:
         ) from error
     found = scan(path)
     images = sorted(found.images, key=lambda look: name_order(look.name))
+    without = PassedOver().kinds(found.others, {stem_of(look.name) for look in images}, lambda name: False)
     if not images:
         if (path / LEDGER).is_file():
             raise UsageError(
                 f"{str(path)!r} is a flight, whose tiles are no frames: give {str(path / 'frames')!r}, where its originals are."
             )
+        there = f" (but {in_words(without)})" if without else ""
         raise UsageError(
-            f"{str(path)!r} holds no images: give a folder with JPEG, PNG or TIFF files (links are not followed)."
+            f"{str(path)!r} holds no images{there}: give a folder with JPEG, PNG or TIFF files (links are not followed)."
         )
-    return images, sorted(found.unreadable)
+    return images, [*sorted(found.unreadable), *_left_out(without)]
+
+
+def _left_out(kinds: Kinds) -> Iterator[str]:
+    raw = tuple(one for one in kinds if one[0] in RAW_SUFFIXES)
+    if raw:
+        yield f"RAW files without a JPEG beside them are left out ({in_words(raw)}): they are not read"
+    previews = tuple(one for one in kinds if one[0].endswith("/"))
+    if previews:
+        yield f"folders of small copies are left out ({in_words(previews)}); name one of them to stitch what is in it"
 
 
 def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | DamagedFile]:

@@ -8,13 +8,14 @@ import re
 import stat
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
 from gcs_mosaic.frames.appearance import Pause
 from gcs_mosaic.frames.exif import captured_s
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.picture_hash import picture_hash
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
@@ -107,7 +108,10 @@ class Candidate:
             return self._broken(name, reason, now, 0.0)
         self._settled, self._reported = True, False
         taken_before, self.content = self.content, digest
-        return None if digest == taken_before else frame_of(look, name, found.data, digest)
+        if digest == taken_before:
+            return None
+        frame = frame_of(look, name, found.data, digest)
+        return frame if version == 1 else replace(frame, earlier=versioned(look.name, version - 1))
 
     def _waits(self, now: float) -> bool:
         """Whether more of the file may come; then it is looked at again, for some systems show changes late."""
@@ -182,4 +186,5 @@ def frame_of(look: Look, name: str, data: bytes, digest: str) -> Frame:
         modified=look.modified_ns / 1e9,
         captured=captured_s(data),
         data=data,
+        picture=picture_hash(data),
     )

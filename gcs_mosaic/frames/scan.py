@@ -9,6 +9,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gcs_mosaic.frames.passed_over import is_preview_folder
+
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
 LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
@@ -39,6 +41,8 @@ class Scan:
 
     images: list[Look] = field(default_factory=list)
     strangers: set[str] = field(default_factory=set)  # suffixes of files that are not images
+    others: set[str] = field(default_factory=set)  # names of the files that are not taken
+    previews: set[str] = field(default_factory=set)  # folders of small copies, which are not looked into
     links: set[str] = field(default_factory=set)  # names of symbolic links, which may lead anywhere
     unreadable: set[str] = field(default_factory=set)  # sentences: what could not be inspected, and why
     missing: str = ""  # why the folder itself cannot be read, as the end of a sentence
@@ -53,7 +57,8 @@ class Scan:
 
 
 def scan(folder: Path) -> Scan:
-    """Scan once. Hidden, unfinished and vanishing files are skipped; links are not followed."""
+    """Scan once. Hidden, unfinished and vanishing files are skipped, and so are folders of previews below the folder itself;
+    links are not followed."""
     found = Scan()
     try:
         os.scandir(folder).close()
@@ -69,6 +74,7 @@ def scan(folder: Path) -> Scan:
             found.links.add(name)
         elif suffix not in IMAGE_SUFFIXES:
             found.strangers.add(shown_name(Path(suffix)) if suffix else "")
+            found.others.add(name)
         elif look := _look(entry, name, found):
             found.images.append(look)
     return found
@@ -89,10 +95,20 @@ def _entries(folder: Path, found: Scan) -> Iterator[os.DirEntry[str]]:
         for entry in _listing(within, found, ours=(LEDGER,) if within == named else OURS):
             if entry.name.startswith(".") or Path(entry.name).suffix.lower() in _UNFINISHED:
                 continue
-            if _is_folder(entry, found):
-                folders.append(entry.path)
-            else:
+            if not _is_folder(entry, found):
                 yield entry
+            elif is_preview_folder(entry.name):
+                _note_previews(entry, Path(named), found)
+            else:
+                folders.append(entry.path)
+
+
+def _note_previews(folder: os.DirEntry[str], root: Path, found: Scan) -> None:
+    """The images that lie in it, not those of folders below: storage boxes keep a folder for each picture."""
+    found.previews.add(shown_name(Path(folder.path).relative_to(root)))
+    for entry in _listing(folder.path, found, ours=()):
+        if Path(entry.name).suffix.lower() in IMAGE_SUFFIXES and not _is_link(entry, Scan()):
+            found.others.add(shown_name(Path(entry.path).relative_to(root)))
 
 
 def _listing(folder: str, found: Scan, ours: Collection[str]) -> list[os.DirEntry[str]]:

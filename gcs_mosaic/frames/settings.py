@@ -29,6 +29,8 @@ class FolderSettings:
     """Width times height; larger images are refused by their header, before decoding."""
     max_file_bytes: int = 1 << 30
     """Larger files are not read at all: 1 GiB is ten times the largest frame of any airborne camera."""
+    cameras: tuple[str, ...] = ()
+    """Patterns of file names, such as *_T.*: only these are mapped; none: where several cameras take each shot, one of them."""
 
 
 def parse_from(text: str) -> float:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, Topic
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, OtherFile, Topic
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Extent, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
@@ -47,6 +47,7 @@ from gcs_mosaic.store.records import (
     IslandRecord,
 )
 from gcs_mosaic.store.retry import Retry, at_once
+from gcs_mosaic.store.rewritten import RewrittenFiles
 from gcs_mosaic.store.stages import stage
 from gcs_mosaic.store.tiles import TileSettings, TileWriter, remove_strays, tile_path
 
@@ -81,6 +82,7 @@ class FlightStore(Kept):
             "_lost",
             "_tiles",
             "_manifest",
+            "_rewritten",
             "_published",
             "_utc",
             "_retry",
@@ -118,7 +120,10 @@ class FlightStore(Kept):
         self._retry = retry
         self._orders: dict[str, int] = {}  # arrival order, by frame name
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
-        self._names: dict[str, str] = {}  # first frame's name by content hash
+        self._names: dict[str, str] = {}  # first frame's name by content hash, and by the hash of its picture
+        self._pictures: dict[str, str] = {}  # hash of its picture by frame name, where it is known
+        self._unreadable: set[str] = set()  # frames that came whole, as it seemed, and could not be decoded
+        self._rewritten = RewrittenFiles()
         self._vehicles: dict[str, int] = {}  # of frames whose aircraft is known, by name
         self._told: Accounts | None = None  # as last written to the documents: events change them without any frame
         self._islands_known = 0
@@ -179,7 +184,12 @@ class FlightStore(Kept):
         """
         if frame.content_hash in self._names or not self.may_write():
             return frame
-        return self._originals.keep_ahead(frame)
+        same = self._names.get(frame.picture or "")
+        if same is None:
+            return self._originals.keep_ahead(frame)
+        if frame.earlier is None or self.known_as(frame.earlier) != same:  # a duplicate in other bytes
+            return frame
+        return replace(self._originals.keep_ahead(replace(frame, name=same)), name=frame.name)
 
     def accept(self, frame: Frame) -> tuple[Frame | None, list[Notice]]:
         """Keep a frame's original and record both; returns the frame as kept, and notices for the operator.
@@ -187,25 +197,80 @@ class FlightStore(Kept):
         None if the same image arrived before.
         """
         self.taken_in += 1
-        earlier = self._names.get(frame.content_hash)
+        earlier = self._names.get(frame.content_hash) or self._names.get(frame.picture or "")
         if earlier is not None:
             self._retry(lambda: self._record_as(frame, FrameState.DUPLICATE, f"the same picture as {earlier}"))
             logger.info("%s: duplicate, the same picture as %s", frame.name, earlier)
             return None, []
         self.in_a_pause = False
         kept, said = self._retry(lambda: self._keep(frame))
-        self._names[frame.content_hash] = frame.name
+        self._note_identity(frame, frame.name)
         self._orders[frame.name] = len(self._orders)
         self._places[frame.name] = (kept.path, frame.content_hash)
         if frame.vehicle is not None:
             self._vehicles[frame.name] = frame.vehicle
         return kept, said
 
+    def was_unreadable(self, name: str) -> bool:
+        """Whether this frame could not be decoded."""
+        return name in self._unreadable
+
+    def known_as(self, name: str) -> str | None:
+        """The frame that this one is, if its file was written again with the same picture; None for no frame of this flight."""
+        name = self._rewritten.first(name)
+        return name if name in self._places else None
+
+    def has_picture(self, name: str, picture: str) -> bool | None:
+        """Whether this frame shows that picture, see `Frame`; None if it is not known since a restart."""
+        known = self._pictures.get(name)
+        return None if known is None else known == picture
+
+    def take_new_bytes(self, frame: Frame, name: str) -> None:
+        """Take what came as `frame`, the same picture as the frame `name` in other bytes, for the original of that."""
+        self._rewritten.note(frame.name, name)
+        if frame.content_hash != self.content_hash(name):  # the same bytes: it is known since before a restart
+            self._retry(lambda: self._keep_new_bytes(replace(frame, name=name)))
+            logger.info("%s was written again with the same picture: its original is that file now", name)
+        self._note_identity(frame, name)
+
+    def _keep_new_bytes(self, frame: Frame) -> None:
+        old, _ = self._places[frame.name]
+        kept = self._originals.keep(frame)
+        path = None if isinstance(kept, NotKept) else self.out / kept.path
+        with self.ledger.transaction():
+            self.ledger.record_new_bytes(frame)
+            if isinstance(kept, NotKept):
+                self.ledger.forget_original(frame.name)
+            else:
+                self.ledger.record_original(frame.name, kept.path)
+        self._lost.forget(frame.name)
+        if path is None:
+            self._lost.add([frame])
+        self._places[frame.name] = path or frame.path, frame.content_hash
+        if path != old:
+            self._rewritten.outdated(frame.name, old)
+
+    def _note_identity(self, frame: Frame, name: str) -> None:
+        self._names[frame.content_hash] = name
+        if frame.picture is not None:
+            self._names[frame.picture] = name
+            self._pictures[name] = frame.picture
+
     def accept_dropped(self, dropped: DroppedFrame) -> None:
         """Record a stream frame dropped for lack of space."""
         self.taken_in += 1
         self._retry(lambda: self._record_as(dropped.frame, FrameState.DROPPED, dropped.reason))
         logger.info("%s: dropped, %s", dropped.frame.name, dropped.reason)
+
+    def accept_other(self, other: OtherFile) -> None:
+        """Record a file of a camera that is not mapped; its file stays where it is."""
+        self._retry(lambda: self.ledger.record_other(other))
+        logger.info("%s: of the camera %s, which is not mapped", other.frame.name, other.camera or "that is left out")
+
+    def note_beside(self, name: str, what: str) -> None:
+        """The frame `name` is of a shot whose frame is another one, a smaller preview for instance."""
+        if name in self._places:
+            self._retry(lambda: self.ledger.record_beside(name, what))
 
     def accept_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file."""
@@ -224,6 +289,8 @@ class FlightStore(Kept):
     def may_come_again(self, frame: Frame) -> None:
         """Do not treat the same image as a duplicate if it arrives again: this one could not be read."""
         self._names.pop(frame.content_hash, None)
+        self._names.pop(frame.picture or "", None)
+        self._unreadable.add(frame.name)
 
     # After the folder was made anew
 
@@ -353,6 +420,7 @@ class FlightStore(Kept):
         If anything is raised, the changes remain for the next call.
         """
         self._retry(lambda: self._save(picture, islands, frames_on, held_out))
+        self._rewritten.remove_outdated(self.out / "frames", self.ledger.frames)
 
     def tell_accounts(self) -> None:
         """Bring the accounts in mosaic.json up to the ledger's, which `save` does only with the next frame."""

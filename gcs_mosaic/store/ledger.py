@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict
 
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, TriggerEvent
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, TriggerEvent
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -126,6 +126,35 @@ class Ledger(LedgerFile):
             if not self.changed(f"UPDATE frames SET {mend} WHERE name = ? AND state = 'damaged'", *values):
                 columns = "content_hash, size, received, modified, vehicle, name"
                 self.write(f"INSERT INTO frames ({columns}) VALUES ({marks(values)})", *values)
+            self.write("DELETE FROM other_files WHERE name = ?", stored(frame.name))  # its camera is mapped after all
+
+    def record_other(self, other: OtherFile) -> None:
+        """Record a file of a camera that is not mapped; the newest version of it."""
+        frame = other.frame
+        values = (stored(frame.name), other.camera, frame.content_hash, frame.size, frame.received, frame.modified)
+        columns = "name, camera, content_hash, size, received, modified, vehicle"
+        self.write(
+            f"INSERT OR REPLACE INTO other_files ({columns}) VALUES ({marks((*values, 0))})", *values, frame.vehicle
+        )
+
+    def record_beside(self, name: str, what: str) -> None:
+        """Record that a frame is of a shot whose frame is another one; `what` it is to that, in the place of its camera."""
+        columns = "name, camera, content_hash, size, received, modified, vehicle"
+        of_frame = f"SELECT {columns.replace('camera', '?')} FROM frames WHERE name = ?"
+        self.write(f"INSERT OR REPLACE INTO other_files ({columns}) {of_frame}", what, stored(name))
+
+    def other_files(self) -> list[tuple[str, str]]:
+        """Name and camera of each file of a camera that is not mapped, in order of arrival."""
+        if not self._has_other_files():
+            return []
+        return [
+            (name_of(row), row["camera"]) for row in self.rows("SELECT name, camera FROM other_files ORDER BY rowid")
+        ]
+
+    def record_new_bytes(self, frame: Frame) -> None:
+        """Record that a frame's file holds the same picture in other bytes now; its time is still that of the picture."""
+        told = (frame.content_hash, frame.size, stored(frame.name))
+        self.update("UPDATE frames SET content_hash = ?, size = ? WHERE name = ?", *told)
 
     def record_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file. If repeated, the newest reason is kept; the name of a complete frame is an error."""
@@ -313,8 +342,15 @@ class Ledger(LedgerFile):
         return Accounts(
             events=EventAccount(**self._count_by_state("events")),
             frames=FrameAccount(**self._count_by_state("frames")),
-            orphans=self.rows(f"SELECT count(*) - ({announced}) FROM frames")[0][0],
+            orphans=self.rows(f"SELECT count(*) - ({announced}) FROM frames")[0][0] - self._previews(),
         )
+
+    def _previews(self) -> int:
+        """Frames without an event that are of a shot whose frame is another one."""
+        if not self._has_other_files():
+            return 0
+        aside = "SELECT count(*) FROM other_files JOIN frames USING (name) WHERE frames.id NOT IN "
+        return int(self.rows(f"{aside} (SELECT frame FROM events WHERE frame IS NOT NULL)")[0][0])
 
     def accounts_of_aircraft(self) -> dict[int, Accounts]:
         """The same for each aircraft that is known by an event or a frame. A frame is that of the aircraft whose source brought
@@ -351,6 +387,10 @@ class Ledger(LedgerFile):
     def _sharpness(self) -> str:
         """The column; nothing in an older ledger that is only read."""
         return "frames.sharpness" if self._has("sharpness") else "NULL"
+
+    def _has_other_files(self) -> bool:
+        """An older ledger that is only read may have none."""
+        return bool(self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'other_files'"))
 
     def _has(self, column: str) -> bool:
         """Whether frames have this column: an older ledger that is only read may not."""

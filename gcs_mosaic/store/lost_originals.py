@@ -48,6 +48,10 @@ class LostOriginals:
         """Try all once more at once, whatever was tried in vain before."""
         self._in_vain, self._due = 0, -math.inf
 
+    def forget(self, name: str) -> None:
+        """This one is not sought any more."""
+        self._frames = deque(frame for frame in self._frames if frame.name != name)
+
     def is_due(self, now: float) -> bool:
         """Whether to try the next one at this monotonic time."""
         return bool(self._frames) and now >= self._due

@@ -12,7 +12,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files, refuse_strange_schema
 
-VERSION = 13  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 14  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -43,6 +43,16 @@ COVERED = """CREATE TABLE covered (
     keyframe INTEGER NOT NULL REFERENCES frames (id),
     keyframe_from_frame BLOB NOT NULL,
     CHECK (frame != keyframe)
+);
+"""
+OTHER_FILES = """CREATE TABLE IF NOT EXISTS other_files (
+    name PRIMARY KEY, -- of a file of a shot whose frame is another one
+    camera TEXT NOT NULL, -- or what it is: preview, written again
+    content_hash TEXT NOT NULL,
+    size INTEGER NOT NULL,
+    received NOT NULL,
+    modified NOT NULL,
+    vehicle INTEGER
 );
 """
 TABLES = f"""
@@ -120,7 +130,7 @@ CREATE TABLE estimates (
     homography BLOB,
     focal_log_deviation
 );
-{COVERED}CREATE TABLE notices (
+{COVERED}{OTHER_FILES}CREATE TABLE notices (
     id INTEGER PRIMARY KEY,
     utc NOT NULL,
     source TEXT NOT NULL,
@@ -158,6 +168,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     10: "ALTER TABLE frames ADD COLUMN vehicle INTEGER;",
     11: "ALTER TABLE estimates ADD COLUMN focal_log_deviation;",
     12: "ALTER TABLE painted ADD COLUMN overlay BLOB;",
+    13: OTHER_FILES,
 }
 
 

@@ -76,13 +76,16 @@ class Index(Generic[Held]):
         """Evict the oldest items beyond the capacity; returns them."""
         taken_off = []
         while len(self._keys) > self._room:
-            held, keys = self._keys.popitem(last=False)
-            for key in keys:
-                self._under[key].remove(held)
-                if not self._under[key]:
-                    del self._under[key]
-            taken_off.append(held)
+            taken_off.append(next(iter(self._keys)))
+            self.remove(taken_off[-1])
         return taken_off
+
+    def remove(self, held: Held) -> None:
+        """Take it out."""
+        for key in self._keys.pop(held):
+            self._under[key].remove(held)
+            if not self._under[key]:
+                del self._under[key]
 
     def under(self, key: Hashable) -> Iterator[Held]:
         """Items under `key`, newest first."""

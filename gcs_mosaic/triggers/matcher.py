@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 
 from gcs_mosaic.messages import CaptureResult, Frame, Teller, TriggerEvent
@@ -86,6 +87,27 @@ class Pairing:
         outcomes += () if held.event else self._find_event(held)
         outcomes += self._look_back(now)
         return outcomes if held.event else [*outcomes, Orphan(frame)]
+
+    def whole_of(self, preview: str, frame: Frame) -> list[Outcome]:
+        """The frame of the name `preview` was a smaller picture of this shot: all that is known of it is of `frame` now."""
+        held = next(self._frames.under(("frame", preview)), None)
+        if held is None:
+            return []
+        held.frame = replace(frame, received=held.frame.received)
+        self._frames.put(held, [("frame", frame.name)])
+        if held.event is None:
+            return [Orphan(held.frame)]
+        return [Matched(held.event.id, held.event.event, held.frame, held.event.how or How.TIME)]
+
+    def withdraw(self, name: str) -> list[Outcome]:
+        """The frame of this name was none of its own: an event that was matched with it is looked at again."""
+        held = next(self._frames.under(("frame", name)), None)
+        if held is None:
+            return []
+        event, held.fresh = held.event, False
+        self._frames.remove(held)
+        self._frames_seen -= 1
+        return [] if event is None else [*self._release(event), *self._find_frame(event)]
 
     def known(self, event_id: int, name: str) -> list[Outcome]:
         """This event was matched with the frame of this name before, by what is not known any more; both have been told."""

@@ -120,6 +120,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    14: "DROP TABLE other_files;",
     13: "ALTER TABLE painted DROP COLUMN overlay;",
     12: "ALTER TABLE estimates DROP COLUMN focal_log_deviation;",
     11: "ALTER TABLE frames DROP COLUMN vehicle;",

@@ -148,7 +148,7 @@ class _Keeper:
     def _reported(self, told: dict[str, Any]) -> SourceReport:
         if told["state"] not in get_args(SourceState):
             raise ValueError("no state")
-        counted = {name: int(told[name]) + before for name, before in self._counted.items()}
+        counted: dict[str, Any] = {name: int(told[name]) + before for name, before in self._counted.items()}
         times = {name: told[name] for name in ("since_utc", "last_seen_utc")}
         self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **times, **counted)
         return self._report

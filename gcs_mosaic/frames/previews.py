@@ -1,0 +1,72 @@
+"""Uploads that bring a small preview of a picture first, and the whole picture into the same file later. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.frames.shot_names import shot_file
+from gcs_mosaic.messages import Frame
+
+Size = tuple[int, int] | None
+
+MUCH_SMALLER = 0.5  # of the pixels of the camera's largest picture so far: may be a preview
+WAIT_S = 5.0  # for the whole picture, after the last change
+FINAL_WITHIN_S = (
+    60.0  # a larger picture that comes later is another one of a camera that writes one name again and again
+)
+
+
+@dataclass(slots=True)
+class _Taken:
+    size: tuple[int, int]
+    picture: str | None
+    at: float
+
+
+class Previews:
+    """Of one folder: what waits because it may be a preview, and what is the whole picture of one that was taken."""
+
+    def __init__(self) -> None:
+        self._largest = Counter[str]()  # px, by camera
+        self._taken: dict[str, _Taken] = {}  # by file name
+        self._waiting: dict[Path, tuple[Frame, tuple[int, int], float]] = {}
+        self.again = 0  # files that were written again with the same picture
+
+    def take(self, frame: Frame, size: Size, now: float) -> Frame | None:
+        """The frame, or None if it has to wait; if it is the whole picture of a preview that was taken, it says so."""
+        self._waiting.pop(frame.path, None)
+        if size is None:
+            return frame
+        if size[0] * size[1] < MUCH_SMALLER * self._largest[_camera(frame)]:
+            self._waiting[frame.path] = frame, size, now + WAIT_S
+            return None
+        return self._noted(frame, size, now)
+
+    def changed(self, path: Path) -> None:
+        """This file is being written: what waits of it will come again."""
+        self._waiting.pop(path, None)
+
+    def due(self, now: float) -> Iterator[Frame]:
+        """What has stood still for long enough to be no preview."""
+        for path in [path for path, (_, _, until) in self._waiting.items() if now >= until]:
+            frame, size, _ = self._waiting.pop(path)
+            yield self._noted(frame, size, now)
+
+    def _noted(self, frame: Frame, size: tuple[int, int], now: float) -> Frame:
+        file, _ = file_and_version(frame.name)
+        before = self._taken.get(file)
+        self._taken[file] = _Taken(size, frame.picture, now)
+        self._largest[_camera(frame)] = max(self._largest[_camera(frame)], size[0] * size[1])
+        if before is None:
+            return frame
+        self.again += before.picture is not None and before.picture == frame.picture
+        larger = size[0] > before.size[0] and size[1] > before.size[1]
+        return replace(frame, is_whole_of_earlier=True) if larger and now - before.at <= FINAL_WITHIN_S else frame
+
+
+def _camera(frame: Frame) -> str:
+    return shot_file(file_and_version(frame.name)[0]).camera
