@@ -94,6 +94,15 @@ def content_hash(data: bytes) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedPosition:
+    """Where a recording says that the camera was; for anchors of the finished map only, never used in stitching."""
+
+    position: Position
+    time_s: float  # on a clock that goes on for all frames with the same `told_by`
+    told_by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One completely received image. Pixels are loaded on demand."""
 
@@ -108,6 +117,7 @@ class Frame:
     data: bytes | None = field(default=None, repr=False)  # the whole file as hashed, while in memory
     taken_for: TriggerEvent | None = None  # the event that requested it from a live stream
     vehicle: int | None = None  # MAVLink system id of the aircraft whose source brought it; None: one source for all
+    recorded: RecordedPosition | None = field(default=None, repr=False)  # what the video it is taken from says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from gcs_mosaic.store.ledger import Ledger
 
 logger = logging.getLogger(__name__)
 
-TABLES = ("flight", "frames", "events", "islands", "cameras", "painted", "estimates", "covered", "notices")
+TABLES = ("flight", "frames", "events", "islands", "cameras", "painted", "estimates", "covered", "recorded", "notices")
 SUFFIXES = ("", "-wal", "-shm")
 
 

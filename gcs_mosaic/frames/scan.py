@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
+VIDEO_SUFFIXES = {".mp4", ".m4v", ".mov", ".mkv", ".ts", ".mts", ".m2ts", ".mpg", ".mpeg", ".avi"}
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
 LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
 # The lock is there before the ledger. One that was left in the folder of frames itself hides nothing: that folder was named.
@@ -35,9 +36,10 @@ class Look:
 
 @dataclass(slots=True)
 class Scan:
-    """Result of a scan: images by name and suffix only, and what was skipped."""
+    """Result of a scan: images and videos by name and suffix only, and what was skipped."""
 
     images: list[Look] = field(default_factory=list)
+    videos: list[Look] = field(default_factory=list)
     strangers: set[str] = field(default_factory=set)  # suffixes of files that are not images
     links: set[str] = field(default_factory=set)  # names of symbolic links, which may lead anywhere
     unreadable: set[str] = field(default_factory=set)  # sentences: what could not be inspected, and why
@@ -67,10 +69,10 @@ def scan(folder: Path) -> Scan:
         suffix = Path(entry.name).suffix.lower()
         if _is_link(entry, found):
             found.links.add(name)
-        elif suffix not in IMAGE_SUFFIXES:
+        elif suffix not in IMAGE_SUFFIXES | VIDEO_SUFFIXES:
             found.strangers.add(shown_name(Path(suffix)) if suffix else "")
         elif look := _look(entry, name, found):
-            found.images.append(look)
+            (found.videos if suffix in VIDEO_SUFFIXES else found.images).append(look)
     return found
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 
-VERSION = 13  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 14  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -42,6 +42,16 @@ COVERED = """CREATE TABLE covered (
     keyframe INTEGER NOT NULL REFERENCES frames (id),
     keyframe_from_frame BLOB NOT NULL,
     CHECK (frame != keyframe)
+);
+"""
+# Where a recorded video says that the camera was: what its frames have instead of events.
+RECORDED = """CREATE TABLE recorded (
+    frame INTEGER PRIMARY KEY REFERENCES frames (id),
+    time_s NOT NULL,
+    told_by TEXT NOT NULL,
+    latitude_deg NOT NULL,
+    longitude_deg NOT NULL,
+    altitude_m
 );
 """
 TABLES = f"""
@@ -119,7 +129,7 @@ CREATE TABLE estimates (
     homography BLOB,
     focal_log_deviation
 );
-{COVERED}CREATE TABLE notices (
+{COVERED}{RECORDED}CREATE TABLE notices (
     id INTEGER PRIMARY KEY,
     utc NOT NULL,
     source TEXT NOT NULL,
@@ -157,6 +167,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     10: "ALTER TABLE frames ADD COLUMN vehicle INTEGER;",
     11: "ALTER TABLE estimates ADD COLUMN focal_log_deviation;",
     12: "ALTER TABLE painted ADD COLUMN overlay BLOB;",
+    13: RECORDED,
 }
 
 
