@@ -16,8 +16,10 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.files import frames_in as frames_in
 from gcs_mosaic.frames.pending_file import Candidate, Unread
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.frames.video.watched import WatchedVideos
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, SourceReport, Topic
 
 REPORT_EACH_S = 1.0
@@ -49,31 +51,38 @@ def watch(
     stop: threading.Event,
     settings: FolderSettings | None = None,
     taken: Mapping[str, Taken] | None = None,
+    videos: WatchedVideos | None = None,
 ) -> Iterator[Item]:
     """Frames as they become complete in `folder` and below, until `stop` is set; a missing folder is created.
 
     A file is ready when two scans find it unchanged and it is complete. Files that become ready in one scan are sorted by
     time, then by name. `taken`: files of a resumed flight by name; all others are new, unless they are older
-    than all of these and than the settings allow. Raises UsageError immediately for a path that cannot be a folder.
+    than all of these and than the settings allow. `videos` reads recorded ones. Raises UsageError immediately for a path
+    that cannot be a folder.
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
-    return _watching(FolderWatch(folder, settings, time.time(), taken), made, stop)
+    videos = videos or WatchedVideos(settings, StreamSettings(), {})
+    return _watching(FolderWatch(folder, settings, time.time(), taken, videos), made, stop)
 
 
 def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event) -> Iterator[Item]:
     yield from made
-    while not stop.is_set():
-        try:
-            for item in watched.poll(time.monotonic()):
-                yield item
-                if stop.is_set():
-                    return
-        except Exception as error:
-            logger.exception("a look at the watched folder has failed")
-            yield from watched.failed(error)
-            stop.wait(AGAIN_AFTER_FAILURE_S)
-        stop.wait(watched.look_again_s)
+    try:
+        while not stop.is_set():
+            try:
+                for item in watched.poll(time.monotonic()):
+                    yield item
+                    if stop.is_set():
+                        return
+            except Exception as error:
+                logger.exception("a look at the watched folder has failed")
+                yield from watched.failed(error)
+                stop.wait(AGAIN_AFTER_FAILURE_S)
+            stop.wait(watched.look_again_s)
+    finally:
+        if unread := watched.close():
+            logger.warning("%s", unread)
 
 
 def _make_folder(folder: Path) -> list[Item]:
@@ -92,8 +101,14 @@ class FolderWatch:
     """State of every file in the folder; each `poll` is one scan."""
 
     def __init__(
-        self, folder: Path, settings: FolderSettings, started_utc: float, taken: Mapping[str, Taken] | None = None
+        self,
+        folder: Path,
+        settings: FolderSettings,
+        started_utc: float,
+        taken: Mapping[str, Taken] | None = None,
+        videos: WatchedVideos | None = None,
     ) -> None:
+        self._videos = videos
         self._folder, self._settings = folder, settings
         # Files that arrived unwatched are no older than the flight, even if the camera's clock is wrong.
         oldest = min((one.modified for one in (taken or {}).values()), default=math.inf)
@@ -130,7 +145,20 @@ class FolderWatch:
         yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
         if self._polls == 2:
             yield self._first_look()
-        yield from self._report(len(found.images), now)
+        if self._videos is not None:
+            yield from self._of_videos(self._videos, found, now)
+        yield from self._report(len(found.images) + len(found.videos), now)
+
+    def close(self) -> str:
+        """End; returns what to say of what is not read to its end."""
+        return "" if self._videos is None else self._videos.close()
+
+    def _of_videos(self, videos: WatchedVideos, found: Scan, now: float) -> Iterator[Item]:
+        for item in videos.items(found.videos, self._oldest_ns, now):
+            if isinstance(item, Frame):
+                self._taken += 1
+                self._last_utc = time.time()
+            yield item
 
     def failed(self, error: Exception) -> Iterator[Notice]:
         """No failure ends the watching; each kind is said once."""
@@ -210,7 +238,7 @@ class FolderWatch:
             yield from self._once("warning", text)
         for suffix in sorted(found.strangers):
             kind = f"files ending in {suffix}" if suffix else "files without an ending"
-            yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
+            yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) or videos and are left alone")
         for name in sorted(found.links)[:1]:
             yield from self._once("warning", f"{name} is a symbolic link; links are not followed")
 
@@ -259,6 +287,7 @@ class FolderWatch:
             yield Notice(source=str(self._folder), level=level, text=text)
 
     def _first_look(self) -> Notice:
+        self._left += 0 if self._videos is None else self._videos.left
         left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
         text = f"watching {self._folder}: {self._taken} frames were there{left}"
         return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)

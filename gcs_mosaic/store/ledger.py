@@ -137,7 +137,9 @@ class Ledger(LedgerFile):
         place = recorded.position
         told = (recorded.time_s, printable(recorded.told_by), place.latitude_deg, place.longitude_deg, place.altitude_m)
         columns = "frame, time_s, told_by, latitude_deg, longitude_deg, altitude_m"
-        self.write(f"INSERT OR REPLACE INTO recorded ({columns}) VALUES (?, ?, ?, ?, ?, ?)", self._frame_id(name), *told)
+        self.write(
+            f"INSERT OR REPLACE INTO recorded ({columns}) VALUES (?, ?, ?, ?, ?, ?)", self._frame_id(name), *told
+        )
 
     def recorded(self) -> list[tuple[str, RecordedPosition]]:
         """What videos say of where their frames were taken, with the frames' names; none in a ledger older than this table."""

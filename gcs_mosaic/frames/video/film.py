@@ -23,7 +23,20 @@ from gcs_mosaic.frames.video.upright import Orientation, of_degrees, of_matrix
 
 FORMATS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,mpegts,mpeg,avi"  # no playlists: they name other files and hosts
 CODECS = {
-    *("h264", "hevc", "mpeg2video", "mpeg1video", "mpeg4", "msmpeg4v3", "mjpeg", "av1", "libdav1d", "vp8", "vp9", "prores"),
+    *(
+        "h264",
+        "hevc",
+        "mpeg2video",
+        "mpeg1video",
+        "mpeg4",
+        "msmpeg4v3",
+        "mjpeg",
+        "av1",
+        "libdav1d",
+        "vp8",
+        "vp9",
+        "prores",
+    ),
     *("dnxhd", "dvvideo", "ffv1", "h263", "libvpx-vp9", "libvpx"),
 }
 MOST_FAULTS = 2000  # packets in a row that bring no picture
@@ -197,9 +210,9 @@ def _first_stamp(video: VideoStream) -> float:
 
 def _orientation(frame: VideoFrame, video: VideoStream) -> Orientation:
     """By the picture's display matrix, else by the tag that older files have instead."""
-    for data in frame.side_data:
-        if data.type.name == "DISPLAYMATRIX" and (found := of_matrix(bytes(data))):
-            return found
+    matrix: Any = frame.side_data.get("DISPLAYMATRIX")
+    if matrix is not None and (found := of_matrix(bytes(matrix))):
+        return found
     try:
         return of_degrees(float(video.metadata.get("rotate", "0")))
     except (ValueError, OverflowError):
@@ -235,9 +248,9 @@ class _Deinterlacer:
 
 def _graph(frame: VideoFrame) -> av.filter.Graph:
     graph = av.filter.Graph()
-    size = {"width": frame.width, "height": frame.height, "format": frame.format}
+    source = graph.add_buffer(width=frame.width, height=frame.height, format=frame.format, time_base=frame.time_base)
     graph.link_nodes(
-        graph.add_buffer(**size, time_base=frame.time_base),
+        source,
         graph.add("bwdif", "mode=send_frame:parity=auto:deint=interlaced"),
         graph.add("buffersink"),
     ).configure()
@@ -245,7 +258,7 @@ def _graph(frame: VideoFrame) -> av.filter.Graph:
 
 
 def _pulled(graph: av.filter.Graph) -> list[VideoFrame]:
-    pulled = []
+    pulled: list[VideoFrame] = []
     while True:
         try:
             frame = graph.pull()

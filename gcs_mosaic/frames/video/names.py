@@ -9,7 +9,9 @@ from gcs_mosaic.frames.pending_file import versioned
 from gcs_mosaic.frames.scan import VIDEO_SUFFIXES
 
 _SUFFIXES = "|".join(sorted(suffix[1:] for suffix in VIDEO_SUFFIXES))
-_FRAME = re.compile(rf"(.+\.(?:{_SUFFIXES})(?:#\d+)?)/(\d{{2,4}})(\d\d)(\d\d)\.(\d{{3}})\.jpg", re.DOTALL | re.IGNORECASE)
+_FRAME = re.compile(
+    rf"(.+\.(?:{_SUFFIXES})(?:#\d+)?)/(\d{{2,4}})(\d\d)(\d\d)\.(\d{{3}})\.jpg", re.DOTALL | re.IGNORECASE
+)
 
 
 def is_video(path: Path) -> bool:

@@ -6,7 +6,6 @@ import importlib.util
 import logging
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -43,11 +42,12 @@ class VideoReading:
     """
 
     def __init__(self, look: Look, settings: StreamSettings, max_pixels: int, known: Known) -> None:
-        self.look, self.described, self.at_s, self.is_over, self.refused = look, None, 0.0, False, ""
-        self.described: Described | None
+        self.look, self.at_s, self.is_over, self.refused = look, 0.0, False, ""
+        self.described: Described | None = None
         self._settings, self._max_pixels = settings, max_pixels
         self._version = max([1, *(_version(name, look.name) for name in known)])
         self._known = {name: digest for name, digest in known.items() if _version(name, look.name) == self._version}
+        self._is_told = False
         self._is_same = False  # whether what it brings agrees with the known frames
         self._process: ChildProcess | None = None
         self._utc: float | None = None  # of its beginning, as its metadata tell
@@ -108,7 +108,8 @@ class VideoReading:
             raise OSError("no message of ours") from error
 
     def _begun(self, described: Described) -> Iterator[Notice]:
-        if self.described is None:
+        if not self._is_told:
+            self._is_told = True
             length = "" if described.duration_s is None else f", {clock_of(described.duration_s)}"
             yield self._notice("info", f"a video ({described.words}{length}) is read")
         self.described = described
@@ -170,9 +171,13 @@ class VideoReading:
             yield self._notice("warning", f"is read up to {clock_of(self.at_s)}: {told['stopped']}")
         elif self._is_cut_off():
             length = clock_of(self.described.duration_s or 0.0) if self.described else ""
-            yield self._notice("warning", f"ends at {clock_of(self.at_s)} of {length}: copy it again, the rest is missing")
+            yield self._notice(
+                "warning", f"ends at {clock_of(self.at_s)} of {length}: copy it again, the rest is missing"
+            )
         if damaged := int(told["damaged"]):
-            yield self._notice("warning", f"{damaged} of {told['pictures']} pictures are damaged; none of them is taken")
+            yield self._notice(
+                "warning", f"{damaged} of {told['pictures']} pictures are damaged; none of them is taken"
+            )
         yield self._notice("info", f"{clock_of(self.at_s)} are read, {self._taken} frames are taken of it")
 
     def _is_cut_off(self) -> bool:
@@ -260,7 +265,3 @@ def read_all(readings: Iterable[VideoReading]) -> Iterator[Item]:
             reading.close()
         if reading.refused:
             yield Notice(source="video", level="warning", text=f"{reading.look.name} is passed over: {reading.refused}")
-
-
-def with_name(look: Look, name: str) -> Look:
-    return replace(look, name=name)
