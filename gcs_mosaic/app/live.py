@@ -136,8 +136,7 @@ class _Daemon:
         reopen: Callable[[], None] = lambda: None,
         room: Room | None = None,
     ) -> None:
-        self._room = room or Room()  # for frames of videos
-        self._config, self._shutdown, self._page = config, shutdown, page
+        self._config, self._shutdown, self._page, self._room = config, shutdown, page, room or Room()
         self._sources = frame_sources(config)
         self._announcements = Announcements()
         self._backlog = Backlog()

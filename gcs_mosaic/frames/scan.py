@@ -11,6 +11,7 @@ from pathlib import Path
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 VIDEO_SUFFIXES = {".mp4", ".m4v", ".mov", ".mkv", ".ts", ".mts", ".m2ts", ".mpg", ".mpeg", ".avi"}
+BESIDE_VIDEOS = {".srt"}  # positions, for anchors: no frames, and nothing to wonder at
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
 LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
 # The lock is there before the ledger. One that was left in the folder of frames itself hides nothing: that folder was named.
@@ -69,6 +70,8 @@ def scan(folder: Path) -> Scan:
         suffix = Path(entry.name).suffix.lower()
         if _is_link(entry, found):
             found.links.add(name)
+        elif suffix in BESIDE_VIDEOS:
+            continue
         elif suffix not in IMAGE_SUFFIXES | VIDEO_SUFFIXES:
             found.strangers.add(shown_name(Path(suffix)) if suffix else "")
         elif look := _look(entry, name, found):

@@ -214,7 +214,8 @@ def _orientation(frame: VideoFrame, video: VideoStream) -> Orientation:
     if matrix is not None and (found := of_matrix(bytes(matrix))):
         return found
     try:
-        return of_degrees(float(video.metadata.get("rotate", "0")))
+        tags = {name.lower(): value for name, value in video.metadata.items()}
+        return of_degrees(float(tags.get("rotate", "0")))
     except (ValueError, OverflowError):
         return Orientation()
 

@@ -47,7 +47,7 @@ def apart(paths: Sequence[Path]) -> tuple[list[Path], list[Look]]:
             if found.images or not found.videos:
                 images.append(path)
         elif is_video(path):
-            videos += looks_in(path)[0]
+            videos += looks_in(path, videos_too=True)[0]
         else:
             images.append(path)
     return images, _told_apart(videos)
