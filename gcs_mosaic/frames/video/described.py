@@ -11,6 +11,7 @@ from pathlib import Path
 
 EARLIEST_UTC = datetime(2000, 1, 1, tzinfo=UTC).timestamp()  # cameras without a set clock tell 1904 or 1970
 MOST_BOXES = 10_000
+MEND = "copy it again, or repair it with untrunc"
 ENCRYPTED = "it is encrypted: give a recording that is not"
 _CODECS = {"h264": "H.264", "hevc": "H.265", "mpeg2video": "MPEG-2"}
 _TS_BYTES, _TS_SYNC, _TS_SCRAMBLED, _TS_PROBE = 188, 0x47, 0xC0, 1000  # packets of MPEG-TS
@@ -51,8 +52,10 @@ def _utc(text: str) -> float | None:
         return None
 
 
-def no_video(kinds: Sequence[str]) -> str:
-    """`kinds` of the streams that are there."""
+def no_video(path: Path, kinds: Sequence[str]) -> str:
+    """Why there is no video in a file that could be opened; `kinds` of the streams that are there."""
+    if any(at + size > path.stat().st_size for at, size in _boxes_at(path)):
+        return f"the recording was not finished (its end is missing): {MEND}"
     if "audio" in kinds:
         return "it holds sound only, no video: give the recording of the camera that looks down"
     return "it holds no video: see whether the file was copied as a whole"
@@ -65,9 +68,9 @@ def unopened(path: Path, error: str) -> str:
         return "the file is empty: copy it again"
     boxes = [name for name, _ in top_boxes(path)]
     if boxes and boxes[0] in (b"ftyp", b"wide", b"mdat", b"free", b"skip") and b"moov" not in boxes:
-        return "the recording was not finished (no moov): copy it again, or repair it with untrunc"
+        return f"the recording was not finished (no moov): {MEND}"
     if b"moov" in boxes:
-        return f"it is damaged ({error}): copy it again, or repair it with untrunc"
+        return f"it is damaged ({error}): {MEND}"
     return f"it is no video that can be read ({error}): give MP4, MOV, MKV or TS"
 
 
@@ -88,6 +91,14 @@ def top_boxes(path: Path) -> Iterator[tuple[bytes, int]]:
             at += size
             if at >= end:
                 return
+
+
+def _boxes_at(path: Path) -> Iterator[tuple[int, int]]:
+    """Where each box begins, and its size."""
+    at = 0
+    for _, size in top_boxes(path):
+        yield at, size
+        at += size
 
 
 def is_scrambled(path: Path) -> bool:

@@ -30,20 +30,21 @@ SEEK_BEFORE_S = (2.0, 15.0, 60.0)  # the decoder begins at a key frame, and thes
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """A frame: `ms` from the beginning, its JPEG, and what the recording tells of its place."""
+    """A frame: `ms` from the beginning, its JPEG, and what the recording tells of its place; `utc` of the beginning where
+    metadata within it tell that (seconds since 1970)."""
 
     ms: int
     jpeg: bytes
     position: Position | None
     told_by: str
+    utc: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Reached:
-    """How far it has been read: seconds from the beginning; `utc` of the beginning where metadata tells it."""
+    """How far it has been read: seconds from the beginning."""
 
     seconds: float
-    utc: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +156,7 @@ class _Extraction:
             for picture in self._film.pictures():
                 seconds = picture.seconds
                 yield from self._take(picture)
-                yield Reached(seconds, self._utc)
+                yield Reached(seconds)
                 if self._taken >= MOST_FRAMES:
                     stopped = f"{MOST_FRAMES} frames of it are taken, which is the limit"
                     break
@@ -198,7 +199,7 @@ class _Extraction:
         image = turned.applied(square_pixels(pick.picture.colour(), self._film.described.pixel_aspect))
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.jpeg_quality]
         jpeg: bytes = np.asarray(cv2.imencode(".jpg", image, quality)[1]).tobytes()
-        return Chosen(_ms(pick.ask.moment), jpeg, self._track.at(pick.moment), self._track.by)
+        return Chosen(_ms(pick.ask.moment), jpeg, self._track.at(pick.moment), self._track.by, self._utc)
 
     def _hear(self) -> None:
         """Positions within the recording count where there are none beside it."""

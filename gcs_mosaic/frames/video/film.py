@@ -105,7 +105,7 @@ class Film:
             container = av.open(f"file:{path.absolute()}", options=options, metadata_errors="replace")
         except (av.error.FFmpegError, OSError, ValueError) as error:
             return unopened(path, getattr(error, "strerror", None) or type(error).__name__)
-        found = _picture_stream(container, max_pixels)
+        found = _picture_stream(container, path, max_pixels)
         if isinstance(found, str):
             container.close()
             return ENCRYPTED if container.format.name == "mpegts" and is_scrambled(path) else found
@@ -172,11 +172,11 @@ class Film:
             self.reports += [(seconds, report) for report in read_klv(bytes(packet))]
 
 
-def _picture_stream(container: InputContainer, max_pixels: int) -> VideoStream | str:
+def _picture_stream(container: InputContainer, path: Path, max_pixels: int) -> VideoStream | str:
     """The largest stream of moving pictures; or why there is none. Covers of music and thumbnails are none."""
     streams = [one for one in container.streams.video if not one.disposition & Disposition.attached_pic]
     if not streams:
-        return no_video([one.type for one in container.streams])
+        return no_video(path, [one.type for one in container.streams])
     known = [one for one in streams if one.codec_context is not None and one.codec_context.name in CODECS]
     if not known:
         names = {one.codec_context.name if one.codec_context else "none that is known" for one in streams}

@@ -80,7 +80,7 @@ def _messages(path: Path, settings: StreamSettings, max_pixels: int, go_on: obje
                 yield {"described": asdict(one)}, b""
             case Chosen():
                 place = None if one.position is None else asdict(one.position)
-                yield {"frame": {"ms": one.ms, "position": place, "told_by": one.told_by}}, one.jpeg
+                yield {"frame": {"ms": one.ms, "position": place, "told_by": one.told_by, "utc": one.utc}}, one.jpeg
             case Reached() if time.monotonic() >= next_s:
                 next_s = time.monotonic() + TELL_EACH_S
                 yield {"reached": asdict(one)}, b""

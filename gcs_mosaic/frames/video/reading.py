@@ -96,7 +96,6 @@ class VideoReading:
                 yield from self._begun(Described(**message["described"]))
             elif "reached" in message:
                 self.at_s = float(message["reached"]["seconds"])
-                self._utc = _number(message["reached"]["utc"])
             elif "frame" in message:
                 yield from self._frame(message["frame"], mass)
             elif "end" in message:
@@ -119,6 +118,7 @@ class VideoReading:
         if ms <= self._last_ms:
             raise ValueError("frames come in order")
         self._last_ms, self._crashes = ms, 0
+        self._utc = _number(told["utc"]) if self._utc is None else self._utc
         name = frame_name(self.look.name, self._version, ms)
         if self._known and not self._is_same:
             self._compare(name, digest)

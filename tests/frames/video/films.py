@@ -66,6 +66,7 @@ def write_film(
     with av.open(str(path), "w", options=dict(container or {})) as out:
         out.metadata.update(metadata or {})
         stream = out.add_stream(codec, rate=RATE, options=dict(options))
+        assert isinstance(stream, av.VideoStream)
         stream.pix_fmt = pix_fmt
         if stamps_ms is not None:
             stream.time_base = stream.codec_context.time_base = Fraction(1, 1000)
@@ -84,7 +85,8 @@ def write_film(
             for seconds, data in klv if told is not None else ():
                 if round(seconds * RATE) == at:
                     packet = av.Packet(data)
-                    packet.stream, packet.time_base = told, Fraction(1, 90_000)
+                    packet.stream = told  # type: ignore[assignment] # PyAV's stubs know none of data
+                    packet.time_base = Fraction(1, 90_000)
                     packet.pts = packet.dts = round(seconds * 90_000)
                     out.mux(packet)
         out.mux(stream.encode())
