@@ -23,7 +23,7 @@ from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.given import GivenFrames, given_frames
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, one_after_another
-from gcs_mosaic.app.resuming import OpenedFlight, open_flight
+from gcs_mosaic.app.resuming import OpenedFlight, begin_stitch, open_stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.messages import Frame, Notice
@@ -61,12 +61,12 @@ def stitch(
     with ExitStack() as stack:
         known, opened = dict[str, str](), None
         if resume:
-            opened = stack.enter_context(closing(open_flight(replace(config, resume="always"))))
+            opened = stack.enter_context(closing(open_stitch(config)))
             known = _known(opened.folder.path)
         given = given_frames(sources, config, known)
         pictures = _debug_pictures(debug) if debug else None
         if opened is None:
-            opened = stack.enter_context(closing(open_flight(replace(config, resume="never"))))
+            opened = stack.enter_context(closing(begin_stitch(config)))
         folder = opened.folder
         with flight_log(folder, config):
             say(console, Notice(source="out", level="info", text=folder.said))

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
+from gcs_mosaic.frames.rtsp.conversion import Converter
 from gcs_mosaic.frames.rtsp.frame_selection import Ask, Pick, Picker
 from gcs_mosaic.frames.rtsp.interval import Wishes
 from gcs_mosaic.frames.rtsp.ring_buffer import Ring, StreamPicture
@@ -145,6 +146,7 @@ class _Extraction:
         self._is_own_track = not len(track)
         self._wishes = Wishes(settings.every or EVERY, settings.moved)
         self._picker, self._ring = Picker(self._settings), Ring(2.5 * settings.window_s, RING_MB << 20)
+        self._converter = Converter()
         self._turned: dict[int, Orientation] = {}
         self._utc: float | None = None
         self._pictures = self._damaged = self._taken = 0
@@ -171,7 +173,7 @@ class _Extraction:
         self._pictures += 1
         self._damaged += picture.damaged
         self._hear()
-        taken = StreamPicture(picture.video, picture.seconds, _CLOCK, picture.damaged)
+        taken = StreamPicture(self._converter.picture(picture.video), picture.seconds, _CLOCK, picture.damaged)
         self._turned[id(taken)] = picture.orientation
         self._ring.put(taken, picture.seconds)
         self._turned = {id(one): self._turned[id(one)] for one in self._ring.pictures()}

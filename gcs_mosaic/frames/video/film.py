@@ -1,4 +1,4 @@
-"""A recorded video: opened with limits, decoded to pictures in the order of their times. The only module here that loads PyAV."""
+"""A recorded video: opened with limits, decoded to pictures in the order of their times."""
 
 from __future__ import annotations
 

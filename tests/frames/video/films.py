@@ -149,3 +149,34 @@ def difference(one: Image, other: Image) -> float:
 
 def reading(path: Path, known: Known | None = None) -> VideoReading:
     return VideoReading(looks_in(path, videos_too=True)[0][0], StreamSettings(), MOST_PIXELS, known or {})
+
+
+def survey_place(seconds: float) -> tuple[float, float]:
+    """Two legs over the ground, 150 px a second: east, a step south, and back; upper left corners."""
+    along = 150 * seconds
+    legs = ((700.0, (1.0, 0.0)), (150.0, (0.0, 1.0)), (700.0, (-1.0, 0.0)))
+    x, y = 200.0, 300.0
+    for length, (right, down) in legs:
+        part = min(max(along, 0.0), length)
+        x, y, along = x + right * part, y + down * part, along - length
+    return x, y
+
+
+SURVEY_S = 10.0
+
+
+def write_survey(path: Path, codec: str = "libx264") -> Path:
+    """A video of it, and subtitles as DJI writes them: a pixel is half a metre, and what is down in the picture is south."""
+    write_film(path, (view(*survey_place(k / RATE)) for k in range(round(SURVEY_S * RATE))), codec=codec)
+    path.with_suffix(".SRT").write_text("".join(_cue(k) for k in range(round(SURVEY_S * 5))), encoding="utf-8")
+    return path
+
+
+def _cue(k: int) -> str:
+    x, y = survey_place(k / 5)
+    longitude = LONGITUDE + 0.5 * x / (111_320 * np.cos(np.radians(LATITUDE)))
+    begin, end = (f"00:00:{ms // 1000:02},{ms % 1000:03}" for ms in (200 * k, 200 * k + 200))
+    place = (
+        f"[latitude: {LATITUDE - 0.5 * y / 111_320:.7f}] [longitude: {longitude:.7f}] [rel_alt: 50.0 abs_alt: 480.0]"
+    )
+    return f'{k + 1}\n{begin} --> {end}\n<font size="28">{place} </font>\n\n'
