@@ -94,6 +94,15 @@ def content_hash(data: bytes) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedPosition:
+    """Where a recording says that the camera was; for anchors of the finished map only, never used in stitching."""
+
+    position: Position
+    time_s: float  # on a clock that goes on for all frames with the same `told_by`
+    told_by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One completely received image. Pixels are loaded on demand."""
 
@@ -114,6 +123,7 @@ class Frame:
     picture: str | None = field(default=None, compare=False)  # see `frames.picture_hash`; None: not known
     earlier: str | None = None  # name of the frame that the same file held before
     is_whole_of_earlier: bool = False  # that was a smaller preview of this, and is the same shot
+    recorded: RecordedPosition | None = field(default=None, repr=False)  # what the video it is taken from says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""`gcs-mosaic stitch`: a folder of frames through the same pipeline as a live flight, without MAVLink."""
+"""`gcs-mosaic stitch`: a folder of frames, or recorded videos, through the same pipeline as a live flight, without MAVLink."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,15 +20,18 @@ from rich.table import Table
 
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.given import GivenFrames, given_frames
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import Preparation, one_after_another
+from gcs_mosaic.app.resuming import OpenedFlight, begin_stitch, open_stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
-from gcs_mosaic.frames.files import Given, frames_in
-from gcs_mosaic.messages import Notice
+from gcs_mosaic.messages import Frame, Notice
+from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.render.display import display_of
-from gcs_mosaic.store.folder import open_flight_folder
+from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.held_out import held_out_lines, largest
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
 
 if TYPE_CHECKING:
@@ -38,37 +42,70 @@ logger = logging.getLogger(__name__)
 STAGES = ("decode", "features", "place", "paint", "write")
 
 
-def stitch(sources: Sequence[Path], out: Path, config: Config, console: Console, debug: Path | None = None) -> Path:
-    """Stitch frames in the order of `frames_in`; returns the flight's folder. `debug`: folder for debug images.
+def stitch(
+    sources: Sequence[Path],
+    out: Path,
+    config: Config,
+    console: Console,
+    debug: Path | None = None,
+    *,
+    resume: bool = False,
+) -> Path:
+    """Stitch images in the order of `frames_in`, and videos from beginning to end; returns the flight's folder. `debug`: folder
+    for debug images; `resume`: go on with the newest flight in `out`.
 
     Raises UsageError before anything is written, and NothingPlaced at the end.
     """
     _refuse_map_among_frames(sources, out)  # before anything is written
-    given = frames_in(sources, config.frames)
-    pictures = _debug_pictures(debug) if debug else None
-    folder = open_flight_folder(out)
-    with closing(folder), flight_log(folder, config):
-        say(console, Notice(source="out", level="info", text=folder.said))
-        _introduce(given, console)
-        # A finished folder is no longer written to, so its frames need no copies.
-        linking = replace(config, originals=replace(config.originals, keep="link"))
-
-        def told(notice: Notice) -> None:
-            say(console, notice)
-
-        # No live view here: all frames are painted once, at the end.
-        pipeline = Pipeline(folder.path, linking, told, punctual=True, paint_live=False, observer=pictures)
-        with closing(pipeline):
-            _stitch_into(pipeline, given, config, console)
-            placed = pipeline.accounts().frames.placed
-            if pictures:
-                pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
-                tell(console, f"debug pictures: {debug}")
-    if not placed:
-        raise NothingPlaced(
-            f"none of {_frames(given.count)} found a place: there is no map, {folder.path} has the reasons"
-        )
+    config = replace(config, out=str(out), watch=", ".join(map(str, sources)), rtsp=None, sources=())
+    with ExitStack() as stack:
+        known, opened = dict[str, str](), None
+        if resume:
+            opened = stack.enter_context(closing(open_stitch(config)))
+            known = _known(opened.folder.path)
+        given = given_frames(sources, config, known)
+        pictures = _debug_pictures(debug) if debug else None
+        if opened is None:
+            opened = stack.enter_context(closing(begin_stitch(config)))
+        folder = opened.folder
+        with flight_log(folder, config):
+            say(console, Notice(source="out", level="info", text=folder.said))
+            _introduce(given, console)
+            with closing(_pipeline(opened, given, config, console, pictures)) as pipeline:
+                _stitch_into(pipeline, given, opened, config, console)
+                frames = pipeline.accounts().frames
+                if pictures:
+                    pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
+                    tell(console, f"debug pictures: {debug}")
+    if not frames.placed:
+        count = _frames(sum(_counts(frames).values()))
+        raise NothingPlaced(f"none of {count} found a place: there is no map, {folder.path} has the reasons")
     return folder.path
+
+
+def _known(flight: Path) -> dict[str, str]:
+    """Content hashes of the frames that a flight has already, by name."""
+    with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
+        return {frame.name: frame.content_hash for frame in ledger.frames() if frame.content_hash is not None}
+
+
+def _pipeline(
+    opened: OpenedFlight, given: GivenFrames, config: Config, console: Console, pictures: DebugPictures | None
+) -> Pipeline:
+    # A finished folder is no longer written to, so its frames need no copies.
+    linking = replace(config, originals=replace(config.originals, keep="link"))
+    # What takes hours is gone on with where it was; a folder of images is stitched again as quickly.
+    lasts = bool(given.videos.readings) or opened.folder.resumed
+    return Pipeline(
+        opened.folder.path,
+        linking,
+        lambda notice: say(console, notice),
+        punctual=True,
+        paint_live=False,  # no live view here: all frames are painted once, at the end
+        observer=pictures,
+        checkpoints=opened.checkpoints if lasts else None,
+        shelf=opened.shelf,
+    )
 
 
 def _refuse_map_among_frames(sources: Sequence[Path], out: Path) -> None:
@@ -79,7 +116,7 @@ def _refuse_map_among_frames(sources: Sequence[Path], out: Path) -> None:
         )
 
 
-def _introduce(given: Given, console: Console) -> None:
+def _introduce(given: GivenFrames, console: Console) -> None:
     say(console, Notice(source="frames", level="info", text=given.order))
     for text in given.passed_over:
         say(console, Notice(source="frames", level="warning", text=text))
@@ -99,20 +136,42 @@ def _debug_pictures(folder: Path) -> DebugPictures:
     return DebugPictures(folder)
 
 
-def _stitch_into(pipeline: Pipeline, given: Given, config: Config, console: Console) -> None:
+def _stitch_into(
+    pipeline: Pipeline, given: GivenFrames, opened: OpenedFlight, config: Config, console: Console
+) -> None:
     start = time.monotonic()
+    if config.anchor == "positions":
+        say(console, let_positions_lay(opened.folder.path))
     preparation, driver = prefetching(pipeline, config), Driver(pipeline)
+    again = _gone_on_with(pipeline, opened) if opened.folder.resumed else []
     with closing(preparation), progress_on(console) as progress:
-        task, done = progress.add_task("stitching", total=given.count), list[Done]()
-        accepted = filter(None, map(driver.accept, given.frames))
-        for decoded in one_after_another(preparation, accepted):
+        task, done = progress.add_task("stitching", total=given.steps), list[Done]()
+        for decoded in one_after_another(preparation, chain(again, _accepted(driver, given, console))):
             done.append(driver.process(decoded))
-            taken = pipeline.store.taken_in - len(preparation)
-            progress.update(task, completed=taken, description=f"stitching {done[-1].name}")
+            pipeline.checkpoint()
+            steps = given.steps_done(pipeline.store.taken_in - len(preparation))
+            progress.update(task, completed=steps, description=f"stitching {done[-1].name}")
         final = progress.add_task("final painting", total=None)
         for _ in driver.finish():
             progress.advance(final)
+    pipeline.checkpoint(at_once=True)
     summarise(pipeline, done, time.monotonic() - start, console)
+
+
+def _gone_on_with(pipeline: Pipeline, opened: OpenedFlight) -> list[Frame]:
+    """The frames of an earlier run that are still to be placed."""
+    again = pipeline.resume(opened.saved)
+    pipeline.save()
+    return again
+
+
+def _accepted(driver: Driver, given: GivenFrames, console: Console) -> Iterator[Frame]:
+    """New frames, as kept."""
+    for item in given.items():
+        if isinstance(item, Notice):
+            say(console, item)
+        elif (frame := driver.accept(item)) is not None:
+            yield frame
 
 
 def prefetching(pipeline: Pipeline, config: Config) -> Preparation:

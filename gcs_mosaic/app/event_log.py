@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.frames.video.names import video_and_ms
 from gcs_mosaic.messages import Frame, Teller, TriggerEvent
 from gcs_mosaic.store.flight_store import SET_ASIDE, frame_of
 from gcs_mosaic.store.ledger import Ledger
@@ -91,7 +92,9 @@ class EventLog:
                 self._outcomes += pairing.improve(shot, event, now)
 
     def frame(self, frame: Frame, now: float, *, fresh: bool) -> None:
-        """Add a frame that is in the ledger; `fresh` if it arrived after the watch began."""
+        """Add a frame that is in the ledger; `fresh` if it arrived after the watch began. No event is about one of a video."""
+        if video_and_ms(frame.name) is not None:
+            return
         # Events name the original file, wherever its frame is kept and however often it was rewritten.
         frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
         if frame.is_whole_of_earlier and frame.earlier is not None:

@@ -15,6 +15,8 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import name_without, of_aircraft
 from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.frames.video.reading import known_by_video
+from gcs_mosaic.frames.video.watched import Room
 from gcs_mosaic.messages import SourceReport
 from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder, refuse_watching_ourselves
 from gcs_mosaic.store.ledger import Ledger
@@ -80,12 +82,13 @@ def attach_streams(sources: Iterable[FrameSource], links: Links, stop: threading
 
 
 def watched_folders(
-    sources: Iterable[FrameSource], folder: FlightFolder, stop: threading.Event
+    sources: Iterable[FrameSource], folder: FlightFolder, stop: threading.Event, room: Room | None = None
 ) -> Iterator[ItemSource]:
-    """The watched folders, created if missing. Raises UsageError."""
+    """The watched folders, created if missing; `room`: for frames of videos. Raises UsageError."""
     for source in sources:
         if not source.config.rtsp:
-            yield source.marked(watching(source.config, stop, taken_of(folder, source.vehicle)))
+            taken, known = taken_of(folder, source.vehicle), videos_taken_of(folder, source.vehicle)
+            yield source.marked(watching(source.config, stop, taken, known, room))
 
 
 def elsewhere(sources: Iterable[FrameSource], name: str) -> Path:
@@ -104,6 +107,15 @@ def taken_of(folder: FlightFolder, vehicle: int | None) -> dict[str, Taken] | No
         return None
     with Ledger(folder.path / LEDGER_NAME, read_only=True) as ledger:
         return files_taken(_within(ledger.frames(), vehicle))
+
+
+def videos_taken_of(folder: FlightFolder, vehicle: int | None) -> dict[str, dict[str, str]]:
+    """Frames of one source's videos that were accepted already: their content hashes by name, by video."""
+    if not folder.resumed:
+        return {}
+    with Ledger(folder.path / LEDGER_NAME, read_only=True) as ledger:
+        frames = _within(ledger.frames(), vehicle)
+        return known_by_video((one.name, one.content_hash) for one in frames if one.content_hash is not None)
 
 
 def _within(frames: Iterable[FrameRecord], vehicle: int | None) -> Iterator[FrameRecord]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from gcs_mosaic.app.links import Item, ItemSource, Report
 from gcs_mosaic.app.stream_requests import asking
@@ -18,6 +19,8 @@ from gcs_mosaic.frames.directory import Taken, watch
 from gcs_mosaic.frames.rtsp.keeper import stream
 from gcs_mosaic.frames.rtsp.requests import Requests
 from gcs_mosaic.frames.rtsp.source import stream_name
+from gcs_mosaic.frames.video.reading import Known
+from gcs_mosaic.frames.video.watched import Room, WatchedVideos
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DroppedFrame, Frame, LinkReport, Notice, SourceReport
@@ -41,10 +44,18 @@ def record(config: Config, recording: Recording, out: Path) -> Notice | None:
     return recording.open(Path(config.record), ours=False)
 
 
-def watching(config: Config, stop: threading.Event, taken: Mapping[str, Taken] | None = None) -> ItemSource:
-    """The watched folder, created if missing; `taken`: files already accepted by a resumed flight. Raises UsageError."""
+def watching(
+    config: Config,
+    stop: threading.Event,
+    taken: Mapping[str, Taken] | None = None,
+    known: Mapping[str, Known] = MappingProxyType({}),
+    room: Room | None = None,
+) -> ItemSource:
+    """The watched folder, created if missing. `taken`, `known`: files and frames of videos already accepted by a resumed flight;
+    `room`: for frames of videos. Raises UsageError."""
     failed = replace(initial_report(config), state="ended")
-    return ItemSource(watch(Path(config.watch), stop, config.frames, taken, config.decode), failed)
+    videos = WatchedVideos(config.frames, config.stream, known, room)
+    return ItemSource(watch(Path(config.watch), stop, config.frames, taken, config.decode, videos), failed)
 
 
 def attach_stream(

@@ -36,6 +36,7 @@ from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, InTurn, NewestFirst, Turns, prepared_at_once
 from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.video.watched import Room
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, OtherFile, SourceReport, Topic
@@ -85,10 +86,11 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         stack.callback(page.stop)
         told = [Notice(source="out", level="info", text=folder.said), *_began(config, folder, recorded), *page.wait()]
         refuse_our_own(sources, folder.path)
-        links.sources.extend(watched_folders(sources, folder, shutdown.stop))
+        room = Room()
+        links.sources.extend(watched_folders(sources, folder, shutdown.stop, room))
         reopen = _reopening(log, links.recording, config)
         console = Console(quiet=True) if streams_json(config.log) else console  # all that is said is in the log
-        daemon = _Daemon(config, opened, console, shutdown, page, reopen)
+        daemon = _Daemon(config, opened, console, shutdown, page, reopen, room)
         stack.callback(daemon.close)
         for notice in told:
             daemon.say(notice)
@@ -135,8 +137,9 @@ class _Daemon:
         shutdown: Shutdown,
         page: FlightPage,
         reopen: Callable[[], None] = lambda: None,
+        room: Room | None = None,
     ) -> None:
-        self._config, self._shutdown, self._page = config, shutdown, page
+        self._config, self._shutdown, self._page, self._room = config, shutdown, page, room or Room()
         self._sources = frame_sources(config)
         self._announcements = Announcements()
         self._backlog = Backlog()
@@ -211,6 +214,7 @@ class _Daemon:
         self._manager.ready()
         while not self._shutdown.stop.is_set():
             self._take_in(0.0 if self._has_work() else WAIT_S)
+            self._room.note(len(self._preparation) + len(self._inbox))
             self._work()
             self._announcements.missing(self._event_log.tick(self._inbox.taken_until(time.monotonic())))
             self._event_log.save()

@@ -162,6 +162,8 @@ def _take_in(store: FlightStore, source: MergedFlight) -> dict[str, int]:
             _take_frame(store, source, record)
             carried[source.name_of(record.name)] = source.aircraft_of(record.vehicle)
         _take_events(ledger, store.ledger, source)
+        for name, recorded in ledger.recorded():
+            store.ledger.record_position(source.name_of(name), recorded)
     return carried
 
 

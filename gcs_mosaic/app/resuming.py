@@ -70,6 +70,25 @@ def open_flight(config: Config) -> OpenedFlight:
     return replace(opened, folder=replace(opened.folder, said=refused + opened.folder.said))
 
 
+def open_stitch(config: Config) -> OpenedFlight:
+    """The newest flight of `out`, to be gone on with by `stitch`: what it has found so far is taken if it can be, else its frames
+    are stitched again. Raises UsageError."""
+    if config.method == "paper":
+        raise UsageError(f"--resume: {PAPER.reason}: leave out --resume, the map is written beside the earlier one")
+    folder = resume_flight_folder(Path(config.out))
+    opened = _opened(folder, config)
+    saved = PAPER if opened.checkpoints is None else saved_flight(opened.checkpoints, config)
+    if not isinstance(saved, Unusable):
+        return replace(opened, saved=saved)
+    said = f"{folder.said}; {saved.reason}, so its frames are stitched again"
+    return replace(opened, folder=replace(folder, said=said))
+
+
+def begin_stitch(config: Config) -> OpenedFlight:
+    """A new flight. Raises UsageError."""
+    return _begun(config)
+
+
 def _begun(config: Config) -> OpenedFlight:
     return _opened(open_flight_folder(Path(config.out)), config)
 

@@ -12,7 +12,7 @@ from sqlite3 import Row
 from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.store.ledger import Ledger, placed_in
 from gcs_mosaic.store.records import FlightRecord
-from gcs_mosaic.store.rows import canvas_of, covered_of, estimate_of, painted_of
+from gcs_mosaic.store.rows import canvas_of, covered_of, estimate_of, painted_of, recorded_of
 from gcs_mosaic.store.stored_text import restored
 
 ROUNDS = 8  # settling one rule may show what another one rejects
@@ -83,16 +83,18 @@ RULES = (
 )
 # How a reference to something that is gone is settled, by table.
 DANGLING = {
-    **{table: f"DELETE FROM {table} WHERE rowid = ?" for table in ("estimates", "painted", "covered")},
+    **{table: f"DELETE FROM {table} WHERE rowid = ?" for table in ("estimates", "painted", "covered", "recorded")},
     "events": "UPDATE events SET state = 'missing', frame = NULL, duplicate_of = NULL WHERE rowid = ?",
     "islands": "UPDATE islands SET merged_into = NULL WHERE rowid = ?",
 }
 COVERED = """SELECT frame.name, frame.width, frame.height, keyframe.name AS keyframe, keyframe_from_frame, covered.frame
     FROM covered JOIN frames AS frame ON frame.id = covered.frame JOIN frames AS keyframe ON keyframe.id = covered.keyframe"""
+RECORDED = "SELECT recorded.*, name FROM recorded JOIN frames ON frames.id = recorded.frame"
 READ: dict[str, tuple[str, Callable[[Row], object]]] = {
     "estimates": (placed_in("estimates", "frames.id"), estimate_of),
     "painted": (placed_in("painted", "frames.id"), painted_of),
     "covered": (COVERED, covered_of),
+    "recorded": (RECORDED, recorded_of),
 }
 
 

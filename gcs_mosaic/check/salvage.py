@@ -25,6 +25,7 @@ TABLES = (
     "estimates",
     "covered",
     "other_files",
+    "recorded",
     "notices",
 )
 SUFFIXES = ("", "-wal", "-shm")

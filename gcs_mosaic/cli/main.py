@@ -69,13 +69,14 @@ def fly(given: argparse.Namespace) -> None:
 
 
 def stitch(given: argparse.Namespace) -> None:
-    """Stitch a folder of frames."""
+    """Stitch a folder of frames, or recorded videos."""
     from gcs_mosaic.app import batch
     from gcs_mosaic.cli.choices import config_of
 
     config = config_of(given)
     restrict(config.permissions)
-    batch.stitch(given.frames, Path(config.out), config, Console(), given.debug)
+    resume = given.resume is not None
+    batch.stitch(given.frames, Path(config.out), config, Console(), given.debug, resume=resume)
 
 
 def merge(given: argparse.Namespace) -> None:

@@ -166,7 +166,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a live flight."""
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     add_sources(parser)
-    parser.add_argument("--every", metavar="1s|overlap", help="frames of the stream without triggers too")
+    _add_every(parser, "frames of the stream without triggers too, and of videos; default for those: overlap")
     parser.add_argument("--from", metavar="now|start|30m", help="how old a file may be at the start")
     _add_cameras(parser)
     add_vehicles(parser)
@@ -203,8 +203,13 @@ def add_live(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_stitch(parser: argparse.ArgumentParser) -> None:
-    _add_frames(parser)
+    told = "image files, recorded videos (MP4, MOV, MKV, TS), or folders of them"
+    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|VIDEO|DIR", help=told)
     _add_cameras(parser)
+    _add_every(parser, "which frames of a video are taken; default: overlap, whenever the view has moved")
+    told = "go on with the newest flight in --out: what it has of these frames is not taken again"
+    parser.add_argument("--resume", action="store_const", const="always", help=told)
+    _add_anchor_by(parser)
     _add_method(parser)
     _add_scale(parser)
     parser.add_argument(
@@ -348,6 +353,10 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES|DIR", help="image files, or folders of them")
 
 
+def _add_every(parser: argparse.ArgumentParser, told: str) -> None:
+    parser.add_argument("--every", metavar="1s|overlap", help=told)
+
+
 def _add_flight(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
 
@@ -368,7 +377,9 @@ def _shift(text: str) -> int:
 
 
 def _add_anchor_by(parser: argparse.ArgumentParser) -> None:
-    told = "positions: those of the triggers lay the map on earth where nobody sets pins; for showing only"
+    told = (
+        "positions: those of the triggers, or of a video, lay the map on earth where nobody sets pins; for showing only"
+    )
     parser.add_argument("--anchor", choices=["pins", "positions"], help=told)
 
 
@@ -400,7 +411,7 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
 
 Add = Callable[[argparse.ArgumentParser], None]
 COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
-    "stitch": ("a folder of frames, without MAVLink", _add_stitch, {}),
+    "stitch": ("a folder of frames, or a recorded video, without MAVLink", _add_stitch, {}),
     "merge": ("flights of earlier days or other laptops become one map", _add_merge, {}),
     "reprocess": ("an archive of frames, on all cores or a cluster", _add_reprocess, {}),
     "replay": ("a recorded flight again", _add_replay, {"epilog": WHEN_FRAMES_CAME}),

@@ -23,8 +23,10 @@ from gcs_mosaic.frames.integrity import image_size
 from gcs_mosaic.frames.passed_over import Kinds, PassedOver, stem_of
 from gcs_mosaic.frames.pending_file import Candidate, Prove, Unread, file_and_version
 from gcs_mosaic.frames.previews import Previews
+from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.frames.video.watched import WatchedVideos
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, SourceReport, Topic
 
 REPORT_EACH_S = 1.0
@@ -59,25 +61,31 @@ def watch(
     settings: FolderSettings | None = None,
     taken: Mapping[str, Taken] | None = None,
     decode: DecodeSettings | None = None,
+    videos: WatchedVideos | None = None,
 ) -> Iterator[Item]:
     """Frames as they become complete in `folder` and below, until `stop` is set; a missing folder is created.
 
     A file is ready when two scans find it unchanged and it is complete. One of which more may come (it has no end marker, for
     example) is ready when it stands still and decodes whole, in a process with the limits of `decode`. Files that become
     ready in one scan are sorted by time, then by name. `taken`: files of a resumed flight by name; all others are new, unless
-    they are older than all of these and than the settings allow. Raises UsageError immediately for a path that cannot be a
-    folder.
+    they are older than all of these and than the settings allow. `videos` reads recorded ones. Raises UsageError immediately
+    for a path that cannot be a folder.
     """
     settings = settings or FolderSettings()
     made = _make_folder(folder)
     proof = Proof(decode, settings.max_pixels)
-    return _watching(FolderWatch(folder, settings, time.time(), taken, proof), made, stop, proof)
+    videos = videos or WatchedVideos(settings, StreamSettings(), {})
+    return _watching(FolderWatch(folder, settings, time.time(), taken, proof, videos), made, stop, proof)
 
 
 def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event, proof: Proof) -> Iterator[Item]:
     yield from made
-    with closing(proof):
-        yield from _polling(watched, stop)
+    try:
+        with closing(proof):
+            yield from _polling(watched, stop)
+    finally:
+        if unread := watched.close():
+            logger.warning("%s", unread)
 
 
 def _polling(watched: FolderWatch, stop: threading.Event) -> Iterator[Item]:
@@ -116,8 +124,9 @@ class FolderWatch:
         started_utc: float,
         taken: Mapping[str, Taken] | None = None,
         prove: Prove = decodes_here,
+        videos: WatchedVideos | None = None,
     ) -> None:
-        self._folder, self._settings, self._prove = folder, settings, prove
+        self._folder, self._settings, self._prove, self._videos = folder, settings, prove, videos
         # Files that arrived unwatched are no older than the flight, even if the camera's clock is wrong.
         oldest = min((one.modified for one in (taken or {}).values()), default=math.inf)
         self._oldest_ns = min(started_utc - settings.from_age_s, oldest) * 1e9
@@ -160,7 +169,20 @@ class FolderWatch:
         if self._polls == 2:
             yield from self._cameras.all_held()  # that a file was there at the start says something of its event
             yield self._first_look()
+        if self._videos is not None:
+            yield from self._of_videos(self._videos, found, now)
         yield from self._report(found, now)
+
+    def close(self) -> str:
+        """End; returns what to say of what is not read to its end."""
+        return "" if self._videos is None else self._videos.close()
+
+    def _of_videos(self, videos: WatchedVideos, found: Scan, now: float) -> Iterator[Item]:
+        for item in videos.items(found.videos, self._oldest_ns, now):
+            if isinstance(item, Frame):
+                self._taken += 1
+                self._last_utc = time.time()
+            yield item
 
     def failed(self, error: Exception) -> Iterator[Notice]:
         """No failure ends the watching; each kind is said once."""
@@ -256,7 +278,7 @@ class FolderWatch:
             yield from self._once("warning", text)
         for suffix in sorted(found.strangers):
             kind = f"files ending in {suffix}" if suffix else "files without an ending"
-            yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) and are left alone")
+            yield from self._once("info", f"{kind} are not images (JPEG, PNG, TIFF) or videos and are left alone")
         for name in sorted(found.previews):
             yield from self._once("info", f"{name} is a folder of small copies by its name: it is not looked into")
         for name in sorted(found.links)[:1]:
@@ -331,6 +353,7 @@ class FolderWatch:
             yield Notice(source=str(self._folder), level=level, text=text)
 
     def _first_look(self) -> Notice:
+        self._left += 0 if self._videos is None else self._videos.left
         left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
         text = f"watching {self._folder}: {self._taken_as_frames} frames were there{left}"
         return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)

@@ -16,9 +16,11 @@ from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.passed_over import RAW_SUFFIXES, Kinds, PassedOver, in_words, stem_of
 from gcs_mosaic.frames.pending_file import FileRead, frame_of, read_whole, versioned
-from gcs_mosaic.frames.scan import LEDGER, Look, scan, shown_name
+from gcs_mosaic.frames.scan import LEDGER, VIDEO_SUFFIXES, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
+
+FRAMES_OF_VIDEOS = "gcs-mosaic stitch takes those, and keeps their frames in DIR/frames, which can be given here."
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +108,15 @@ def mapped_of(looks: list[Look], cameras: Sequence[str]) -> tuple[list[Look], li
     return chosen.looks, [chosen.said] if chosen.said else []
 
 
-def looks_in(path: Path) -> tuple[list[Look], list[str]]:
-    """The file, or the files of the folder sorted by name; and what could not be inspected, as text.
+def looks_in(path: Path, *, videos_too: bool = False) -> tuple[list[Look], list[str]]:
+    """The file, or the files of the folder sorted by name; and what could not be inspected, as text. `videos_too`: a file may be
+    a video.
 
     Raises UsageError as `frames_in` does.
     """
     try:
+        if not path.is_dir() and not videos_too and path.suffix.lower() in VIDEO_SUFFIXES and path.is_file():
+            raise UsageError(f"{str(path)!r} is a video: {FRAMES_OF_VIDEOS}")
         if not path.is_dir():
             status = path.stat()
             return [Look(path, shown_name(Path(path.name)), status.st_size, status.st_mtime_ns)], []
@@ -128,6 +133,8 @@ def looks_in(path: Path) -> tuple[list[Look], list[str]]:
             raise UsageError(
                 f"{str(path)!r} is a flight, whose tiles are no frames: give {str(path / 'frames')!r}, where its originals are."
             )
+        if found.videos:
+            raise UsageError(f"{str(path)!r} holds videos and no images: {FRAMES_OF_VIDEOS}")
         there = f" (but {in_words(without)})" if without else ""
         raise UsageError(
             f"{str(path)!r} holds no images{there}: give a folder with JPEG, PNG or TIFF files (links are not followed)."

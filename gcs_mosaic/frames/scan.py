@@ -12,6 +12,8 @@ from pathlib import Path
 from gcs_mosaic.frames.passed_over import is_preview_folder
 
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
+VIDEO_SUFFIXES = {".mp4", ".m4v", ".mov", ".mkv", ".ts", ".mts", ".m2ts", ".mpg", ".mpeg", ".avi"}
+BESIDE_VIDEOS = {".srt"}  # positions, for anchors: no frames, and nothing to wonder at
 _UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
 LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
 # The lock is there before the ledger. One that was left in the folder of frames itself hides nothing: that folder was named.
@@ -37,9 +39,10 @@ class Look:
 
 @dataclass(slots=True)
 class Scan:
-    """Result of a scan: images by name and suffix only, and what was skipped."""
+    """Result of a scan: images and videos by name and suffix only, and what was skipped."""
 
     images: list[Look] = field(default_factory=list)
+    videos: list[Look] = field(default_factory=list)
     strangers: set[str] = field(default_factory=set)  # suffixes of files that are not images
     others: set[str] = field(default_factory=set)  # names of the files that are not taken
     previews: set[str] = field(default_factory=set)  # folders of small copies, which are not looked into
@@ -72,11 +75,13 @@ def scan(folder: Path) -> Scan:
         suffix = Path(entry.name).suffix.lower()
         if _is_link(entry, found):
             found.links.add(name)
-        elif suffix not in IMAGE_SUFFIXES:
+        elif suffix in BESIDE_VIDEOS:
+            continue
+        elif suffix not in IMAGE_SUFFIXES | VIDEO_SUFFIXES:
             found.strangers.add(shown_name(Path(suffix)) if suffix else "")
             found.others.add(name)
         elif look := _look(entry, name, found):
-            found.images.append(look)
+            (found.videos if suffix in VIDEO_SUFFIXES else found.images).append(look)
     return found
 
 

@@ -446,6 +446,8 @@ class FlightStore(Kept):
         kept = self._originals.keep(frame)
         with self.ledger.transaction():
             self.ledger.record_frame(frame)
+            if frame.recorded is not None:
+                self.ledger.record_position(frame.name, frame.recorded)
             if not isinstance(kept, NotKept):
                 self.ledger.record_original(frame.name, kept.path)
         said = [kept.notice] if kept.notice else []

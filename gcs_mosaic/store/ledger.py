@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict
 
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, TriggerEvent
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, RecordedPosition, TriggerEvent
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -55,6 +55,8 @@ from gcs_mosaic.store.rows import (
     painted_of,
     pose_row,
     position_record_of,
+    recorded_of,
+    recorded_position_of,
     relief_row,
     reported_position_of,
     support_row,
@@ -155,6 +157,22 @@ class Ledger(LedgerFile):
         """Record that a frame's file holds the same picture in other bytes now; its time is still that of the picture."""
         told = (frame.content_hash, frame.size, stored(frame.name))
         self.update("UPDATE frames SET content_hash = ?, size = ? WHERE name = ?", *told)
+
+    def record_position(self, name: str, recorded: RecordedPosition) -> None:
+        """Record where the video that a frame is taken from says that it was; replaces any earlier record."""
+        place = recorded.position
+        told = (recorded.time_s, printable(recorded.told_by), place.latitude_deg, place.longitude_deg, place.altitude_m)
+        columns = "frame, time_s, told_by, latitude_deg, longitude_deg, altitude_m"
+        self.write(
+            f"INSERT OR REPLACE INTO recorded ({columns}) VALUES (?, ?, ?, ?, ?, ?)", self._frame_id(name), *told
+        )
+
+    def recorded(self) -> list[tuple[str, RecordedPosition]]:
+        """What videos say of where their frames were taken, with the frames' names; none in a ledger older than this table."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'recorded'"):
+            return []
+        rows = self.rows("SELECT recorded.*, name FROM recorded JOIN frames ON frames.id = frame ORDER BY frame")
+        return [(name_of(row), recorded_of(row)) for row in rows]
 
     def record_damaged(self, damaged: DamagedFile) -> None:
         """Record an incomplete file. If repeated, the newest reason is kept; the name of a complete frame is an error."""
@@ -321,7 +339,13 @@ class Ledger(LedgerFile):
             "LEFT JOIN events AS first ON first.id = told.duplicate_of "
             "WHERE taken IS NOT NULL AND told.latitude_deg IS NOT NULL ORDER BY told.id"
         )
-        return self.made(reported_position_of, rows)
+        return [*self.made(reported_position_of, rows), *self._recorded_positions()]
+
+    def _recorded_positions(self) -> list[ReportedPosition]:
+        """Those that videos tell, as if their cameras had sent them."""
+        if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'recorded'"):
+            return []
+        return self.made(recorded_position_of, self.rows("SELECT * FROM recorded ORDER BY frame"))
 
     def painted_frame(self, number: int) -> Painted | None:
         """How one frame is painted, by its number (`frames.id`)."""

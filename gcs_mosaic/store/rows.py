@@ -12,7 +12,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from gcs_mosaic.messages import CaptureResult, Position, Source, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Position, RecordedPosition, Source, Teller, TriggerEvent
 from gcs_mosaic.render.canvas import CanvasSettings
 from gcs_mosaic.render.display import PLAIN, Display
 from gcs_mosaic.render.painted import Painted
@@ -105,6 +105,25 @@ def reported_position_of(row: sqlite3.Row) -> ReportedPosition:
         received=event.received,
         source_time=None if event.clock == "none" else event.source_time,
         position=event.position,
+    )
+
+
+def recorded_of(row: sqlite3.Row) -> RecordedPosition:
+    """Of a row of the table `recorded`."""
+    position = position_of(row)
+    if position is None:
+        raise ValueError("a row without a position")
+    return RecordedPosition(position=position, time_s=float(row["time_s"]), told_by=row["told_by"])
+
+
+def recorded_position_of(row: sqlite3.Row) -> ReportedPosition:
+    recorded = recorded_of(row)
+    return ReportedPosition(
+        frame=row["frame"],
+        teller=Teller(recorded.told_by, 0, 0, Source.IMAGE_CAPTURED_BY_CAMERA),
+        received=recorded.time_s,
+        source_time=recorded.time_s,
+        position=recorded.position,
     )
 
 

@@ -12,7 +12,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files, refuse_strange_schema
 
-VERSION = 14  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 15  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -53,6 +53,16 @@ OTHER_FILES = """CREATE TABLE IF NOT EXISTS other_files (
     received NOT NULL,
     modified NOT NULL,
     vehicle INTEGER
+);
+"""
+# Where a recorded video says that the camera was: what its frames have instead of events.
+RECORDED = """CREATE TABLE IF NOT EXISTS recorded (
+    frame INTEGER PRIMARY KEY REFERENCES frames (id),
+    time_s NOT NULL,
+    told_by TEXT NOT NULL,
+    latitude_deg NOT NULL,
+    longitude_deg NOT NULL,
+    altitude_m
 );
 """
 TABLES = f"""
@@ -130,7 +140,7 @@ CREATE TABLE estimates (
     homography BLOB,
     focal_log_deviation
 );
-{COVERED}{OTHER_FILES}CREATE TABLE notices (
+{COVERED}{OTHER_FILES}{RECORDED}CREATE TABLE notices (
     id INTEGER PRIMARY KEY,
     utc NOT NULL,
     source TEXT NOT NULL,
@@ -169,6 +179,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     11: "ALTER TABLE estimates ADD COLUMN focal_log_deviation;",
     12: "ALTER TABLE painted ADD COLUMN overlay BLOB;",
     13: OTHER_FILES,
+    14: RECORDED,
 }
 
 

@@ -136,11 +136,11 @@ def test_files_that_vanish_between_two_looks_do_no_harm(watched: Watched) -> Non
 
 
 def test_hidden_unfinished_and_foreign_files_are_left_alone(watched: Watched) -> None:
-    for name in (".a.jpg", ".thumbs/a.jpg", "a.jpg.part", "b.TMP", "c.jpg.tmp", "clip.mp4", "notes"):
+    for name in (".a.jpg", ".thumbs/a.jpg", "a.jpg.part", "b.TMP", "c.jpg.tmp", "clip.lrv", "notes"):
         watched.write(name)
     items = watched.look(4)
     assert [item for item in items if not isinstance(item, Notice | SourceReport)] == []
-    assert sum(".mp4" in item.text for item in items if isinstance(item, Notice)) == 1
+    assert sum(".lrv" in item.text for item in items if isinstance(item, Notice)) == 1
 
 
 def test_links_and_pipes_are_not_followed(watched: Watched, tmp_path_factory: pytest.TempPathFactory) -> None:

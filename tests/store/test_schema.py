@@ -57,7 +57,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old = sqlite3.connect(path)
     old.executescript("ALTER TABLE flight DROP COLUMN canvas; ALTER TABLE painted DROP COLUMN display;")
     old.executescript("ALTER TABLE painted DROP COLUMN gain; ALTER TABLE painted DROP COLUMN vignetting;")
-    old.executescript("ALTER TABLE painted DROP COLUMN dead_border; DROP TABLE covered;")
+    old.executescript("ALTER TABLE painted DROP COLUMN dead_border; DROP TABLE covered; DROP TABLE recorded;")
     old.execute("ALTER TABLE painted DROP COLUMN overlay")
     old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
@@ -97,7 +97,8 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
     old.execute("ALTER TABLE painted DROP COLUMN overlay")
     old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
-    old.executescript("DROP TABLE covered; ALTER TABLE frames DROP COLUMN sharpness; PRAGMA writable_schema = ON;")
+    old.executescript("DROP TABLE covered; DROP TABLE recorded;")
+    old.executescript("ALTER TABLE frames DROP COLUMN sharpness; PRAGMA writable_schema = ON;")
     old.execute("UPDATE sqlite_schema SET sql = replace(sql, ?, '') WHERE name = 'frames'", ["'covered', "])
     old.executescript("PRAGMA writable_schema = RESET; PRAGMA user_version = 5;")
     with pytest.raises(sqlite3.IntegrityError):
@@ -122,6 +123,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 BEFORE = {
     14: "DROP TABLE other_files;",
     13: "ALTER TABLE painted DROP COLUMN overlay;",
+    14: "DROP TABLE recorded;",
     12: "ALTER TABLE estimates DROP COLUMN focal_log_deviation;",
     11: "ALTER TABLE frames DROP COLUMN vehicle;",
     10: "ALTER TABLE frames DROP COLUMN sharpness;",

@@ -1,4 +1,4 @@
-"""One connection to a camera: packets in, timestamped images out. The only module that imports PyAV."""
+"""One connection to a camera: packets in, timestamped images out."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from av.video.stream import VideoStream
 
 from gcs_mosaic.frames.rtsp.address import StreamAddress
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
+from gcs_mosaic.frames.rtsp.conversion import Converter
 from gcs_mosaic.frames.rtsp.packet_loss import DamageWatch, tells_of_damage
 from gcs_mosaic.frames.rtsp.redirect import final_address, followed_elsewhere
 from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
@@ -57,7 +58,7 @@ class Connection:
         """Length in seconds of an unusually long gap before the newest image."""
         self._container, self._video, self._settings, self._log = container, video, settings, log
         self._packets: Iterator[Packet[VideoStream]] = container.demux(video)
-        self._watch = DamageWatch()
+        self._watch, self._converter = DamageWatch(), Converter()
         self._fault = False
         self._clock = self._new_clock()
         self._last: tuple[float, float] | None = None  # timestamp and arrival of the newest image
@@ -135,7 +136,7 @@ class Connection:
             if frame.pts is not None and frame.time_base is not None:
                 picture_s = float(frame.pts * frame.time_base)
                 self._follow(picture_s, arrival)
-                pictures.append(StreamPicture(frame, picture_s, self._clock, damaged))
+                pictures.append(StreamPicture(self._converter.picture(frame), picture_s, self._clock, damaged))
         return pictures
 
     def _follow(self, picture_s: float, arrival: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Literal
 
@@ -10,6 +11,7 @@ from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 
 SHORTEST_S = 0.1  # more frames than that do not improve a map
 LOOK_EACH_S = 0.15  # how often view motion is measured: a few milliseconds each
+LOST_EACH_S = 0.5  # how often a frame is taken of a view that cannot be followed: calm water, fog, a lens cap
 
 
 def parse_every(text: str) -> float | Literal["overlap"]:
@@ -32,6 +34,7 @@ class Wishes:
         self._moved = moved
         self._motion = ViewMotion()
         self._looked: float | None = None  # time of the last measurement
+        self._taken: float | None = None  # time of the last frame that motion asked for
 
     @property
     def described(self) -> str:
@@ -51,6 +54,15 @@ class Wishes:
             return moment if self._is_time(moment, LOOK_EACH_S) and self._has_moved(newest) else None
         return moment if self._is_time(moment, self._every) else None
 
+    def go_on(self, picture: StreamPicture) -> None:
+        """An earlier run has taken a frame of this image's time: go on from it."""
+        moment = picture.moment
+        if self._every == "overlap":
+            self._motion.new_share(picture.grey())
+            self._take(moment)
+        elif self._every is not None:
+            self._looked = self._every * math.floor(moment / self._every + 1e-6)
+
     def _is_time(self, moment: float, interval_s: float) -> bool:
         """Keeps pace: a slightly late image does not delay all later ones."""
         passed = None if self._looked is None else moment - self._looked
@@ -61,7 +73,16 @@ class Wishes:
         return True
 
     def _has_moved(self, picture: StreamPicture) -> bool:
+        moment = picture.moment
         if self._motion.new_share(picture.grey()) < self._moved:
             return False
-        self._motion.taken()
+        is_soon = self._taken is not None and 0 <= moment - self._taken < LOST_EACH_S
+        if self._motion.is_lost and is_soon:
+            return False
+        self._take(moment)
         return True
+
+    def _take(self, moment: float) -> None:
+        """From here on everything follows from this image alone."""
+        self._motion.taken()
+        self._looked = self._taken = moment

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import atexit
 import importlib.util
 import logging
-import multiprocessing
 import re
-import signal
 import threading
 import time
 from collections import OrderedDict
@@ -16,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from gcs_mosaic.children import starting
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.child_process import ChildProcess
 from gcs_mosaic.frames.rtsp.address import AUTO, check_allowed, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
@@ -29,7 +26,6 @@ from gcs_mosaic.messages import Frame, Notice, SourceReport, SourceState, Trigge
 logger = logging.getLogger(__name__)
 
 LOOK_S = 0.02  # longest delay of a request
-GRACE_S = 2.0  # for the process to end by itself
 SIGNS_LOOKS = 1500  # without a report, which comes each second: it hangs. Counted, as the machine may have been asleep
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before it is started again; doubles while it lives for no longer than
 LIVED_LOOKS = 500
@@ -80,7 +76,7 @@ class _Keeper:
             pause = FIRST_PAUSE_S if looks > LIVED_LOOKS else min(2 * pause, LONGEST_PAUSE_S)
             stop.wait(pause)
 
-    def _served(self, process: _Process, stop: threading.Event) -> Generator[Item, None, int]:
+    def _served(self, process: ChildProcess, stop: threading.Event) -> Generator[Item, None, int]:
         """Items of one process until it has ended or hangs; returns how often it was looked at."""
         looks = silent = 0
         try:
@@ -98,7 +94,7 @@ class _Keeper:
             logger.warning("the process that receives the stream hangs")
         return looks
 
-    def _pass_on(self, process: _Process) -> None:
+    def _pass_on(self, process: ChildProcess) -> None:
         """Raises OSError when it has ended."""
         for request in self._requests.drain():
             if isinstance(request, Ask):
@@ -162,38 +158,9 @@ class _Keeper:
         yield self._report
 
 
-class _Process:
-    """One process, and our end of its pipe."""
-
-    def __init__(self, address: str, settings: StreamSettings) -> None:
-        context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
-        self.pipe, theirs = context.Pipe()
-        self._process = context.Process(target=receive, args=(theirs, address, settings), name="stream", daemon=True)
-        try:
-            with starting():
-                self._process.start()
-        except BaseException:
-            self.pipe.close()
-            raise
-        finally:
-            theirs.close()
-        atexit.register(self._process.kill)  # it does not end on a signal that is for the program
-
-    def end(self) -> str:
-        """Have it end; returns how it has."""
-        atexit.unregister(self._process.kill)
-        self.pipe.close()
-        self._process.join(GRACE_S)
-        self._process.kill()
-        self._process.join()
-        code = self._process.exitcode or 0
-        self._process.close()
-        return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-
-
-def _started(address: str, settings: StreamSettings) -> _Process | None:
+def _started(address: str, settings: StreamSettings) -> ChildProcess | None:
     try:
-        return _Process(address, settings)
+        return ChildProcess("stream", receive, address, settings)
     except OSError:
         logger.warning("the process that receives the stream cannot be started", exc_info=True)
         return None
