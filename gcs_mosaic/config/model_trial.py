@@ -6,8 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from gcs_mosaic.children import outlive_signals
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.decoding.worker import limit_memory, outlive_signals
+from gcs_mosaic.frames.decoding.worker import limit_memory
 from gcs_mosaic.stitch.features.learned import REMEDY, LearnedDetector, UnusableModel, model_bytes
 
 PROGRAM = (sys.executable, "-P", "-m", "gcs_mosaic.config.model_trial")

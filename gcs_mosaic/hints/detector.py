@@ -14,6 +14,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.arrays import Array, ImageBGR
@@ -78,7 +79,7 @@ class Detector:
                     label=int(label),
                 )
 
-    def _sure(self, given: Array) -> Array:
+    def _sure(self, given: NDArray[np.float32]) -> Array:
         """(n, 6) boxes of a piece, the surest first.
 
         Raises UsageError if the model cannot be run, for want of memory, or of sense.

@@ -121,9 +121,9 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    15: "DROP TABLE recorded;",
     14: "DROP TABLE other_files;",
     13: "ALTER TABLE painted DROP COLUMN overlay;",
-    14: "DROP TABLE recorded;",
     12: "ALTER TABLE estimates DROP COLUMN focal_log_deviation;",
     11: "ALTER TABLE frames DROP COLUMN vehicle;",
     10: "ALTER TABLE frames DROP COLUMN sharpness;",

@@ -19,7 +19,8 @@ from typing import Any
 
 import cv2
 
-from gcs_mosaic.frames.decoding.worker import limit_memory, outlive_signals
+from gcs_mosaic.children import outlive_signals
+from gcs_mosaic.frames.decoding.worker import limit_memory
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 
 MOST_BYTES = 3 << 30  # of address space: pictures of 8K, and the threads of their decoder

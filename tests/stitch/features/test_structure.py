@@ -20,7 +20,7 @@ def jpeg(picture: np.ndarray) -> np.ndarray:
 
 
 def counts(picture: np.ndarray) -> np.ndarray:
-    return np.rint(picture).astype(np.uint16)[..., None]
+    return np.asarray(np.rint(picture).astype(np.uint16)[..., None])
 
 
 NOTHING: dict[str, Callable[[], np.ndarray]] = {
