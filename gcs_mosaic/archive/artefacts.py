@@ -125,10 +125,10 @@ def unpacked(data: bytes, most: int) -> bytes:
     """What `zlib.compress` has made small. Raises ValueError if it is damaged, or more than `most` bytes."""
     unpacking = zlib.decompressobj()
     try:
-        whole = unpacking.decompress(data, most)
+        whole = unpacking.decompress(data, most + 1)
     except zlib.error as error:
         raise ValueError(f"it is damaged ({error})") from error
-    if not unpacking.eof:
+    if not unpacking.eof or len(whole) > most:
         raise ValueError(f"it is cut off, or has more than {most} bytes")
     return whole
 

@@ -165,7 +165,7 @@ def _checked(found: PinnedMap) -> str:
             else f"{names} do not fit and are left out"
         )
     if not found.fits:
-        return "they do not fit each other"
+        return "unchecked: they do not fit each other"
     if found.is_checked:
         return "checked"
     if found.points == 2:

@@ -33,9 +33,19 @@ class FramesByName:
     def named(self, name: str) -> Sequence[NamedFrame]:
         """Those of a name, more than one where it does not tell them apart: of the alike the ones that are most so."""
         told = _parts(name)
-        alike = self._by_stem.get(_stem(told[-1]), [])
+        stem = _stem(told[-1])
+        alike = self._by_stem.get(stem) or self._with_words_before(stem)
         likeness = [_likeness(name, told, one.name) for one in alike]
         return [one for one, like in zip(alike, likeness, strict=True) if like == max(likeness)]
+
+    def _with_words_before(self, stem: str) -> list[NamedFrame]:
+        """Some programs put a date before the name, on one side or the other: "2022-09-26 15-24-47 DJI_0001.JPG"."""
+        return [
+            one
+            for known, frames in self._by_stem.items()
+            if stem.endswith(f" {known}") or known.endswith(f" {stem}")
+            for one in frames
+        ]
 
 
 def bound_in(follower: GroundFollower, frame: NamedFrame, pixel: tuple[float, float]) -> Binding | None:

@@ -179,7 +179,19 @@ def test_nothing_is_set_where_no_point_can_be(flight: MappedFlight, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    "name", ["a.jpg", "A.JPG", "DCIM/A.jpg", "D:\\photos\\a.JPG", "a", "A", "a.TIF", "./a.jpg", " a.jpg"]
+    "name",
+    [
+        "a.jpg",
+        "A.JPG",
+        "DCIM/A.jpg",
+        "D:\\photos\\a.JPG",
+        "a",
+        "A",
+        "a.TIF",
+        "./a.jpg",
+        " a.jpg",
+        "2022-09-26 15-24-47 A.JPG",
+    ],
 )
 def test_names_of_frames_as_other_programs_write_them(flight: MappedFlight, tmp_path: Path, name: str) -> None:
     """Lower case in the list and upper case on the card (a report of OpenDroneMap's users, Lighthouse 710)."""

@@ -19,6 +19,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs_mosaic.check.check import check_checkpoint
+from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.store.checkpoint import (
     HEAD,
     MAGIC,
@@ -30,6 +32,8 @@ from gcs_mosaic.store.checkpoint import (
     encoded,
     program_digest,
 )
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.pickle_bounds import Unbounded, refuse_unbounded
 
 NAME_OF_VALUES = bytes(16)
@@ -115,7 +119,7 @@ def test_crafted_checkpoints_cost_no_memory(tmp_path: Path) -> None:
         timeout=120,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limits),
     )
-    assert int(told.stdout) < 400  # MB
+    assert int(told.stdout) < 200  # MB
 
 
 @pytest.mark.parametrize("place", [0, -1, 1 << 40])
@@ -217,3 +221,14 @@ def test_pickles_of_other_programs_are_refused() -> None:
     for protocol in range(4):
         with pytest.raises(Unbounded):
             refuse_unbounded(pickle.dumps([(1, 2), "a", {"b": 2.0}], protocol))
+
+
+OF_NO_FLIGHT: tuple[object, ...] = (None, [], {"pipeline": {}}, {"pipeline": {"_processed": [[]]}})
+
+
+@pytest.mark.parametrize("body", [BOMBS["memo of a billion places"], *map(encoded, OF_NO_FLIGHT)])
+def test_check_calls_no_crafted_checkpoint_whole(tmp_path: Path, body: bytes) -> None:
+    part = CheckedPart("checkpoint", "values")
+    with Ledger(tmp_path / LEDGER_NAME) as ledger:
+        check_checkpoint(written(tmp_path, body), ledger, part)
+    assert part.faults

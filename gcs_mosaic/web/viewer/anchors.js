@@ -148,7 +148,7 @@ function sentence(laid) {
   if (!laid.fits) return t("The pins do not fit each other, ± {m} m (95 %) in the middle: set another one to find out which is wrong.", { m: error });
   const right = Math.ceil(laid.if_right_m);
   if (!laid.checked) return t("Laid by {n} points, unchecked: ± {m} m (95 %) in the middle, ± {right} m if none is wrong. Another point far from them checks them.", { n: laid.points, m: error, right });
-  return t("Laid by {n} points that fit: ± {m} m (95 %) in the middle.", { n: laid.points, m: error });
+  return t("Laid by {n} pins that fit: ± {m} m (95 %) in the middle.", { n: laid.points, m: error });
 }
 
 function nameOf(pin) {

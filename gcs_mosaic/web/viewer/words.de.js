@@ -118,7 +118,7 @@ export default {
   "Keys": "Tasten",
   "Kind": "Art",
   "Laid by {n} points, unchecked: ± {m} m (95 %) in the middle, ± {right} m if none is wrong. Another point far from them checks them.": "Durch {n} Punkte gelegt, ungeprüft: ± {m} m (95 %) in der Mitte, ± {right} m, wenn keiner falsch ist. Ein weiterer Punkt weitab prüft sie.",
-  "Laid by {n} points that fit: ± {m} m (95 %) in the middle.": "Durch {n} Punkte gelegt, die passen: ± {m} m (95 %) in der Mitte.",
+  "Laid by {n} pins that fit: ± {m} m (95 %) in the middle.": "Durch {n} Marken gelegt, die passen: ± {m} m (95 %) in der Mitte.",
   "Laid by {n} positions of the aircraft: ± {m} m (95 %) in the middle.": "Durch {n} Positionen des Flugzeugs gelegt: ± {m} m (95 %) in der Mitte.",
   "Language": "Sprache",
   "Last frame": "Letztes Bild",
