@@ -16,7 +16,7 @@ RNG = np.random.default_rng(0)
 
 def jpeg(picture: np.ndarray) -> np.ndarray:
     coded = cv2.imencode(".jpg", np.clip(picture, 0, 255).astype(np.uint8))[1]
-    return np.asarray(sure(cv2.imdecode(coded, cv2.IMREAD_COLOR)))
+    return np.asarray(sure(cv2.imdecode(coded, cv2.IMREAD_COLOR)), np.uint8)
 
 
 def counts(picture: np.ndarray) -> np.ndarray:
