@@ -1,4 +1,4 @@
-"""Stage 3: how frames are shown, by their bands and depth, and which border is dead, by the camera."""
+"""Stage 3: how frames are shown, by their bands, those of counts by the camera; and which border is dead, by the camera."""
 
 from __future__ import annotations
 

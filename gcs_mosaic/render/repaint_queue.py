@@ -48,7 +48,7 @@ class PaintSettings:
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
     vignetting: VignettingSettings = field(default_factory=VignettingSettings)
     bands: tuple[int, ...] = ()  # as red, green, blue, or one as grey, counted from 1; empty: chosen by their number
-    # "as_taken", or "auto": if the first frame is dark, tiles are brightened. Matching is not affected.
+    # "as_taken", or "auto": if the first frame is dark (of 16 bits: all so far), tiles are brightened. Matching is not affected.
     brightness: str = "as_taken"
     repaint_px: float = 1.0  # displacement of a corner, in the frame's own pixels, beyond which it is repainted
     final_px: float = 0.25  # the same at the end of a flight, when there is time

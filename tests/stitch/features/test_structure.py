@@ -16,7 +16,8 @@ RNG = np.random.default_rng(0)
 
 def jpeg(picture: np.ndarray) -> np.ndarray:
     coded = cv2.imencode(".jpg", np.clip(picture, 0, 255).astype(np.uint8))[1]
-    return np.asarray(sure(cv2.imdecode(coded, cv2.IMREAD_COLOR)))
+    picture: np.ndarray = sure(cv2.imdecode(coded, cv2.IMREAD_COLOR))
+    return picture
 
 
 def counts(picture: np.ndarray) -> np.ndarray:
@@ -31,6 +32,7 @@ NOTHING: dict[str, Callable[[], np.ndarray]] = {
     "a small sensor's shutter": lambda: counts(thermal.shutter()[:120, :160]),
     "a covered lens": lambda: np.clip(RNG.normal(3, 2, (480, 640, 3)), 0, 255).astype(np.uint8),
     "a covered lens after JPEG": lambda: jpeg(RNG.normal(4, 2, (1200, 1600, 3))),
+    "noise in colour after JPEG": lambda: jpeg(RNG.normal(100, 12, (480, 640, 3))),
     "noise in grey": lambda: np.clip(RNG.normal(128, 12, (480, 640)), 0, 255).astype(np.uint8),
 }
 
