@@ -123,6 +123,7 @@ class FolderWatch:
         self._has_left = False  # some that were ready wait for the next scan
         self._polls = self._left = self._taken = self._damaged = self._gaps = self._changed = 0
         self._said: set[str] = set()
+        self._said_doubt = False
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
         self._missing = False
@@ -202,6 +203,16 @@ class FolderWatch:
         self._unread.discard(look.path)
         if item is not None:
             yield item
+        if isinstance(item, Frame):
+            yield from self._doubted(item.name, self._candidates[look.path].doubt)
+
+    def _doubted(self, name: str, doubt: str) -> Iterator[Notice]:
+        """Say once why frames come later than they could."""
+        if doubt and not self._said_doubt:
+            self._said_doubt = True
+            text = f"{name} decodes whole, but {doubt}: such files are taken when they have not changed for"
+            text += f" {self._settings.damaged_after_s:g} s (frames: {{damaged_after_s: …}})"
+            yield Notice(source=str(self._folder), level="info", text=text)
 
     def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
         if pause is None:
