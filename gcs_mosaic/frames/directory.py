@@ -195,7 +195,7 @@ class FolderWatch:
             self._versions[look.name] = self._versions.get(look.name, 0) + 1
             self._taken += 1
             self._last_utc = time.time()
-            item = self._dated(item, self._candidates[look.path].appeared)
+            item = self._dated(item, self._candidates[look.path])
         self._damaged += isinstance(item, DamagedFile)
         if isinstance(item, Unread):
             yield from self._unread_now(look, item)
@@ -214,11 +214,14 @@ class FolderWatch:
             text += f" {self._settings.damaged_after_s:g} s (frames: {{damaged_after_s: …}})"
             yield Notice(source=str(self._folder), level="info", text=text)
 
-    def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
+    def _dated(self, frame: Frame, candidate: Candidate) -> Frame:
+        pause = candidate.appeared
         if pause is None:
             return frame
+        # What was waited for came when it was last seen to change, not when it was believed.
+        read_at = min(pause.end, frame.received) if candidate.doubt else frame.received
         utc_of_zero = time.time() - time.monotonic()
-        return replace(frame, received=self._appearances.dated(pause, frame.modified, frame.received, utc_of_zero))
+        return replace(frame, received=self._appearances.dated(pause, frame.modified, read_at, utc_of_zero))
 
     def _unread_now(self, look: Look, unread: Unread) -> Iterator[Notice]:
         """Say once that files cannot be read now, and again only if all could be read in between."""

@@ -61,6 +61,7 @@ def test_a_picture_without_an_end_marker_is_taken_after_the_wait(looks: Looks, b
     (frame,) = looks.after(1.0)
     assert isinstance(frame, Frame)
     assert frame.data == OPEN_ENDED + behind
+    assert frame.received <= 2 * STEP_S  # when it came, not when it was believed: events are paired by it
     assert looks.after(60.0) == []
 
 
