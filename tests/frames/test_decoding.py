@@ -388,5 +388,14 @@ def test_habits_of_cameras_are_no_damage(shared: Decoders, habit: str, reduction
     assert isinstance(decoded(shared, harmless()[habit], reduction), np.ndarray)
 
 
+def test_what_was_decoded_whole_once_is_not_looked_at_for_missing_rows_again(
+    shared: Decoders, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Decoders talk on the operator's terminal while that is done."""
+    data = encoded(".jpg", textured(220), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)[:-2]
+    np.testing.assert_array_equal(decoded(shared, data), decoded(shared, data))
+    assert capfd.readouterr().err == ""
+
+
 def test_bands_beyond_three_come_whole(shared: Decoders) -> None:
     np.testing.assert_array_equal(decoded(shared, many_bands(6)), counts(6))
