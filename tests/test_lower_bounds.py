@@ -24,6 +24,7 @@ TESTS = (
     *(
         "frames/test_decode.py",
         "frames/test_integrity.py",
+        *("frames/test_jpeg.py", "frames/test_png.py", "frames/test_tiff.py"),
         "frames/test_exif.py",
         "frames/rtsp/test_stream_address.py",
     ),

@@ -72,12 +72,13 @@ def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) 
     return Unreadable(whole.reason) if isinstance(whole, NotWhole) else decode_whole(data, whole, reduction)
 
 
-def decode_whole(data: bytes, whole: Whole, reduction: int = 1) -> Bands | Unreadable:
-    """As `decode_image`, for a file with this header. Where that is in doubt, rows are looked for that are missing."""
+def decode_whole(data: bytes, whole: Whole, reduction: int = 1, *, is_proven: bool = False) -> Bands | Unreadable:
+    """As `decode_image`, for a file with this header. Where that is in doubt, rows are looked for that are missing, unless it
+    `is_proven` that none are."""
     try:
         image = _decoded(data, whole, reduction) if not whole.doubt else None
         if image is None:
-            image = _decoded_mended(data, whole, reduction)
+            image = _decoded_mended(data, whole, reduction, is_proven=is_proven)
     except StructureError as error:
         return Unreadable(str(error))
     except cv2.error as error:
@@ -117,7 +118,7 @@ def _why(data: bytes, whole: Whole) -> str:
     return f" ({whole.doubt})" if whole.doubt else ""
 
 
-def _decoded_mended(data: bytes, whole: Whole, reduction: int) -> Bands | None:
+def _decoded_mended(data: bytes, whole: Whole, reduction: int, *, is_proven: bool) -> Bands | None:
     """Of what is needed of the file alone. Raises StructureError if rows are missing."""
     kind, _ = image_start(data) or ("", 0)
     if kind == "png":
@@ -126,7 +127,7 @@ def _decoded_mended(data: bytes, whole: Whole, reduction: int) -> Bands | None:
         return _tiff_in_doubt(data, whole, reduction) if whole.doubt else None
     picture = jpeg_picture(data)
     image = _decoded(mended(data, picture), whole, reduction)
-    if image is None or picture.ended or has_its_end(picture, image, reduction):
+    if image is None or is_proven or picture.ended or has_its_end(picture, image, reduction):
         return image
     if share := share_missing(data, whole, image, reduction):
         raise StructureError(f"truncated: {ends_early(share, whole.height)}")

@@ -143,6 +143,7 @@ class FolderWatch:
         self._kinds: Kinds = ()
         self._counts_due = -math.inf
         self._said: set[str] = set()
+        self._said_doubt = False
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
         self._missing = False
@@ -233,11 +234,13 @@ class FolderWatch:
             return
         self._unread.discard(look.path)
         if isinstance(item, Frame):
-            item = self._dated(item, self._candidates[look.path].appeared)
+            item = self._dated(item, self._candidates[look.path])
             whole = self._previews.take(item, image_size(item.data or b""), now)
             yield from () if whole is None else self._accepted(whole, now)
         elif item is not None:
             yield item
+        if isinstance(item, Frame):
+            yield from self._doubted(item.name, self._candidates[look.path].doubt)
 
     def _accepted(self, frame: Frame, now: float) -> Iterator[Item]:
         name, version = file_and_version(frame.name)
@@ -252,13 +255,24 @@ class FolderWatch:
             yield from self._accepted(frame, now)
         yield from self._cameras.due(now)
 
-    def _dated(self, frame: Frame, pause: Pause | None) -> Frame:
+    def _doubted(self, name: str, doubt: str) -> Iterator[Notice]:
+        """Say once why frames come later than they could."""
+        if doubt and not self._said_doubt:
+            self._said_doubt = True
+            text = f"{name} decodes whole, but {doubt}: such files are taken when they have not changed for"
+            text += f" {self._settings.damaged_after_s:g} s (frames: {{damaged_after_s: …}})"
+            yield Notice(source=str(self._folder), level="info", text=text)
+
+    def _dated(self, frame: Frame, candidate: Candidate) -> Frame:
+        pause = candidate.appeared
         if pause is None:
             return frame
         if pause.is_short and self._polls > 1:
             self._clock_off_s = time.time() - frame.modified
+        # What was waited for came when it was last seen to change, not when it was believed.
+        read_at = min(pause.end, frame.received) if candidate.doubt else frame.received
         utc_of_zero = time.time() - time.monotonic()
-        return replace(frame, received=self._appearances.dated(pause, frame.modified, frame.received, utc_of_zero))
+        return replace(frame, received=self._appearances.dated(pause, frame.modified, read_at, utc_of_zero))
 
     def _unread_now(self, look: Look, unread: Unread) -> Iterator[Notice]:
         """Say once that files cannot be read now, and again only if all could be read in between."""

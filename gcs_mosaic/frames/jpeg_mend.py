@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.frames.jpeg import JpegPicture
+from gcs_mosaic.frames.jpeg_segments import SEQUENTIAL
 from gcs_mosaic.stitch.arrays import Bands
 
 _BEGIN, _END = b"\xff\xd8", b"\xff\xd9"
@@ -35,8 +36,8 @@ def continued(data: bytes, picture: JpegPicture) -> bytes:
 def has_its_end(picture: JpegPicture, image: Bands, reduction: int = 1) -> bool:
     """Whether the last pixel of `image` shows that the picture's last unit (MCU) was in the file. If not, nothing is known."""
     frame, (height, width) = picture.frame, image.shape[:2]
-    # What is missing is blurred in a progressive picture, and of a scan for each colour some are there.
-    if frame is None or frame.is_progressive or len(picture.scans) > 1 or len(frame.components) not in (1, 3):
+    # What is missing is blurred in a progressive picture, made up by arithmetic coding; of several scans some are there.
+    if frame is None or frame.marker not in SEQUENTIAL or len(picture.scans) > 1 or len(frame.components) not in (1, 3):
         return False
     across, down = (max(size // reduction, 1) for size in frame.unit)
     inside = min((width - 1) % across, (height - 1) % down) >= UNSHARP

@@ -61,6 +61,7 @@ class Candidate:
     settings: FolderSettings
     content: str | None = None
     appeared: Pause | None = None  # between which two scans the newest change happened
+    doubt: str = ""  # of the last accepted content, as in `structure.Whole`
     _signature: tuple[int, ...] | None = None
     _settled: bool = False  # nothing to do until the signature changes
     _broken_since: float | None = None
@@ -106,7 +107,7 @@ class Candidate:
             return None
         if found.doubt and (reason := self._refusal(found.data, digest, prove)):
             return self._broken(name, reason, now, 0.0)
-        self._settled, self._reported = True, False
+        self._settled, self._reported, self.doubt = True, False, found.doubt
         taken_before, self.content = self.content, digest
         if digest == taken_before:
             return None

@@ -17,7 +17,7 @@ _SCAN, _END, _COMMENT = 0xDA, 0xD9, 0xFE
 _TOLD = {*range(0xE0, 0xF0), _COMMENT} - {
     0xEE
 }  # segments that say something; Adobe's (APP14) says how colours are stored
-_MARKER = re.compile(rb"\xff+([^\x00\xff\x01\xd0-\xd7])")
+_MARKER = re.compile(rb"\xff([^\x00\xff\x01\xd0-\xd7])")
 _CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT")
 
 

@@ -22,7 +22,8 @@ class FolderSettings:
     from_age_s: float = 1800.0
     """Files older than this when the watch starts are ignored: half an hour for setting up."""
     damaged_after_s: float = 5.0
-    """A file that has been unchanged this long and is still incomplete is reported as damaged: slow links pause."""
+    """A file of which more may come and that has been unchanged this long is decoded: it is taken if its picture is whole, else
+    reported as damaged. Slow links pause."""
     recheck_longest_s: float = 30.0
     """A damaged file is rechecked at increasing intervals, at most this: some systems show changes late."""
     max_pixels: int = MAX_PIXELS

@@ -14,6 +14,7 @@ _ROWS_PER_STRIP, _PLANAR, _TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT = 278, 284,
 _NUMBERS = {_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _SAMPLES, _ROWS_PER_STRIP, _PLANAR}
 _NUMBERS |= {_TILE_WIDTH, _TILE_HEIGHT, _EXTRA, _FORMAT}
 _PIECES = ((273, 279), (324, 325))  # (offsets, byte counts) of strips, of tiles
+_COLOURS = {320, 347, 529, 530, 532}  # palette, JPEG's tables, YCbCr: what pixels depend on besides
 _WANTED = {*_NUMBERS, *_PIECES[0], *_PIECES[1]}
 _PALETTE, _ALPHA, _UNCOMPRESSED = 3, (1, 2), 1
 _NOISE = bytes(range(1, 256))
@@ -189,6 +190,8 @@ def _directory(data: bytes, layout: _Layout, start: int) -> tuple[dict[int, list
         if is_wanted:
             fields[tag] = list(unpack(f"{layout.order}{count}{_LETTERS[kind]}", data, values_at))
         elif values_at + count * _WIDTHS.get(kind, 0) > len(data):
+            if tag in _COLOURS:
+                raise StructureError(f"truncated: it ends after {len(data)} bytes")
             lacking = f"a field of it lies behind its end after {len(data)} bytes"
     behind = first + entries * entry_size
     if behind + _SIZES[layout.offset] > len(data):  # some do not write where no other follows

@@ -370,6 +370,9 @@ def harmless() -> dict[str, bytes]:
         "zeros behind it": whole + bytes(5000),
         "bytes before the end marker": whole[:-2] + b"ab" + whole[-2:],
         "the last bits left out": whole[:-3] + whole[-2:],
+        "the last bits of a progressive one left out": PROGRESSIVE[:-3] + PROGRESSIVE[-2:],
+        "no end marker": whole[:-2],
+        "no end marker of a progressive one": PROGRESSIVE[:-2],
         "fill bytes": whole[:scan] + b"\xff" * 50 + whole[scan:],
         "half of it truly grey": grey,
         "truly grey with bytes too many": grey[:-2] + bytes(8) + grey[-2:],
@@ -383,6 +386,15 @@ def harmless() -> dict[str, bytes]:
 @pytest.mark.parametrize("reduction", [1, 4])
 def test_habits_of_cameras_are_no_damage(shared: Decoders, habit: str, reduction: int) -> None:
     assert isinstance(decoded(shared, harmless()[habit], reduction), np.ndarray)
+
+
+def test_what_was_decoded_whole_once_is_not_looked_at_for_missing_rows_again(
+    shared: Decoders, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Decoders talk on the operator's terminal while that is done."""
+    data = encoded(".jpg", textured(220), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)[:-2]
+    np.testing.assert_array_equal(decoded(shared, data), decoded(shared, data))
+    assert capfd.readouterr().err == ""
 
 
 def test_bands_beyond_three_come_whole(shared: Decoders) -> None:

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.frames.decode import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.jpeg import jpeg_picture
+from gcs_mosaic.frames.jpeg_mend import has_its_end
 from gcs_mosaic.frames.structure import Whole
 from tests.frames.image_files import encoded, picture, textured, with_thumbnail
 from tests.frames.jpeg_writer import of_blocks, segment
@@ -106,6 +108,16 @@ def test_how_much_is_missing_is_told() -> None:
     refused = decode_image(jpeg[: len(jpeg) // 2])
     assert isinstance(refused, Unreadable)
     assert refused.reason == "truncated: the JPEG's data end before the picture does, 58% of 150 rows are missing"
+
+
+@pytest.mark.parametrize(("marker", "known"), [(0xC0, True), (0xC1, True), (0xC2, False), (0xC9, False)])
+def test_the_last_pixel_proves_a_picture_where_missing_data_are_grey(marker: int, known: bool) -> None:
+    """Of arithmetic coding (libjpeg-turbo's testimgari.jpg, cut) libjpeg makes up what is missing."""
+    found = jpeg_picture(JPEGS["4:2:0"].replace(b"\xff\xc0", bytes([0xFF, marker]), 1))
+    image = decode_image(JPEGS["4:2:0"])
+    assert isinstance(image, np.ndarray)
+    assert has_its_end(found, image) is known
+    assert not has_its_end(found, np.full_like(image, 128))
 
 
 def test_scans_that_are_missing_of_a_progressive_picture_are_noticed() -> None:

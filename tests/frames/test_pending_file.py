@@ -16,7 +16,7 @@ from gcs_mosaic.frames.decoding.proof import Proof, decodes_here
 from gcs_mosaic.frames.directory import FolderWatch, Item, watch
 from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame
+from gcs_mosaic.messages import DamagedFile, Frame, Notice
 from tests.frames.image_files import encoded, textured
 
 JPEG = encoded(".jpg", textured())
@@ -61,7 +61,21 @@ def test_a_picture_without_an_end_marker_is_taken_after_the_wait(looks: Looks, b
     (frame,) = looks.after(1.0)
     assert isinstance(frame, Frame)
     assert frame.data == OPEN_ENDED + behind
+    assert frame.received <= 2 * STEP_S  # when it came, not when it was believed: events are paired by it
     assert looks.after(60.0) == []
+
+
+def test_why_frames_come_late_is_said_once(looks: Looks) -> None:
+    for number in range(3):
+        looks.put(encoded(".jpg", textured(200 + number))[:-2], f"{number}.jpg")
+    said = list[str]()
+    while looks.now < WAIT_S + 1.0:
+        looks.now += STEP_S
+        said += [item.text for item in looks.watched.poll(looks.now) if isinstance(item, Notice)]
+    assert [text for text in said if "end marker" in text] == [
+        "0.jpg decodes whole, but it has no end marker: such files are taken when they have not changed for 5 s"
+        " (frames: {damaged_after_s: …})"
+    ]
 
 
 def test_a_whole_picture_does_not_wait_and_is_not_decoded_for_it(looks: Looks) -> None:

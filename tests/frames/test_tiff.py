@@ -11,7 +11,8 @@ import pytest
 import tifffile
 
 from gcs_mosaic.frames.decode import Unreadable, decode_image
-from gcs_mosaic.frames.integrity import is_whole
+from gcs_mosaic.frames.integrity import NotWhole, is_whole
+from gcs_mosaic.frames.structure import Whole
 from gcs_mosaic.frames.tiff import first_page
 from tests.frames.image_files import counts, many_bands
 
@@ -30,6 +31,19 @@ def test_a_tiff_with_fields_behind_its_end_is_whole() -> None:
     data[at : at + 4] = struct.pack("<I", 1 << 30)
     assert getattr(is_whole(bytes(data)), "doubt", "").startswith("a field of it lies behind its end")
     np.testing.assert_array_equal(decode_image(bytes(data)), decode_image(plain))
+
+
+def test_a_palette_that_has_not_come_yet_is_waited_for() -> None:
+    """Some write it at the end; without it the picture has other colours."""
+    file = io.BytesIO()
+    colours = np.random.default_rng(1).integers(0, 65535, (3, 256), np.uint16)
+    tifffile.imwrite(file, counts(1, np.uint8)[..., 0], photometric="palette", colormap=colours, metadata=None)
+    data = file.getvalue()
+    assert is_whole(data) == Whole(160, 120, 3)
+    at = data.index(struct.pack("<HHI", 320, 3, 768)) + 8
+    late = data[:at] + struct.pack("<I", len(data)) + data[at + 4 :]
+    assert isinstance(is_whole(late + bytes(100)), NotWhole)
+    np.testing.assert_array_equal(decode_image(late + colours.tobytes()), decode_image(data))
 
 
 def test_a_second_page_that_is_not_there_does_no_harm() -> None:

@@ -66,7 +66,7 @@ class Decoders:
         if isinstance(whole, NotWhole):
             return Unreadable(whole.reason)
         if (content_hash, reduction) in self._known:
-            return decode_whole(data, whole, reduction)
+            return decode_whole(data, whole, reduction, is_proven=True)
         refused = refusal(whole, self._largest, self._memory_bytes, self._settings)
         if refused is not None:
             return Unreadable(refused, passing=True)

@@ -50,10 +50,11 @@ def picture_bytes(whole: Whole) -> int:
 
 
 def allowance(whole: Whole, file_bytes: int, settings: DecodeSettings) -> Allowance:
-    """For a complete file with this header."""
-    pixels = picture_bytes(whole)
-    memory = COPIES * pixels + COEFFICIENT_BYTES * whole.width * whole.height + 2 * file_bytes + SLACK_BYTES
-    return Allowance(settings.cpu_s * max(1.0, pixels / (FREE_OF_EXTRA_MB * MB)), memory)
+    """For a file with this header; one in doubt is decoded twice."""
+    pixels, times = picture_bytes(whole), 2 if whole.doubt else 1
+    memory = (COPIES + times - 1) * pixels + COEFFICIENT_BYTES * whole.width * whole.height
+    cpu_s = settings.cpu_s * max(1.0, pixels / (FREE_OF_EXTRA_MB * MB))
+    return Allowance(times * cpu_s, memory + 2 * times * file_bytes + SLACK_BYTES)
 
 
 def refusal(whole: Whole, largest: int, memory_bytes: int | None, settings: DecodeSettings) -> str | None:
