@@ -23,7 +23,7 @@ from gcs_mosaic.geo.ellipsoid import Floats
 GROSS_M = ((45.0, 0.97), (300.0, 0.025), (3000.0, 0.005))
 NONE_WRONG = 0.5  # before anything is compared: of two points, which check nothing, one is as likely wrong as not
 FURTHER_WRONG = 0.1  # for each wrong one another
-AS_STATED = 0.3  # how often the stated deviations are right; else points miss by some more, of any size
+AS_STATED = 0.15  # how often the stated deviations are right; else points miss by some more, of any size
 MISSED_M = np.geomspace(0.02, 30.0, 24)
 MOST_LOOKED_AT = 24  # points that may be wrong, at each step: of many those that miss most
 ALL_PAIRS = 12  # points; of so many each two may be wrong together

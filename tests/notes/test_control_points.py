@@ -194,7 +194,7 @@ def test_nothing_is_set_where_no_point_can_be(flight: MappedFlight, tmp_path: Pa
     ],
 )
 def test_names_of_frames_as_other_programs_write_them(flight: MappedFlight, tmp_path: Path, name: str) -> None:
-    """Lower case in the list and upper case on the card (a report of OpenDroneMap's users, Lighthouse 710)."""
+    """Lower case in the list and upper case on the card (a public report, number 710)."""
     text = f"frame,px,py,lat,lon\n{name},200,150,{place(0, 0)}\nb.jpg,200,150,{place(300, 0)}\n"
     said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
     assert "island 0 (2 frames): laid by 2 pins" in said
@@ -235,7 +235,7 @@ LIST = "500070.5{0}5399929.8{0}100.0{0}100{0}101.5{0}{1}"
 @pytest.mark.parametrize(
     ("separator", "name", "rest", "label"),
     [
-        ("\t", "2022-09-26 15-24-47 DJI_0001.JPG", "", ""),  # OpenDroneMap, 1575
+        ("\t", "2022-09-26 15-24-47 DJI_0001.JPG", "", ""),  # a public report, number 1575
         ("\t", "2022-09-26 15-24-47 DJI_0001.JPG", "\tgcp 1", "gcp 1"),
         ("\t\t", "a.jpg", "\tgcp1\textra", "gcp1"),
         (" ", "2022-09-26 15-24-47 DJI_0001.JPG", " gcp1", "gcp1"),
