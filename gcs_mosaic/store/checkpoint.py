@@ -29,6 +29,7 @@ from typing import Any, BinaryIO, Literal, cast
 
 import numpy as np
 
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full, write_beside
 from gcs_mosaic.store.stages import stage
 
@@ -89,8 +90,7 @@ class Checkpoints:
     def load(self) -> Any:
         """Return the last checkpoint's content, or `Unusable`. Call before any write, if at all."""
         try:
-            data = self._path.read_bytes()
-            return self._loaded(data)
+            return self._loaded(inside.read(self._path, self._path.parent))
         except FileNotFoundError:
             return Unusable("it has no checkpoint")
         except Exception as error:  # a damaged file may raise anything in the unpickler
@@ -236,7 +236,8 @@ class _Values:
 
     def open(self, name: bytes, end: int) -> None:
         """Continue a file of this name from this offset. Raises ValueError and OSError."""
-        file: BinaryIO = self._path.open("rb" if self._read_only else "r+b", buffering=0)
+        opened = inside.descriptor(self._path, self._path.parent, os.O_RDONLY if self._read_only else os.O_RDWR)
+        file: BinaryIO = os.fdopen(opened, "rb" if self._read_only else "r+b", buffering=0)
         if file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
             file.close()
             raise ValueError(f"{self._path} is not what the checkpoint refers to")
@@ -265,7 +266,8 @@ class _Values:
 
     def _begun(self) -> BinaryIO:
         self.name = os.urandom(16)
-        file = self._path.open("wb", buffering=0)
+        how = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        file: BinaryIO = os.fdopen(inside.descriptor(self._path, self._path.parent, how), "wb", buffering=0)
         _write_whole(file, self.name)
         sync_folder(self._path.parent)
         return file
