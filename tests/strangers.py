@@ -238,7 +238,7 @@ LEDGERS: dict[str, Trick] = {
         f"CREATE TRIGGER t AFTER UPDATE ON frames BEGIN INSERT INTO notices {ENDLESS} SELECT i, 1, 'a', 'info', 'b' FROM n; END"
     ),
     "a computed column": ledger("ALTER TABLE frames ADD COLUMN computed AS (hex(zeroblob(900000000)))"),
-    "huge values": ledger("UPDATE frames SET reason = hex(zeroblob(60000000)), name = hex(zeroblob(60000000)) || id"),
+    "huge values": ledger("UPDATE frames SET reason = hex(zeroblob(60000000)) WHERE id = 1"),
     "values of other types": ledger(
         "UPDATE painted SET x = 'a', relief_shifts = 7, level = 1e9", "UPDATE cameras SET width = 'b'"
     ),

@@ -13,6 +13,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
+import urllib.error
+import urllib.request
 from contextlib import closing
 from pathlib import Path
 
@@ -140,3 +143,80 @@ def suffer(trick: Trick, command: str, flight: Path, flown: Path, outside: Path,
     assert seen(outside) == before
     assert seen(flown).keys() - {".gcs-mosaic.lock"} == whole.keys() - {".gcs-mosaic.lock"}
     assert not any(path.is_file() and SECRET.encode() in path.read_bytes() for path in (tmp_path / "out").rglob("*"))
+
+
+ASKED = (
+    *(
+        "",
+        "mosaic.json",
+        "placements.json",
+        "placements.jsonl?after=0",
+        "status.json",
+        "tiles/0/16/1/1.jpg",
+        "tiles/0/16/32768/32768",
+    ),
+    *("api/v1/islands/0/sightings?x=1&y=1", "api/v1/frames/1/original", "api/v1/frames/1/picture?reduction=2"),
+    *("api/v1/frames/1/pieces/0/0.jpg", "api/v1/finds", "api/v1/anchors", "api/v1/gaps?island=0"),
+)
+SERVED = {
+    **{
+        name: trick
+        for name, trick in (LINKS | STRANGE_FILES).items()
+        if "huge ledger" not in name and "deep" not in name
+    },
+    **LEDGERS,
+}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("trick", SERVED)
+def test_what_is_served_lies_in_the_folder(trick: str, flight: Path, outside: Path, tmp_path: Path) -> None:
+    serve_it(SERVED[trick], flight, outside, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "trick", ["an endless view of frames", "paths elsewhere", "a linked document", "devices", "a journal that deletes"]
+)
+def test_the_page_of_a_strangers_folder_answers_and_ends(
+    trick: str, flight: Path, outside: Path, tmp_path: Path
+) -> None:
+    serve_it(SERVED[trick], flight, outside, tmp_path)
+
+
+def serve_it(trick: Trick, flight: Path, outside: Path, tmp_path: Path) -> None:
+    """Each address answers at once, nothing of others is among it, and SIGTERM ends the program."""
+    trick(flight, outside)
+    before, port = seen(outside), free_port()
+    command = [sys.executable, "-m", "gcs_mosaic", "serve", str(flight), "--http", f"127.0.0.1:{port}"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        try:
+            answers = [answer_of(f"http://127.0.0.1:{port}/{path}", process) for path in ASKED]
+            start = time.monotonic()
+            process.send_signal(signal.SIGTERM)
+            said = process.communicate(timeout=20)[0]
+        finally:
+            process.kill()
+    assert time.monotonic() - start < 15, "it ends when it is asked to"
+    assert not any(SECRET.encode() in data for _, data in answers)
+    assert answers == [] or all(code in (0, 200, 204, 304, 400, 404, 409, 503) for code, _ in answers), list(
+        zip(ASKED, answers, strict=True)
+    )
+    assert "Traceback" not in said
+    assert seen(outside) == before
+
+
+def answer_of(url: str, process: subprocess.Popen[str]) -> tuple[int, bytes]:
+    """Code and content; 0 once the program has refused the folder."""
+    until = time.monotonic() + 40
+    while process.poll() is None:
+        try:
+            with urllib.request.urlopen(url, timeout=15) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read()
+        except urllib.error.URLError:
+            assert time.monotonic() < until, "it does not begin to serve"
+            time.sleep(0.2)
+    return 0, b""

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.errors import FlightFailed, UsageError
+from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import LEDGER_NAME, LOG_NAME, FlightFolder
 from gcs_mosaic.store.log import LEVELS, JsonStream, LogFile, TerminalHandler, masked, streams_json, tell
@@ -57,7 +57,7 @@ def _written_down(path: Path) -> Iterator[None]:
     """Log how the flight ends."""
     try:
         yield
-    except (UsageError, CannotWrite) as error:
+    except (UsageError, CannotWrite, NothingPlaced) as error:
         logger.error("%s", error, exc_info=True, extra={"said": True})
         raise
     except Exception as error:

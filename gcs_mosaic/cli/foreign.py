@@ -11,6 +11,7 @@ from pathlib import Path
 
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.log import masked
 
 logger = logging.getLogger(__name__)
 
@@ -22,7 +23,8 @@ SAID = (UsageError, CannotWrite, FlightFailed, NothingPlaced)  # they are senten
 def telling_of_foreign(given: argparse.Namespace) -> Iterator[None]:
     """Turn what no check of ours has foreseen into a FlightFailed that tells where it was met."""
     try:
-        yield
+        with _lines_alone():
+            yield
     except SAID:
         raise
     except Exception as error:
@@ -31,6 +33,27 @@ def telling_of_foreign(given: argparse.Namespace) -> Iterator[None]:
         what = f"{error!r:.200}, {Path(met.filename).name}:{met.lineno}"
         text = f"{_named(given)} holds what gcs-mosaic {given.command} cannot use ({what}): see gcs-mosaic check"
         raise FlightFailed(text) from error
+
+
+@contextmanager
+def _lines_alone() -> Iterator[None]:
+    """What is logged where nothing keeps a log goes to the terminal as one line, without a traceback."""
+    terminal = logging.lastResort
+    if terminal is None:
+        yield
+        return
+    before = terminal.formatter
+    terminal.setFormatter(_Line())
+    try:
+        yield
+    finally:
+        terminal.setFormatter(before)
+
+
+class _Line(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        error = record.exc_info[1] if record.exc_info else None
+        return masked(f"gcs-mosaic: {record.getMessage()}{f' ({error})' if error else ''}")
 
 
 def _named(given: argparse.Namespace) -> str:

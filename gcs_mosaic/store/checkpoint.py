@@ -29,6 +29,7 @@ from typing import Any, BinaryIO, Literal, cast
 
 import numpy as np
 
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full, write_beside
 from gcs_mosaic.store.pickle_bounds import Budget, refuse_unbounded
 from gcs_mosaic.store.stages import stage
@@ -242,8 +243,8 @@ class _Values:
 
     def open(self, name: bytes, end: int, budget: Budget) -> None:
         """Continue a file of this name from this offset. Raises ValueError and OSError."""
-        _refuse_other_than_files(self._path)
-        file: BinaryIO = self._path.open("rb" if self._read_only else "r+b", buffering=0)
+        opened = inside.descriptor(self._path, self._path.parent, os.O_RDONLY if self._read_only else os.O_RDWR)
+        file: BinaryIO = os.fdopen(opened, "rb" if self._read_only else "r+b", buffering=0)
         if end < len(name) or file.read(len(name)) != name or file.seek(0, os.SEEK_END) < end:
             file.close()
             raise ValueError(f"{self._path} is not what the checkpoint refers to")
@@ -283,7 +284,8 @@ class _Values:
 
     def _begun(self) -> BinaryIO:
         self.name = os.urandom(16)
-        file = self._path.open("wb", buffering=0)
+        how = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+        file: BinaryIO = os.fdopen(inside.descriptor(self._path, self._path.parent, how), "wb", buffering=0)
         _write_whole(file, self.name)
         sync_folder(self._path.parent)
         return file
@@ -322,19 +324,12 @@ class _Reader(pickle.Unpickler):
 
 def _read(path: Path) -> bytes:
     """Raises ValueError for more than any checkpoint has; of what is no checkpoint it reads the beginning alone."""
-    _refuse_other_than_files(path)
-    with path.open("rb") as file:
+    with inside.reading(path, path.parent) as file:
         begins = file.read(len(MAGIC) + HEAD.size)
         size = os.fstat(file.fileno()).st_size
         if size > MOST_BYTES:
             raise ValueError(f"it has {size >> 20} MB, and {MOST_BYTES >> 20} MB are read at most")
         return begins + file.read(MOST_BYTES) if begins.startswith(MAGIC) else begins
-
-
-def _refuse_other_than_files(path: Path) -> None:
-    """To open a pipe waits for somebody who writes."""
-    if path.exists() and not path.is_file():
-        raise ValueError(f"{path.name} is no file")
 
 
 def _short(error: Exception) -> str:

@@ -16,6 +16,8 @@ from gcs_mosaic.store.originals import original_bytes
 from gcs_mosaic.store.records import FrameRecord
 from gcs_mosaic.views.flight_view import FlightView
 
+MOST_REDUCTION = 4
+
 
 def original_pixels(view: FlightView, record: FrameRecord, reduction: int) -> Bands | Unreadable:
     """The pixels (h, w, bands) of a frame's original, reduced 1, 2 or 4 times."""
@@ -25,11 +27,16 @@ def original_pixels(view: FlightView, record: FrameRecord, reduction: int) -> Ba
     whole = is_whole(data)
     if isinstance(whole, NotWhole):
         return Unreadable(whole.reason)
-    if (whole.width, whole.height) != (record.width, record.height):
+    if not _is_as_told((whole.width, whole.height), (record.width or 0, record.height or 0)):
         return Unreadable(f"it has {whole.width} x {whole.height} pixels, the ledger says otherwise")
     decoders = _decoders()
     decoders.note_true_frame(_usual_pixels(view))
     return decoders.decode(data, record.content_hash, reduction)
+
+
+def _is_as_told(size: tuple[int, int], told: tuple[int, int]) -> bool:
+    """Whether a picture has the size that the ledger says: that of a reduced one, rounded up, times its reduction."""
+    return all(abs(one - other) < MOST_REDUCTION for one, other in zip(size, told, strict=True))
 
 
 def get_ready() -> None:

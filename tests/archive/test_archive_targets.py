@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from gcs_mosaic.archive.super_tiles import SuperTile, SuperTileLayout
 from gcs_mosaic.archive.target import MARKER, checked_target
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import LEDGER_NAME
 from tests.archive.archives import Heard
@@ -53,6 +55,21 @@ def test_a_folder_that_holds_what_is_not_ours_is_left_alone(tmp_path: Path, name
     assert files_in(tmp_path) == {name}
 
 
+@pytest.mark.skipif(os.name != "posix", reason="links are for administrators there")
+@pytest.mark.parametrize("link", ["archive", "archive/unfinished", "archive/packing-x", "tiles", "flight.sqlite"])
+def test_a_link_in_the_target_is_not_followed(tmp_path: Path, link: str) -> None:
+    """`reprocess --out` emptied a folder of somebody else, to which `archive` of a target that was handed over led."""
+    outside = put(tmp_path / "else", "gcs-mosaic-reprocess", "packing-x/precious", "unfinished/precious")
+    target = put(tmp_path / "map", MARKER) if link != "archive" else tmp_path / "map"
+    (target / link).parent.mkdir(parents=True, exist_ok=True)
+    (target / link).symlink_to(outside)
+    before = files_in(outside)
+    with pytest.raises(UsageError, match="is a link or a device, which no flight's folder has"):
+        checked_target(str(target)).__enter__()
+    assert files_in(outside) == before
+    assert (target / link).is_symlink()
+
+
 def test_a_flight_beside_somebody_s_folder_of_that_name_is_left_alone(tmp_path: Path) -> None:
     put(tmp_path, "mosaic.json", "archive/a.jpg")
     with pytest.raises(UsageError, match="holds an earlier flight"):
@@ -79,13 +96,13 @@ def test_a_file_that_cannot_be_written_leaves_no_part_of_it(tmp_path: Path, monk
 def test_two_workers_that_write_the_same_do_not_meet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Process numbers do not tell workers of two machines apart."""
     begun: list[Path] = []
-    replace = Path.replace
+    move = inside.move
 
-    def noted(path: Path, target: Path) -> Path:
+    def noted(path: Path, target: Path, root: Path) -> None:
         begun.append(path)
-        return replace(path, target)
+        move(path, target, root)
 
-    monkeypatch.setattr(Path, "replace", noted)
+    monkeypatch.setattr(inside, "move", noted)
     for _ in range(2):
         FolderFiles(tmp_path).write("a/b", b"data")
     assert len(set(begun)) == 2

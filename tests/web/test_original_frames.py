@@ -24,6 +24,7 @@ from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
+from tests.strangers import a_png
 from tests.web.browser import CHROMIUM, open_browser
 from tests.web.small_flight import MIDDLE, RED, SmallFlight
 from tests.web.test_app import Client
@@ -123,6 +124,23 @@ def test_originals_come_as_they_are_reduced_and_under_their_names(flight: SmallF
     assert small.shape[:2] == (75, 100)
     assert client.status("/api/v1/frames/1/picture?reduction=3") == 400
     assert client.status("/api/v1/frames/99/picture") == 404
+
+
+def test_a_bomb_in_the_place_of_an_original_costs_nothing(flight: SmallFlight, url: str) -> None:
+    """A PNG of 19,900 x 19,900 pixels in a stranger's folder cost the page 2.4 GB, and 30 s without an answer."""
+    bomb, client = a_png(12_000, 12_000), Client(url)
+    (flight.root / "frames" / "near.jpg").write_bytes(bomb)
+    start = time.monotonic()
+    answer, said = client.ask("/api/v1/frames/1/picture?reduction=2")
+    assert (answer.status, b"not what came" in said) == (404, True)
+    for size in (SIZE, (12_000, 12_000)):  # the ledger may be the stranger's, too
+        with Ledger(flight.root / LEDGER_NAME) as ledger:
+            ledger.write("UPDATE frames SET content_hash = ? WHERE id = 1", content_hash(bomb))
+            ledger.record_size("near.jpg", *size)
+        answer, said = client.ask("/api/v1/frames/1/picture?reduction=2")
+        assert answer.status == 404, said
+    assert b"more than 4 times the largest frame" in said
+    assert time.monotonic() - start < 10
 
 
 def test_sixteen_bits_are_shown_as_on_the_map(flight: SmallFlight, url: str) -> None:
