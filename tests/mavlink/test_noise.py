@@ -34,7 +34,7 @@ def test_noise_at_full_rate_costs_little_and_says_little(monkeypatch: pytest.Mon
     """As fast as a pseudo terminal takes it: the link's thread was busy all the time."""
     monkeypatch.setattr(streams, "_NOISE_AT_ONCE", 1 << 17)
     ours, theirs = pty.openpty()
-    stop, heard = threading.Event(), []
+    stop, heard = threading.Event(), list[object]()
     link = triggers(parse_address(os.ttyname(theirs)), stop, QUICK)
     listening = threading.Thread(target=lambda: heard.extend(link))
     listening.start()
