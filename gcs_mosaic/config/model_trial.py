@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from gcs_mosaic.children import outlive_signals
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decoding.worker import limit_memory
 from gcs_mosaic.stitch.features.learned import REMEDY, LearnedDetector, UnusableModel, model_bytes
@@ -36,7 +35,6 @@ def try_model(path: str) -> None:
 
 
 def main() -> int:
-    outlive_signals()  # and no core is left of a crash
     limit_memory(MOST_BYTES)
     try:
         LearnedDetector(sys.stdin.buffer.read(), sys.argv[1])

@@ -157,6 +157,8 @@ def _page(fields: dict[int, list[int]], pieces: list[tuple[int, int]]) -> TiffPa
 
     width, height, samples, bits = (number(tag, n) for tag, n in ((_WIDTH, 0), (_HEIGHT, 0), (_SAMPLES, 1), (_BITS, 1)))
     planar, extra = number(_PLANAR, 1) == 2, fields.get(_EXTRA, [])
+    if len(extra) >= samples:
+        extra = []  # of a field that cannot be true nothing is believed
     rows = number(_TILE_HEIGHT, min(number(_ROWS_PER_STRIP, height), height))
     return TiffPage(
         width=width,

@@ -14,10 +14,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.stitch.arrays import Array, ImageBGR
+from gcs_mosaic.stitch.arrays import AnyImage, Array, ImageBGR
 from gcs_mosaic.stitch.features.onnx_check import read_model, trouble_of
 
 FREE_SIDE = 640  # px of a piece where the model takes any size
@@ -79,7 +78,7 @@ class Detector:
                     label=int(label),
                 )
 
-    def _sure(self, given: NDArray[np.float32]) -> Array:
+    def _sure(self, given: AnyImage) -> Array:
         """(n, 6) boxes of a piece, the surest first.
 
         Raises UsageError if the model cannot be run, for want of memory, or of sense.

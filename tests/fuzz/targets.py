@@ -92,7 +92,7 @@ def read_wms(data: bytes) -> None:
 
 def read_exports(data: bytes) -> None:
     """A find's texts, whatever they are, in all that is exported of it: KML, CSV and GeoJSON stay what they are."""
-    finds = seeds.finds_of(data.decode("utf-8", "surrogatepass" if data[:1] == b"\xed" else "replace"))
+    finds = seeds.finds_of(data[: len(data) // 2 * 2].decode("utf-16-le", "surrogatepass"))
     marks = ElementTree.fromstring(as_kml(finds, "a flight")).findall(".//{*}Placemark")
     assert len(marks) == len(finds)
     rows = list(csv.reader(io.StringIO(as_csv(finds))))

@@ -49,9 +49,9 @@ def harmful_flight(root: Path) -> SmallFlight:
             ledger.record_size(name, CAMERA.width, CAMERA.height, 0.2)
             ledger.record_painted(Painted(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
             flight.place(name, pose.x, pose.y)
-        for number, taken in enumerate([names[0], None, names[2]]):
+        for number, found in enumerate([names[0], None, names[2]]):
             event = ledger.record_event(trigger_event(number, 100.0 + 2 * number))
-            ledger.settle_event(event, EventState.MATCHED if taken else EventState.MISSING, frame=taken)
+            ledger.settle_event(event, EventState.MATCHED if found else EventState.MISSING, frame=found)
     flight.paint(Tile(16, MIDDLE, MIDDLE), RED)
     flight.islands = [IslandEntry(id=0, bounds=(-256, -256, 1024, 768), minzoom=13, maxzoom=16, frames=3)]
     flight.write()

@@ -27,7 +27,7 @@ from gcs_mosaic.web.maps.wms_request import MapRequest, WmsFault, lower_names, m
 
 LARGE_PX = 1 << 20  # of such pictures one is made at a time
 MOST_WAITING = 4  # for a large picture, the one that is made included
-LONGEST_S = 30.0  # of wall time for a picture, on a machine that has other things to do
+LONGEST_S = 45.0  # of wall time for a picture, on a machine that has other things to do
 SAME_PX = 1e-3  # a box so near that of a tile is the tile's
 
 

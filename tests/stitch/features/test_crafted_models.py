@@ -7,14 +7,14 @@ import time
 from pathlib import Path
 
 import pytest
-from crafted_models import crafted
 
 from gcs_mosaic.config.model_trial import try_model
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.detector import Detector
-from gcs_mosaic.stitch.features import learned, onnx_check
-from gcs_mosaic.stitch.features.learned import LearnedDetector, UnusableModel, model_bytes
+from gcs_mosaic.stitch.features import onnx_check
+from gcs_mosaic.stitch.features.learned import REMEDY, LearnedDetector, UnusableModel, model_bytes
 from gcs_mosaic.stitch.features.onnx_check import trouble_of
+from tests.crafted_models import crafted
 from tests.fresh import ROOT
 
 pytest.importorskip("onnx")
@@ -54,7 +54,7 @@ def test_what_asks_for_more_than_there_is_fails_in_a_process_of_its_own(
     with pytest.raises(UsageError, match=r"^stitch: features: model: ") as caught:
         try_model(str(models[name]))
     assert "\n" not in str(caught.value)
-    assert learned.REMEDY in str(caught.value)
+    assert REMEDY in str(caught.value)
 
 
 def test_a_path_that_is_no_file_or_a_file_without_end_is_refused(
