@@ -21,7 +21,8 @@ def jpeg(levels: np.ndarray) -> np.ndarray:
 
 
 def counts(picture: np.ndarray) -> np.ndarray:
-    return np.rint(picture).astype(np.uint16)[..., None]
+    rounded: np.ndarray = np.rint(picture).astype(np.uint16)[..., None]
+    return rounded
 
 
 NOTHING: dict[str, Callable[[], np.ndarray]] = {
