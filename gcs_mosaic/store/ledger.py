@@ -142,7 +142,7 @@ class Ledger(LedgerFile):
     def record_beside(self, name: str, what: str) -> None:
         """Record that a frame is of a shot whose frame is another one; `what` it is to that, in the place of its camera."""
         columns = "name, camera, content_hash, size, received, modified, vehicle"
-        of_frame = f"SELECT {columns.replace('camera', '?')} FROM frames WHERE name = ?"
+        of_frame = "SELECT name, ?, content_hash, size, received, modified, vehicle FROM frames WHERE name = ?"
         self.write(f"INSERT OR REPLACE INTO other_files ({columns}) {of_frame}", what, stored(name))
 
     def other_files(self) -> list[tuple[str, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.records import FrameRecord, FrameState
 
 logger = logging.getLogger(__name__)
@@ -41,4 +42,4 @@ class RewrittenFiles:
         for path in due:
             if path.is_relative_to(folder):
                 with suppress(OSError):  # gone, or on a disk that is lost: a stray file harms nothing
-                    path.unlink()
+                    inside.remove(path, folder)

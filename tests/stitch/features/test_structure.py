@@ -14,14 +14,15 @@ from tests.sure import sure
 RNG = np.random.default_rng(0)
 
 
-def jpeg(picture: np.ndarray) -> np.ndarray:
-    coded = cv2.imencode(".jpg", np.clip(picture, 0, 255).astype(np.uint8))[1]
+def jpeg(levels: np.ndarray) -> np.ndarray:
+    coded = cv2.imencode(".jpg", np.clip(levels, 0, 255).astype(np.uint8))[1]
     picture: np.ndarray = sure(cv2.imdecode(coded, cv2.IMREAD_COLOR))
     return picture
 
 
 def counts(picture: np.ndarray) -> np.ndarray:
-    return np.asarray(np.rint(picture).astype(np.uint16)[..., None])
+    rounded: np.ndarray = np.rint(picture).astype(np.uint16)[..., None]
+    return rounded
 
 
 NOTHING: dict[str, Callable[[], np.ndarray]] = {
