@@ -29,12 +29,10 @@ SURE = 5.0  # an explanation less likely by a factor of e^5 is none
 _SURE_BY_ORDER = 8.0  # ... of e^8, where no time tells how far the rows are shifted and some of them are lost
 _SHIFTS = 6  # tried either way, beyond those that the lengths of the rows differ by
 _REFINED = 6  # best shifts that are aligned again by the zeros found
-_LOST, _LOST_AT_END = (
-    -4.0,
-    -3.0,
-)  # a shot without file or a file without shot; before the flight and after it there are such
+_LOST = -3.2  # a shot without file, or a file without shot
+_LOST_AT_END = -2.6  # before the flight and after it there are more of them
 _AGREES, _DIFFERS = 2.2, -6.0  # of numbers
-_OUTLIER = 0.01  # share of times that are wrong
+_OUTLIER = 0.001  # share of times that are wrong
 _PEAKS = 10  # zeros of one ruler that are tried
 _CHANCE_S = 30.0  # times that agree by chance lie anywhere in such a range
 _LEAST, _HALF = 3, 0.6  # pairs that a ruler must explain, and their share

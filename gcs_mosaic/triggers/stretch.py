@@ -22,6 +22,9 @@ Pair: TypeAlias = tuple[PendingEvent, PendingFrame]
 
 LIVE = 64  # newest shots and frames that are looked over in flight
 _OFF_S = 1.0  # pairs of which the camera's clock says less agree
+_FITS = (
+    0.9  # share of shots or files that must be paired before an ambiguous explanation is taken for want of a better one
+)
 _LEAST = 4  # pairs; with fewer, three might be chance
 
 
@@ -34,7 +37,7 @@ class Judgement:
 
 
 def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> Judgement:
-    """What is likeliest for all of them together. Nothing is changed where another explanation is about as good."""
+    """What is likeliest for all of them together. No pair is changed where another explanation is about as good."""
     from gcs_mosaic.triggers import alignment  # numpy takes a while to load, and links are opened before
 
     shots = sorted(shots, key=lambda held: held.moment)[-alignment.MOST :]
@@ -47,10 +50,10 @@ def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> Judg
         return Judgement()
     pairs = [(shots[shot], row[file]) for shot, file in best.pairs]
     changed = [(event, frame) for event, frame in pairs if frame.event is not event]
-    if best.unsure:
-        made = sum(held.frame is not None for held in shots)
-        doubts = Doubts(best.shifts, best.unsure, max(made, best.unsure)) if made else Doubts()
-        return Judgement(doubts=doubts)
+    if best.unsure:  # what there is stays; where there is nothing, the likeliest is chosen, and can be changed
+        doubts = Doubts(best.shifts, best.unsure, len(pairs))
+        fits = len(changed) == len(pairs) >= _FITS * min(len(shots), len(row)) and _adds_only(changed)
+        return Judgement(changed if fits else (), doubts)
     is_better = best.better_by is None or best.better_by > alignment.SURE or _adds_only(changed)
     return Judgement(changed if is_better else ())
 

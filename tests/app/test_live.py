@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -283,3 +285,24 @@ def test_a_second_program_goes_beside_the_first(tmp_path: Path, pictures: list[b
             assert flight.end() == 0
     assert first.document("mosaic.json")["flight"] == "mosaic"
     assert second.document("mosaic.json")["flight"] == "mosaic-2"
+
+
+def test_pictures_that_come_while_the_program_starts_find_their_triggers(tmp_path: Path, pictures: list[bytes]) -> None:
+    """The links are heard before everything else is there. Such triggers used to stay missing, though their files had come."""
+    port, watched = free_port(), tmp_path / "frames"
+    watched.mkdir()
+    config = Config(
+        mavlink=(f"udp:127.0.0.1:{port}",), http=None, watch=str(watched), out=str(tmp_path / "mosaic"), record=False
+    )
+    stop = threading.Event()
+    threading.Timer(6.0, stop.set).start()
+    with ExitStack() as stack, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
+        links = listening.listen(config, stop, stack)
+        sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        for shot in range(2):
+            told = mavlink.MAVLink_camera_trigger_message(int(1e6 * (50 + 2 * shot)), shot)
+            camera.sendto(bytes(told.pack(sender)), ("127.0.0.1", port))
+            (watched / f"{'ab'[shot]}-x.jpg").write_bytes(pictures[shot])
+            time.sleep(1.5)
+        daemon.fly(config, links, Console(quiet=True), Shutdown(stop=stop, hurry=threading.Event()))
+    assert events_of(tmp_path / "mosaic") == ["matched", "matched"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from gcs_mosaic.mavlink.tlog_reader import RecordedLink
 from gcs_mosaic.messages import CaptureResult, Notice, Source, TriggerEvent
 from gcs_mosaic.triggers.shots import Shots, ShotSettings
 from tests.factories import trigger_event
+from tests.frames.image_files import photographed, with_exif
 
 BEGAN = 1_750_000_000.0
 FOUND_AFTER = 0.4
@@ -93,3 +95,48 @@ def test_order_tells_where_numbers_do_not() -> None:
 def test_without_events_they_are_spread_over_the_recording() -> None:
     told = came(looks(["a.jpg", "b.jpg", "c.jpg", "d.jpg"]), link([]))
     assert told.seconds == [0, 25, 50, 75]
+
+
+def test_what_a_raw_picture_is_called_tells_whatever_the_extension() -> None:
+    """Messages name DSC005nn.ARW, files are DSC005nn.JPG, two are lost: each pair was one off, and called matched."""
+    shots = [event(5.0 * k, k, f"DSC{500 + k:05d}.ARW") for k in range(10)]
+    told = came(looks([f"DSC{500 + k:05d}.JPG" for k in range(10) if k not in (0, 4)]), link(shots))
+    assert told.told_by == "the file names in the camera messages"
+    assert told.seconds == [5.0 * k for k in range(10) if k not in (0, 4)]
+
+
+def photographs(folder: Path, names: Sequence[str], moments: Sequence[float]) -> list[Look]:
+    """Real files with times by a camera's clock."""
+    found = []
+    for name, at in zip(names, moments, strict=True):
+        date = datetime.fromtimestamp(at, UTC).strftime("%Y:%m:%d %H:%M:%S").encode()
+        path = folder / name
+        path.write_bytes(with_exif(b"\xff\xd8\xff\xd9", photographed(date)))
+        found.append(Look(path, name, path.stat().st_size, 10**15))
+    return found
+
+
+@pytest.mark.parametrize("zone", [0, 3600, -5 * 3600])
+def test_a_test_shot_before_the_flight_with_its_own_number_shifts_no_pair(tmp_path: Path, zone: int) -> None:
+    """Replayed: ten shots, eleven files; their EXIF times agree with the shots. Each pair was one off, and nothing said."""
+    moments = [7.0 * k + (k % 3) for k in range(1, 11)]
+    names = [f"DSC{41 + k:05d}.JPG" for k in range(11)]
+    files = photographs(tmp_path, names, [BEGAN + zone - 60, *(BEGAN + zone + at for at in moments)])
+    told = came(files, link([event(at, k + 1) for k, at in enumerate(moments)]))
+    assert told.seconds[1:] == moments
+    assert "the camera's clock" in told.told_by
+    assert not told.doubts
+
+
+def test_a_test_shot_of_which_nothing_tells_is_ambiguous() -> None:
+    told = came(looks([f"DSC{41 + k:05d}.JPG" for k in range(11)]), link([event(7.0 * k, k + 1) for k in range(10)]))
+    assert told.doubts
+    assert "--shift" in told.doubts.text("mosaic")
+    assert "ambiguous" in told.doubts.text("mosaic")
+
+
+def test_the_size_of_frames_in_their_names_is_no_counter() -> None:
+    """Case of a video's frames: frame_000013_1920x1080.jpg were matched by 1080, one of ten."""
+    names = [f"frame_{13 + k:06d}_1920x1080.jpg" for k in range(10)]
+    told = came(looks(names), link([event(7.0 * k, k) for k in range(10)]))
+    assert told.seconds == [7.0 * k for k in range(10)]

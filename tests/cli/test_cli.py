@@ -104,8 +104,8 @@ def empty(tmp_path: Path) -> Path:
         (["stich", "."], "'stich' is no command (did you mean 'stitch'?)"),
         (
             ["fly"],
-            "'fly' is no command (those are stitch, merge, reprocess, replay, serve, status, vehicle, check, anchor, export, "
-            "benchmark, config, demo)",
+            "'fly' is no command (those are stitch, merge, reprocess, replay, serve, status, vehicle, check, anchor, pair, "
+            "export, benchmark, config, demo)",
         ),
         (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
         (["stitch", ".", "--out", "./"], "is the folder of the frames: choose another one"),

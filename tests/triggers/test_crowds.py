@@ -1,4 +1,4 @@
-"""Forged triggers of 39 components, 300 before each of ten shots, in the aircraft's name: seven shots once lost their frames.
+"""Forged triggers of 39 components, 300 before each of ten shots, in the aircraft's name: seven of ten lost their frame once.
 
 Gate, shots and pairing together, as in the program; nobody knows of the camera before.
 """

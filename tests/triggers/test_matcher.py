@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -267,3 +268,55 @@ def check_and_note(outcome: Outcome, state: dict[int, str], owner: dict[str, int
             state[event_id] = "failed"
         case Orphan(frame):
             assert frame.name not in owner
+
+
+def test_a_frame_that_its_event_gives_up_for_the_named_one_finds_another() -> None:
+    flight = Flight().fly((0, shot(0.0)), file(0.5, "a.jpg"), (1, shot(0.6)))
+    flight.outcomes += flight.pairing.frame(file(0.7, "b.jpg"), 0.7, fresh=False)
+    flight.outcomes += flight.pairing.improve(0, shot(0.8, hint="b.jpg"), 0.8)
+    assert flight.pairs() == {0: "b.jpg", 1: "a.jpg"}
+
+
+@pytest.mark.parametrize("name", ["DSC{:05d}.JPG", "dsc{:05d}.jpg", "sub/DSC{:05d}_W.JPG"])
+def test_a_raw_picture_that_is_named_means_the_file_of_its_stem(name: str) -> None:
+    """The camera names DSC00501.ARW and delivers DSC00501.JPG; two were lost. Every pair was one off."""
+    frames = [file(600.0 + n, name.format(n)) for n in range(10) if n not in (0, 4)]
+    pairs = Flight().fly(*shots(10, hint="DSC{:05d}.ARW"), *frames).pairs()
+    assert pairs == {n: name.format(n) for n in range(10) if n not in (0, 4)}
+
+
+def test_the_size_in_the_names_is_no_counter() -> None:
+    frames = files(10, "frame_{:06d}_1920x1080.jpg")
+    assert Flight().fly(*shots(10), *frames).pairs() == {n: f"frame_{n:06d}_1920x1080.jpg" for n in range(10)}
+    late = [file(60.0 + 0.1 * (7 * n % 10), f"frame_{n:06d}_1920x1080.jpg") for n in range(10, 20)]
+    pairs = Flight().fly(*shots(20), *frames, *late).pairs()
+    assert pairs == {n: f"frame_{n:06d}_1920x1080.jpg" for n in range(20)}
+
+
+def dated(frame: Frame, captured: float) -> Frame:
+    return replace(frame, captured=captured)
+
+
+IRREGULAR = [0.0, 3.0, 5.0, 11.0, 13.0, 20.0, 24.0, 25.5, 31.0, 36.0, 41.5, 44.0, 50.0, 53.0, 57.5, 60.0]
+
+
+def test_the_cameras_clock_tells_after_landing_what_times_of_arrival_cannot() -> None:
+    """A card is copied; names and counters have nothing in common, three files are lost, and the clock is an hour off."""
+    frames = [
+        dated(file(300.0 + n, f"{chr(65 + n)}-x.jpg"), 3600.4 + IRREGULAR[n]) for n in range(16) if n not in (0, 6, 7)
+    ]
+    flight = Flight().fly(*((n, shot(at)) for n, at in enumerate(IRREGULAR)), *frames)
+    assert flight.pairs() == {}
+    flight.outcomes += flight.pairing.close()
+    assert flight.pairs() == {n: f"{chr(65 + n)}-x.jpg" for n in range(16) if n not in (0, 6, 7)}
+    assert not flight.pairing.doubts
+
+
+def test_pairs_that_the_cameras_clock_contradicts_are_corrected_in_flight() -> None:
+    """A slow link brings files in bursts, one in four late, so that by arrival some belong to the shot after."""
+    moments = [2.0 * n + (3.0 if n >= 12 else 0.0) + 0.7 * (n % 3) for n in range(40)]
+    frames = [dated(file(at + (2.6 if n % 4 == 2 else 0.8), f"{n}-x.jpg"), at + 99.0) for n, at in enumerate(moments)]
+    flight = Flight().fly(*((n, shot(at)) for n, at in enumerate(moments)), *frames)
+    assert {n: name for n, name in flight.pairs().items() if n < 22} == {n: f"{n}-x.jpg" for n in range(22)}
+    flight.outcomes += flight.pairing.close()
+    assert flight.pairs() == {n: f"{n}-x.jpg" for n in range(40)}
