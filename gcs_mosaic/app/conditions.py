@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 
-from gcs_mosaic.app.folder_conditions import Found, of_folders
+from gcs_mosaic.app.folder_conditions import SoNow, of_folders
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport
 from gcs_mosaic.store.records import Accounts, FrameState
 from gcs_mosaic.store.status import AircraftStatus, Behind, Condition
@@ -84,7 +84,7 @@ class Conditions:
         fresh, self._fresh = self._fresh, []
         return fresh
 
-    def _tell(self, lasting: list[Found]) -> None:
+    def _tell(self, lasting: list[SoNow]) -> None:
         for one in lasting:
             if one.said and one.key not in self._told:
                 self._fresh.append(Notice(source="daemon", level=one.level, text=one.text))
@@ -97,9 +97,9 @@ class Conditions:
                 self._fresh.append(Notice(source="daemon", level="info", text=over))
         self._told = keys
 
-    def _found(self, facts: Facts) -> Iterator[Found]:
+    def _found(self, facts: Facts) -> Iterator[SoNow]:
         if self.disk is not None:
-            yield Found("disk", "error", self.disk, said=False)
+            yield SoNow("disk", "error", self.disk, said=False)
         yield from self._of_the_map(facts)
         yield from _of_links(facts)
         yield from _of_silent_aircraft(facts)
@@ -107,26 +107,26 @@ class Conditions:
         yield from of_folders([one for one in (facts.source, *facts.sources) if one], announced=_announced(facts))
         yield from _of_shots(facts)
         if self.pairing is not None:
-            yield Found("pairing", "warning", self.pairing, held_s=HELD_S)
+            yield SoNow("pairing", "warning", self.pairing, held_s=HELD_S)
 
-    def _of_the_map(self, facts: Facts) -> Iterator[Found]:
+    def _of_the_map(self, facts: Facts) -> Iterator[SoNow]:
         for vehicle, count in self._unmatched.items():
             if facts.accounts.frames.placed and count >= UNMATCHED:
                 whose = "" if vehicle is None else f" of aircraft {vehicle}"
                 text = f"The last {count} frames{whose} match nothing on the map: fly back over ground that is on it"
-                yield Found(f"overlap{whose}", "warning", text)
+                yield SoNow(f"overlap{whose}", "warning", text)
         if self.old_range:
-            yield Found("range", "warning", OLD_RANGE)
+            yield SoNow("range", "warning", OLD_RANGE)
         if facts.islands > 1:
             text = (
                 f"The map is in {facts.islands} parts, and how they lie to each other is not known: "
                 "fly over the ground between them"
             )
-            yield Found("islands", "warning", text, held_s=HELD_S)
+            yield SoNow("islands", "warning", text, held_s=HELD_S)
         if facts.behind.seconds >= BEHIND_S:
             frames, seconds = facts.behind.frames, facts.behind.seconds
             text = f"The map is {frames} frames, {seconds:.0f} s behind the camera: the newest are shown first"
-            yield Found("behind", "warning", text, said=False)
+            yield SoNow("behind", "warning", text, said=False)
 
 
 def _over(key: str) -> str | None:
@@ -139,7 +139,7 @@ def _over(key: str) -> str | None:
     return f"aircraft {system} is heard again" if what == "silence" else None
 
 
-def _of_links(facts: Facts) -> Iterator[Found]:
+def _of_links(facts: Facts) -> Iterator[SoNow]:
     for link in facts.links:
         key = f"link {link.address}"
         if link.is_crowded:
@@ -148,9 +148,9 @@ def _of_links(facts: Facts) -> Iterator[Found]:
                 "be given to the wrong ones. Only signing keeps them out: give the autopilot a key, and here "
                 "link: {signing_key: FILE}"
             )
-            yield Found(f"crowd {link.address}", "warning", text, said=False)
+            yield SoNow(f"crowd {link.address}", "warning", text, said=False)
         if link.state == "failed":
-            yield Found(
+            yield SoNow(
                 key, "error", f"The link {link.address} has failed: it is opened again as soon as it can be", said=False
             )
         elif link.last_heard_utc is None and facts.utc - facts.started_utc >= HELD_S:
@@ -158,13 +158,13 @@ def _of_links(facts: Facts) -> Iterator[Found]:
                 f"Nothing was ever heard on {link.address}: see that the autopilot or the ground station sends to this "
                 "address. Pictures are mapped meanwhile"
             )
-            yield Found(key, "warning", text, said=False)
+            yield SoNow(key, "warning", text, said=False)
         elif link.state == "silent":
             text = f"The link {link.address} is silent: see whether the aircraft is out of reach. Pictures are mapped meanwhile"
-            yield Found(key, "warning", text, said=False)
+            yield SoNow(key, "warning", text, said=False)
 
 
-def _of_silent_aircraft(facts: Facts) -> Iterator[Found]:
+def _of_silent_aircraft(facts: Facts) -> Iterator[SoNow]:
     """Those of several whose links go on without them; of one with a link of its own the link is called silent.
 
     Times of a link are compared with each other alone, for the computer's clock may be set during the flight.
@@ -180,17 +180,17 @@ def _of_silent_aircraft(facts: Facts) -> Iterator[Found]:
             f"Aircraft {system} is silent while others are heard: see whether it is out of reach. "
             "Its pictures are mapped meanwhile"
         )
-        yield Found(f"silence of aircraft {system}", "warning", text)
+        yield SoNow(f"silence of aircraft {system}", "warning", text)
 
 
-def _of_the_source(facts: Facts) -> Iterator[Found]:
+def _of_the_source(facts: Facts) -> Iterator[SoNow]:
     for source in (facts.source, *facts.sources):
         if source is not None and source.state in SOURCE_AWAY:
             key = "source" if source.vehicle is None else f"source of aircraft {source.vehicle}"
-            yield Found(key, "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
+            yield SoNow(key, "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
 
 
-def _of_aircraft_without_triggers(facts: Facts) -> Iterator[Found]:
+def _of_aircraft_without_triggers(facts: Facts) -> Iterator[SoNow]:
     for one in facts.aircraft:
         frames, events = one.accounts.frames, one.accounts.events
         came = frames.placed + frames.covered + frames.waiting + frames.rejected
@@ -199,14 +199,14 @@ def _of_aircraft_without_triggers(facts: Facts) -> Iterator[Found]:
                 f"Pictures of aircraft {one.system} come, but not one camera trigger: they are mapped, but one that is lost "
                 "would not be missed. See that this is its number, and that its autopilot announces its pictures"
             )
-            yield Found(f"triggers of aircraft {one.system}", "warning", text, held_s=HELD_S)
+            yield SoNow(f"triggers of aircraft {one.system}", "warning", text, held_s=HELD_S)
 
 
 def _announced(facts: Facts) -> int:
     return sum(asdict(facts.accounts.events).values())
 
 
-def _of_shots(facts: Facts) -> Iterator[Found]:
+def _of_shots(facts: Facts) -> Iterator[SoNow]:
     events, frames = facts.accounts.events, facts.accounts.frames
     came = frames.placed + frames.covered + frames.waiting + frames.rejected
     heard = any(link.last_heard_utc is not None for link in facts.links)
@@ -215,15 +215,15 @@ def _of_shots(facts: Facts) -> Iterator[Found]:
             "Pictures come, but not one camera trigger: they are mapped, but one that is lost would not be missed. "
             "See that the autopilot announces its pictures (CAMERA_FEEDBACK or CAMERA_IMAGE_CAPTURED) on this link"
         )
-        yield Found("triggers", "warning", text, held_s=HELD_S)
+        yield SoNow("triggers", "warning", text, held_s=HELD_S)
         return
     yield from _of_aircraft_without_triggers(facts)
     if facts.accounts.orphans and events.matched:
         pictures = "1 picture" if facts.accounts.orphans == 1 else f"{facts.accounts.orphans} pictures"
-        yield Found(
+        yield SoNow(
             "orphans", "info", f"{pictures} came without a trigger: on the map all the same", said=False, held_s=HELD_S
         )
     if events.missing:
         shots = "1 shot has" if events.missing == 1 else f"{events.missing} shots have"
         text = f"{shots} no picture: see whether it is on the camera's card; copied into the watched folder, it is still taken"
-        yield Found("missing", "warning", text, said=False)
+        yield SoNow("missing", "warning", text, said=False)

@@ -14,7 +14,7 @@ SOON_S = 4.0  # a JPEG may come behind its RAW file, and the first frame is bein
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SoNow:
     """What is so now."""
 
     key: str
@@ -24,7 +24,7 @@ class Found:
     held_s: float = 0.0
 
 
-def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[Found]:
+def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[SoNow]:
     """`announced`: camera messages so far, of all aircraft."""
     for source in sources:
         whose = "" if source.vehicle is None else f" of aircraft {source.vehicle}"
@@ -34,58 +34,54 @@ def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[F
         yield from _of_cameras(source, whose)
 
 
-def _of_pictures_that_are_not_read(source: SourceReport, whose: str) -> Iterator[Found]:
-    pictures = _of_kinds(source.passed_over, RAW_SUFFIXES | OTHER_PICTURES)
-    if pictures:
-        what = "RAW files are" if _of_kinds(pictures, RAW_SUFFIXES) else "This kind of file is"
+def _of_pictures_that_are_not_read(source: SourceReport, whose: str) -> Iterator[SoNow]:
+    if pictures := _of_kinds(source.passed_over, RAW_SUFFIXES | OTHER_PICTURES):
         text = (
-            f"Pictures{whose} come that cannot be mapped: {in_words(pictures)}. {what} not read: set the camera to JPEG, or "
-            "to RAW and JPEG, or convert them to JPEG or TIFF into the watched folder"
+            f"Pictures that cannot be mapped come into {source.name} ({in_words(pictures)}): set the camera to JPEG, or to "
+            "RAW and JPEG, or convert them to JPEG or TIFF into this folder"
         )
-        yield Found(f"raw{whose}", "warning", text, held_s=SOON_S)
+        yield SoNow(f"raw{whose}", "warning", text, held_s=SOON_S)
 
 
-def _of_other_files(source: SourceReport, whose: str, announced: int) -> Iterator[Found]:
+def _of_other_files(source: SourceReport, whose: str, announced: int) -> Iterator[SoNow]:
     """While triggers are heard; the folder may also hold what has nothing to do with pictures."""
     others = tuple(one for one in source.passed_over if one[0] not in RAW_SUFFIXES | OTHER_PICTURES)
     if source.taken or source.damaged or not announced or not others:
         return
-    text = f"Triggers are heard, but no picture{whose} comes: only files that are passed over ({in_words(others)}). "
+    text = f"Triggers are heard, but only files that are passed over come into {source.name} ({in_words(others)}): "
     if any(kind.endswith("/") for kind, _ in others):
-        text += "Folders of that name hold small copies: if these are the frames, watch that folder itself"
+        text += "folders of such names hold small copies; if these are the frames, watch that folder itself"
     else:
-        text += f"See that the camera writes JPEG, PNG or TIFF, and that {source.name} is where they appear"
-    yield Found(f"only others{whose}", "warning", text, held_s=SOON_S)
+        text += "see that the camera writes JPEG, PNG or TIFF, and that this is the folder in which they appear"
+    yield SoNow(f"only others{whose}", "warning", text, held_s=SOON_S)
 
 
-def _of_clocks(source: SourceReport, whose: str, announced: int) -> Iterator[Found]:
+def _of_clocks(source: SourceReport, whose: str, announced: int) -> Iterator[SoNow]:
     off = source.clock_off_s
     if source.left and (off is not None or source.left_lately or (not source.taken and announced)):
-        files = "1 file that was" if source.left == 1 else f"{source.left} files that were"
-        lately = f", though {source.left_lately} came here lately" if source.left_lately else ""
-        clock = "" if off is None else f", and new files are dated {_apart(off)}"
+        clock = "" if off is None else f" (new ones are dated {_apart(off)})"
         text = (
-            f"{files} in {source.name} at the start are left alone, for their times are old{lately}{clock}. If the camera's "
-            "clock is wrong and they are of this flight, start again with --from start"
+            f"{source.left} files in {source.name} were there at the start and are left alone, being old by their times{clock}: "
+            "if the camera's clock is wrong and they are of this flight, start again with --from start"
         )
-        yield Found(f"left{whose}", "warning", text, held_s=SOON_S)
+        yield SoNow(f"left{whose}", "warning", text, held_s=SOON_S)
     elif off is not None:
         text = (
-            f"New files in {source.name} are dated {_apart(off)}: either the camera's clock is wrong, or old pictures are copied "
-            "there. They are mapped as they come; set the clock before the next flight"
+            f"New files in {source.name} are dated {_apart(off)}: the camera's clock is wrong, or old pictures are copied there. "
+            "They are mapped as they come"
         )
-        yield Found(f"clock{whose}", "info", text, held_s=SOON_S)
+        yield SoNow(f"clock{whose}", "info", text, held_s=SOON_S)
 
 
 def _apart(behind_s: float) -> str:
     return f"{abs(behind_s) / 3600:.1f} h {'before' if behind_s > 0 else 'after'} they came"
 
 
-def _of_cameras(source: SourceReport, whose: str) -> Iterator[Found]:
+def _of_cameras(source: SourceReport, whose: str) -> Iterator[SoNow]:
     if text := cameras_in_words(source.cameras):
         nothing = not any(one.files for one in source.cameras if one.mapped)
         key = f"cameras{whose}, {', '.join(one.name for one in source.cameras if one.mapped)}"
-        yield Found(key, "warning" if nothing else "info", text, held_s=SOON_S if nothing else 0.0)
+        yield SoNow(key, "warning" if nothing else "info", text, held_s=SOON_S if nothing else 0.0)
 
 
 def _of_kinds(passed_over: Kinds, wanted: frozenset[str]) -> Kinds:

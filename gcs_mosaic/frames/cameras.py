@@ -248,7 +248,7 @@ def in_words(cameras: Sequence[CameraCount]) -> str:
     others = ", ".join(f"{_called(one.name)} ({one.files})" for one in left[:8])
     return (
         f"Each shot has several files: {', '.join(_called(one.name) for one in mapped)} is mapped, {others} left out. To map "
-        f"another instead, give --cameras '{pattern_of(left[0].name)}' (or frames: {{cameras: ...}} in the settings), '*' for all"
+        f"another instead, give --cameras '{pattern_of(left[0].name)}' (or cameras: under frames: in the settings), '*' for all"
     )
 
 

@@ -1,4 +1,5 @@
-"""Uploads that bring a small preview of a picture first, and the whole picture into the same file later. Pure."""
+"""Uploads that bring a small preview of a picture first, or a part of it that can be decoded (a progressive JPEG), and the whole
+picture into the same file later. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from pathlib import Path
 
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.shot_names import shot_file
-from gcs_mosaic.messages import Frame
+from gcs_mosaic.messages import Frame, content_hash
 
 Size = tuple[int, int] | None
 
@@ -18,6 +19,8 @@ WAIT_S = 5.0  # for the whole picture, after the last change
 FINAL_WITHIN_S = (
     60.0  # a larger picture that comes later is another one of a camera that writes one name again and again
 )
+LOOKED_AT = 1 << 16  # bytes, of the beginning and of the end of what came first
+END_MARKER = b"\xff\xd9"
 
 
 @dataclass(slots=True)
@@ -25,6 +28,8 @@ class _Taken:
     size: tuple[int, int]
     picture: str | None
     at: float
+    length: int  # bytes that an upload would have brought, without an end marker
+    ends: str  # hash of the first and last of them
 
 
 class Previews:
@@ -59,13 +64,21 @@ class Previews:
     def _noted(self, frame: Frame, size: tuple[int, int], now: float) -> Frame:
         file, _ = file_and_version(frame.name)
         before = self._taken.get(file)
-        self._taken[file] = _Taken(size, frame.picture, now)
+        data = frame.data or b""
+        length = len(data) - 2 * data.endswith(END_MARKER)
+        self._taken[file] = _Taken(size, frame.picture, now, length, _ends(data, length))
         self._largest[_camera(frame)] = max(self._largest[_camera(frame)], size[0] * size[1])
         if before is None:
             return frame
         self.again += before.picture is not None and before.picture == frame.picture
         larger = size[0] > before.size[0] and size[1] > before.size[1]
-        return replace(frame, is_whole_of_earlier=True) if larger and now - before.at <= FINAL_WITHIN_S else frame
+        has_grown = len(data) >= before.length > 0 and _ends(data, before.length) == before.ends
+        is_whole = has_grown or (larger and now - before.at <= FINAL_WITHIN_S)
+        return replace(frame, is_whole_of_earlier=True) if is_whole else frame
+
+
+def _ends(data: bytes, length: int) -> str:
+    return content_hash(data[: min(length, LOOKED_AT)] + data[max(0, length - LOOKED_AT) : length])
 
 
 def _camera(frame: Frame) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from gcs_mosaic.app.conditions import Conditions, Facts
-from gcs_mosaic.messages import Aircraft, LinkReport, SourceReport
+from gcs_mosaic.messages import Aircraft, CameraCount, LinkReport, SourceReport
 from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount, FrameState
 from gcs_mosaic.store.status import AircraftStatus, Behind
 
@@ -44,7 +45,27 @@ def test_a_good_flight_has_none() -> None:
     assert keys(Conditions(), FLYING) == []
 
 
+FOLDER = SourceReport(kind="folder", name="DCIM", state="watching", taken=9)
+CAMERAS = (CameraCount("_w", 9, mapped=True), CameraCount("_t", 9, mapped=False))
+CHOSEN = (CameraCount("*_T.*", 9, mapped=True), CameraCount("*", 9, mapped=False))
+
+
+def beside(**told: Any) -> Facts:
+    """A flight with such a watched folder."""
+    return replace(FLYING, source=replace(FOLDER, **told))
+
+
 NEWS = {
+    "raw": ("raw", beside(passed_over=((".arw", 6),))),
+    "only others": ("only others", beside(taken=0, passed_over=((".mp4", 6),))),
+    "only copies": ("only others", beside(taken=0, passed_over=(("preview/", 6),))),
+    "left": ("left", beside(left=5, left_lately=5)),
+    "one left": ("left", beside(left=1, left_lately=1)),
+    "left, and a clock": ("left", beside(left=5, clock_off_s=7200.0)),
+    "clock behind": ("clock", beside(clock_off_s=7200.0)),
+    "clock ahead": ("clock", beside(clock_off_s=-7200.0)),
+    "cameras": ("cameras, _w", beside(cameras=CAMERAS)),
+    "chosen": ("cameras, *_T.*", beside(cameras=CHOSEN)),
     "islands": ("islands", replace(FLYING, islands=2)),
     "behind": ("behind", replace(FLYING, behind=Behind(frames=4, seconds=12.0))),
     "never heard": ("link udp:14550", replace(FLYING, links=(LinkReport(address="udp:14550", state="listening"),))),

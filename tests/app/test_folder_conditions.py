@@ -58,7 +58,7 @@ CASES = {
         replace(FOLDER, vehicle=2, passed_over=((".arw", 6),)),
         TRIGGERED,
         "raw of aircraft 2",
-        "Pictures of aircraft 2 come",
+        "come into DCIM",
     ),
 }
 

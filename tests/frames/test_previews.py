@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
+
 from gcs_mosaic.frames.previews import FINAL_WITHIN_S, WAIT_S
 from gcs_mosaic.messages import Frame, SourceReport
 from tests.frames.image_files import encoded, picture, with_thumbnail
@@ -51,6 +53,20 @@ def test_a_larger_picture_much_later_is_another_one(tmp_path: Path) -> None:
     assert frames(watched)
     watched.now += FINAL_WITHIN_S + 1
     watched.write("latest.jpg", whole(1))
+    assert [frame.is_whole_of_earlier for frame in frames(watched)] == [False]
+
+
+def test_a_file_that_grows_is_the_same_shot(tmp_path: Path) -> None:
+    """Half of a progressive JPEG decodes, in a worse picture; another picture in the same file does not begin alike."""
+    progressive = encoded(".jpg", picture(), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+    scan = progressive.rindex(b"\xff\xda")
+    watched = Watched(tmp_path)
+    watched.write("a.jpg", progressive[:scan] + b"\xff\xd9")
+    assert len(frames(watched)) == 1
+    watched.write("a.jpg", progressive)
+    (final,) = frames(watched)
+    assert (final.name, final.is_whole_of_earlier) == ("a.jpg#2", True)
+    watched.write("a.jpg", encoded(".jpg", picture(seed=1), cv2.IMWRITE_JPEG_PROGRESSIVE, 1) + b"a trailer")
     assert [frame.is_whole_of_earlier for frame in frames(watched)] == [False]
 
 
