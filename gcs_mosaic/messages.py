@@ -209,6 +209,7 @@ class SourceReport:
     taken: int = 0  # accepted as frames
     damaged: int = 0
     gaps: int = 0  # how often the folder was missing or the stream silent
+    reading: str = ""  # which video in the folder is being read, and how far it has come
     vehicle: int | None = None  # the aircraft that it belongs to, where each has one
 
 

@@ -253,6 +253,7 @@ class FolderWatch:
             taken=self._taken,
             damaged=self._damaged,
             gaps=self._gaps,
+            reading="" if self._videos is None else self._videos.reading,
         )
         before = self._reported
         is_news = before is None or (report != before[0] and now - before[1] >= REPORT_EACH_S)

@@ -52,8 +52,12 @@ def main(words: list[str]) -> None:
         start = time.process_time()
         chosen = [one for one in extract(path, StreamSettings(), MOST_PIXELS) if isinstance(one, Chosen)]
         whole_s = time.process_time() - start
-        print(f"{pictures} pictures, {len(chosen)} frames chosen; decoding {plain_s:.2f} s, with choosing {whole_s:.2f} s")
-        print(f"{whole_s / plain_s:.2f} times the cost of decoding, {pictures / whole_s:.0f} pictures a second of one core")
+        print(
+            f"{pictures} pictures, {len(chosen)} frames chosen; decoding {plain_s:.2f} s, with choosing {whole_s:.2f} s"
+        )
+        print(
+            f"{whole_s / plain_s:.2f} times the cost of decoding, {pictures / whole_s:.0f} pictures a second of one core"
+        )
 
 
 if __name__ == "__main__":
