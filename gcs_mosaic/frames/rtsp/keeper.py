@@ -146,8 +146,8 @@ class _Keeper:
             raise ValueError("no state")
         counted = {name: int(told[name]) + before for name, before in self._counted.items()}
         times = {name: told[name] for name in ("since_utc", "last_seen_utc")}
-        report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"])
-        self._report = replace(report, **times, **counted)
+        fields: dict[str, Any] = times | counted
+        self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **fields)
         return self._report
 
     def _gone(self, ended: str) -> Iterator[Item]:
