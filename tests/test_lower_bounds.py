@@ -26,6 +26,7 @@ TESTS = (
         "frames/test_integrity.py",
         "frames/test_exif.py",
         "frames/rtsp/test_stream_address.py",
+        "frames/video/test_extraction.py",
     ),
     *("mavlink/test_mavlink_parser.py", "mavlink/test_signing.py", "mavlink/test_mavlink_messages.py"),
     *(
