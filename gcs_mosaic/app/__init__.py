@@ -7,6 +7,7 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | main thread | the operating system | the ledger, the mosaic, the canvas, the documents; no other thread writes to them |
 | `link …`, `frames` | `inbox` | one link, or the frame source, whose originals it keeps; one queue leads to the main thread |
 | process `stream` | `frames.rtsp.keeper`, with a live stream | the camera connection and the ring buffer of newest images |
+| process `video` | `frames.video.reading`, while a recorded video is read | the open video and its newest pictures |
 | `prepare` (pool of 2) | `prefetch` | nothing: has a file's bytes turned into pixels, and those into features |
 | process `decode` (2 at most) | `frames.decoding`, when frames are prepared | one file and its picture, until it is sent |
 | `register` (pool of 2) | `stitch.graph.candidates` | nothing: registers one pair of frames per task |

@@ -57,21 +57,22 @@ def stitch(
     Raises UsageError before anything is written, and NothingPlaced at the end.
     """
     _refuse_map_among_frames(sources, out)  # before anything is written
-    config = replace(config, out=str(out), watch=", ".join(map(str, sources)), rtsp=None, sources=())
+    # As a flight whose frames come from these files: no live flight goes on with it by itself.
+    its_own = replace(config, out=str(out), watch=", ".join(map(str, sources)), rtsp=None, sources=())
     with ExitStack() as stack:
         known, opened = dict[str, str](), None
         if resume:
-            opened = stack.enter_context(closing(open_stitch(config)))
+            opened = stack.enter_context(closing(open_stitch(its_own)))
             known = _known(opened.folder.path)
         given = given_frames(sources, config, known)
         pictures = _debug_pictures(debug) if debug else None
         if opened is None:
-            opened = stack.enter_context(closing(begin_stitch(config)))
+            opened = stack.enter_context(closing(begin_stitch(its_own)))
         folder = opened.folder
         with flight_log(folder, config):
             say(console, Notice(source="out", level="info", text=folder.said))
             _introduce(given, console)
-            with closing(_pipeline(opened, given, config, console, pictures)) as pipeline:
+            with closing(_pipeline(opened, given, its_own, console, pictures)) as pipeline:
                 _stitch_into(pipeline, given, opened, config, console)
                 frames = pipeline.accounts().frames
                 if pictures:

@@ -188,6 +188,10 @@ def _of_the_source(facts: Facts) -> Iterator[SoNow]:
         if source is not None and source.state in SOURCE_AWAY:
             key = "source" if source.vehicle is None else f"source of aircraft {source.vehicle}"
             yield SoNow(key, "warning", SOURCE_AWAY[source.state].format(name=source.name), said=False)
+        if source is not None and source.reading:
+            key = "video" if source.vehicle is None else f"video of aircraft {source.vehicle}"
+            text = f"A video is read ({source.reading}): nothing is to be done, its frames come as they are mapped"
+            yield SoNow(key, "info", text, said=False)
 
 
 def _of_aircraft_without_triggers(facts: Facts) -> Iterator[SoNow]:

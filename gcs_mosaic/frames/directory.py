@@ -306,7 +306,7 @@ class FolderWatch:
             state="missing" if self._missing else "watching",
             since_utc=self._since_utc,
             last_seen_utc=self._last_utc,
-            seen=len(found.images),
+            seen=len(found.images) + len(found.videos),
             taken=self._taken_as_frames,
             damaged=self._damaged,
             gaps=self._gaps,
@@ -315,6 +315,7 @@ class FolderWatch:
             left_lately=self._left_lately,
             clock_off_s=self._clock_off_s if abs(self._clock_off_s or 0.0) >= CLOCK_OFF_S else None,
             cameras=self._cameras.counts,
+            reading="" if self._videos is None else self._videos.reading,
         )
         before = self._reported
         is_news = before is None or (report != before[0] and now - before[1] >= REPORT_EACH_S)

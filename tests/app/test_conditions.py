@@ -72,6 +72,12 @@ NEWS = {
     "silent": ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="silent"),))),
     "failed": ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="failed"),))),
     "source": ("source", replace(FLYING, source=SourceReport(kind="folder", name="DCIM", state="missing"))),
+    "video": (
+        "video",
+        replace(
+            FLYING, source=SourceReport(kind="folder", name="D", state="watching", reading="A.MP4, 0:00:07 of 0:01:00")
+        ),
+    ),
     "stream silent": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="silent"))),
     "stream lost": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="lost"))),
     "one is silent": ("silence of aircraft 2", replace(FLYING, links=(heard((1, 999.0), (2, 985.0)),))),

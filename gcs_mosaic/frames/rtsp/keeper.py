@@ -146,7 +146,8 @@ class _Keeper:
             raise ValueError("no state")
         counted: dict[str, Any] = {name: int(told[name]) + before for name, before in self._counted.items()}
         times = {name: told[name] for name in ("since_utc", "last_seen_utc")}
-        self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **times, **counted)
+        fields: dict[str, Any] = times | counted
+        self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **fields)
         return self._report
 
     def _gone(self, ended: str) -> Iterator[Item]:

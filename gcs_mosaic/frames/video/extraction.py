@@ -24,7 +24,7 @@ from gcs_mosaic.frames.video.upright import Orientation, square_pixels
 from gcs_mosaic.messages import Position, content_hash
 
 EVERY = "overlap"  # a recorded flight has no triggers
-RING_MB = 256
+RING_MB = 160
 MOST_FRAMES = 100_000  # of one video
 SEEK_BEFORE_S = (2.0, 15.0, 60.0)  # the decoder begins at a key frame, and these are up to that far apart
 

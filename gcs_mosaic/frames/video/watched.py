@@ -81,6 +81,15 @@ class WatchedVideos:
         if self._reading is not None:
             yield from self._read(self._reading, now)
 
+    @property
+    def reading(self) -> str:
+        """Which one is being read, and how far it has come, for display; empty if none is."""
+        one = self._reading
+        if one is None or one.described is None:
+            return ""
+        length = one.described.duration_s
+        return f"{one.look.name}, {clock_of(one.at_s)}{f' of {clock_of(length)}' if length else ''}"
+
     def close(self) -> str:
         """End; returns what to say of a video that is not read to its end."""
         reading, self._reading = self._reading, None

@@ -13,6 +13,7 @@ export default {
   "A page of another site is refused until the settings say web: {cors: true}.": "Eine Seite von anderswo wird abgelehnt, bis in den Einstellungen web: {cors: true} steht.",
   "A person's size here": "So groß ist hier ein Mensch",
   "A shot": "Eine Aufnahme",
+  "A video is read ({video}): nothing is to be done, its frames come as they are mapped": "Ein Video wird gelesen ({video}): es ist nichts zu tun, seine Bilder kommen, wie sie kartiert werden",
   "Add a network link with this address, or open the file. What is in view is asked for again every ten seconds.": "Einen Netzwerklink mit dieser Adresse hinzufügen oder die Datei öffnen. Was zu sehen ist, wird alle zehn Sekunden neu geholt.",
   "Address for {name}": "Adresse für {name}",
   "Address for {name} as a QR code": "Adresse für {name} als QR-Code",

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -82,15 +83,16 @@ def write_film(
             frame.pts = round(1000 * at / RATE) if stamps_ms is None else stamps_ms[at]
             frame.time_base = Fraction(1, 1000)
             out.mux(stream.encode(frame))
-            for seconds, data in klv if told is not None else ():
-                if round(seconds * RATE) == at:
-                    packet = av.Packet(data)
-                    packet.stream = told  # type: ignore[assignment] # PyAV's stubs know none of data
-                    packet.time_base = Fraction(1, 90_000)
-                    packet.pts = packet.dts = round(seconds * 90_000)
-                    out.mux(packet)
+            out.mux([_packet(told, *one) for one in klv if round(one[0] * RATE) == at])
         out.mux(stream.encode())
     return path
+
+
+def _packet(stream: Any, seconds: float, data: bytes) -> av.Packet:  # type: ignore[type-arg]
+    packet = av.Packet(data)
+    packet.stream, packet.time_base = stream, Fraction(1, 90_000)
+    packet.pts = packet.dts = round(seconds * 90_000)
+    return packet
 
 
 def sound(path: Path) -> Path:
