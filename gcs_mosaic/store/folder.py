@@ -195,6 +195,8 @@ def occupied(path: Path) -> str:
         return f"{path} holds an earlier flight, which is left as it is"
     begun = _was_begun_by_us(path)
     strange = next((name for name in there if not (begun and name in BEFORE_A_FLIGHT)), None)
+    if strange and LEDGER_NAME in there and not is_unbegun(path):
+        return f"{path} holds an earlier flight, which is left as it is"
     return f"{path} has its own {strange}, which is left as it is" if strange else ""
 
 
