@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sqlite3
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -192,15 +192,17 @@ def take(path: Path) -> tuple[FolderLock | None, str]:
 def occupied(path: Path) -> str:
     """Which of our files the folder already holds, as a sentence; empty if none."""
     there = [name for name in OUR_NAMES if inside.exists(path / name, path)]
-    if "mosaic.json" in there or (LEDGER_NAME in there and not is_unbegun(path)):
+    if "mosaic.json" in there or (LEDGER_NAME in there and not is_unbegun(path, FIRST_ROWS[1:])):
         return f"{path} holds an earlier flight, which is left as it is"
     begun = _was_begun_by_us(path)
     strange = next((name for name in there if not (begun and name in BEFORE_A_FLIGHT)), None)
+    if strange and LEDGER_NAME in there and not is_unbegun(path):
+        return f"{path} holds an earlier flight, which is left as it is"
     return f"{path} has its own {strange}, which is left as it is" if strange else ""
 
 
-def is_unbegun(path: Path) -> bool:
-    """Whether the ledger in a folder is that of a flight that was ended before it began: empty, or without its first row."""
+def is_unbegun(path: Path, rows: Sequence[str] = FIRST_ROWS) -> bool:
+    """Whether the ledger there is of a flight that was ended before it began: empty, or without rows in these tables."""
     ledger = path / LEDGER_NAME
     found = inside.status(ledger, path)
     if found is None or not stat.S_ISREG(found.st_mode):
@@ -209,14 +211,14 @@ def is_unbegun(path: Path) -> bool:
         return True
     try:
         with closing(connect_for_reading(ledger)) as opened:
-            return not any(opened.execute(f"SELECT 1 FROM {table} LIMIT 1").fetchone() for table in FIRST_ROWS)
+            return not any(opened.execute(f"SELECT 1 FROM {table} LIMIT 1").fetchone() for table in rows)
     except (UsageError, sqlite3.Error):
         return False
 
 
 def _was_begun_by_us(path: Path) -> bool:
     """Whether a start of ours was killed here: its lock is left, or its log, or an empty ledger."""
-    if inside.is_file(path / LOCK_NAME, path) or is_unbegun(path):
+    if inside.is_file(path / LOCK_NAME, path) or is_unbegun(path, FIRST_ROWS[1:]):
         return True
     try:
         with inside.reading(path / LOG_NAME, path) as log:

@@ -156,6 +156,13 @@ def test_what_a_killed_start_has_left_is_ours(tmp_path: Path, left: str) -> None
     folder.close()
 
 
+def test_a_flight_that_was_killed_before_anything_came_is_begun_again(tmp_path: Path) -> None:
+    begun_flight(tmp_path / "mosaic")
+    folder = open_flight_folder(tmp_path / "mosaic")
+    assert folder.path == tmp_path / "mosaic"
+    folder.close()
+
+
 @pytest.mark.parametrize("name", ["frames", "mosaic.json", "checkpoint", "tiles", "status.json"])
 def test_a_lock_makes_nothing_ours_that_no_start_writes(tmp_path: Path, name: str) -> None:
     out = tmp_path / "mosaic"
