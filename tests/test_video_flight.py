@@ -22,7 +22,17 @@ from gcs_mosaic.frames.video.reading import VideoReading
 from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
-from tests.frames.video.films import MOST_PIXELS, flight, reading, sound, survey_place, write_film, write_survey
+from tests.frames.video.films import (
+    HEIGHT,
+    MOST_PIXELS,
+    WIDTH,
+    flight,
+    reading,
+    sound,
+    survey_place,
+    write_film,
+    write_survey,
+)
 from tests.rebuilt import assert_explained
 from tests.running import PROGRAM, flying, run, until
 
@@ -113,8 +123,8 @@ def _agrees_with_the_path(frames: list[dict[str, Any]]) -> None:
         named = video_and_ms(frame["name"])
         assert named is not None
         true.append(complex(*survey_place(named[1] / 1000)))
-        corners = np.array(frame["corners"], float)
-        found.append(complex(*corners.mean(axis=0)))
+        x, y, scale = np.array(frame["canvas_from_frame"]) @ (WIDTH / 2, HEIGHT / 2, 1)
+        found.append(complex(x / scale, y / scale))
     a, b = np.array(true), np.array(found)
     turn = np.vdot(b - b.mean(), a - a.mean()) / np.vdot(b - b.mean(), b - b.mean())
     assert np.abs(turn * (b - b.mean()) - (a - a.mean())).max() < 25  # px: a frame is up to 0.15 s off its name
