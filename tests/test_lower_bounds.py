@@ -27,7 +27,7 @@ TESTS = (
         *("frames/test_jpeg.py", "frames/test_png.py", "frames/test_tiff.py"),
         "frames/test_exif.py",
         "frames/rtsp/test_stream_address.py",
-        "frames/video/test_extraction.py",
+        "frames/video/test_video_extraction.py",
     ),
     *(
         "mavlink/test_mavlink_parser.py",

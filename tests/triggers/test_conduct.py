@@ -69,7 +69,7 @@ def test_each_shot_is_one_whatever_its_sender_counts_and_dates(sender: str, copi
     assert remark in said(heard)
 
 
-@pytest.mark.parametrize("sender", set(SENDERS) - {"half as fast", "jumps", "backwards"})
+@pytest.mark.parametrize("sender", [one for one in SENDERS if one not in ("half as fast", "jumps", "backwards")])
 def test_shots_are_dated_by_their_messages_where_the_clock_is_none(sender: str) -> None:
     assert moments(told(SENDERS[sender][0])) == pytest.approx(
         [100.0 + EVERY_S * shot for shot in range(COUNT)], abs=0.5
