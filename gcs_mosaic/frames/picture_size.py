@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,7 +15,7 @@ _MOST_SEGMENTS = 2000  # thermal cameras put 10 MB of data into some hundred bef
 def picture_size(path: Path) -> tuple[int, int] | None:
     """(width, height) in px of a JPEG or PNG; None for other files, and for those that cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=_at_once) as file:
             head = file.read(24)
             if head.startswith(b"\x89PNG"):
                 width, height = unpack(">II", head, 16)
@@ -22,6 +23,10 @@ def picture_size(path: Path) -> tuple[int, int] | None:
             return _of_jpeg(file) if head.startswith(b"\xff\xd8") else None
     except (OSError, StructureError):
         return None
+
+
+def _at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # else opening a pipe without a writer would block
 
 
 def _of_jpeg(file: BinaryIO) -> tuple[int, int] | None:
