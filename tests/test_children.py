@@ -19,7 +19,7 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 # Who starts processes, and what runs in them: begin there with `outlive_signals`.
 CHILDREN = {
     "frames/decoding/process.py": "frames/decoding/worker.py",
-    "frames/rtsp/keeper.py": "frames/rtsp/stream_process.py",
+    "frames/child_process.py": "frames/rtsp/stream_process.py",
     "stitch/bundle/worker.py": "stitch/bundle/worker.py",
     "web/page_keeper.py": "web/page_process.py",
     "web/hint_keeper.py": "hints/hint_process.py",
@@ -61,5 +61,5 @@ def test_each_process_of_the_program_begins_so() -> None:
     rooms = [path for path in PACKAGE.rglob("*.py") if path.parts[-2] not in ("cli", "sitl", "config")]
     found = {path.relative_to(PACKAGE).as_posix() for path in rooms if starts.search(path.read_text("utf-8"))}
     assert found == set(CHILDREN)
-    for begins in CHILDREN.values():
+    for begins in (*CHILDREN.values(), "frames/video/process.py"):
         assert re.search(r"(?:outlive_signals|begin_as_child)\(\)", (PACKAGE / begins).read_text("utf-8"))

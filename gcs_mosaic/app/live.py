@@ -168,9 +168,7 @@ class _Daemon:
         self._state: DaemonState = "listening"
         self._adjusting = False  # whether an adjustment started in a pause is still running
         self._disk_due = 0.0
-        self._looked = set[
-            int | None
-        ]()  # sources of which every file present at the start has been accepted, by aircraft
+        self._looked = set[int | None]()  # aircraft of whose source each file that was there at the start is accepted
 
     def _pipeline_in(self, opened: OpenedFlight) -> Pipeline:
         return Pipeline(

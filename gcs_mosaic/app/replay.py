@@ -30,6 +30,7 @@ from gcs_mosaic.app.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import marked
+from gcs_mosaic.frames.decoding.proof import Proof
 from gcs_mosaic.frames.files import looks_in, mapped_of, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
@@ -239,6 +240,7 @@ class _ReadAhead:
     def __init__(self, coming: Sequence[ComingFile], config: Config, preparation: Preparation) -> None:
         self.taken = 0
         self._coming, self._settings = iter(coming), config.frames
+        self._prove = Proof(config.decode, config.frames.max_pixels)  # what is damaged takes no event, as in the flight
         self._read: deque[Frame | DamagedFile] = deque()
         self._preparation = preparation
 
@@ -255,10 +257,11 @@ class _ReadAhead:
 
     def close(self) -> None:
         self._preparation.close()
+        self._prove.close()
 
     def _read_on(self) -> None:
         while len(self._read) <= AHEAD and (file := next(self._coming, None)) is not None:
-            found = read_frame(file.look, file.look.name, self._settings)
+            found = read_frame(file.look, file.look.name, self._settings, self._prove)
             if file.vehicle is not None:
                 found = marked(found, file.vehicle)
             self._read.append(found)

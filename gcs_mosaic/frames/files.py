@@ -15,7 +15,7 @@ from gcs_mosaic.frames.cameras import chosen_of
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.passed_over import RAW_SUFFIXES, Kinds, PassedOver, in_words, stem_of
-from gcs_mosaic.frames.pending_file import FileRead, frame_of, read_whole, versioned
+from gcs_mosaic.frames.pending_file import FileRead, Prove, frame_of, read_whole, versioned
 from gcs_mosaic.frames.scan import LEDGER, VIDEO_SUFFIXES, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
@@ -158,9 +158,13 @@ def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | Dam
         yield read_frame(look, versioned(look.name, seen[look.name]), settings)
 
 
-def read_frame(look: Look, name: str, settings: FolderSettings) -> Frame | DamagedFile:
-    """The file as a frame of this name, or why it is not one. Whether all of its picture is there is seen when it is decoded."""
+def read_frame(look: Look, name: str, settings: FolderSettings, prove: Prove | None = None) -> Frame | DamagedFile:
+    """The file as a frame of this name, or why it is not one. Whether all of its picture is there is told by `prove`, or else
+    seen when it is decoded."""
     found = read_whole(look, settings) if look.path.is_file() else NotWhole("not a regular file")
     if isinstance(found, FileRead):
-        return frame_of(look, name, found.data, content_hash(found.data))
+        digest = content_hash(found.data)
+        if found.doubt and prove is not None and (reason := prove(found.data, digest)):
+            return DamagedFile(name=name, reason=reason)
+        return frame_of(look, name, found.data, digest)
     return DamagedFile(name=name, reason=found.reason if found else "it changed or went while it was read")

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.video.extraction import Chosen, extract
+from gcs_mosaic.frames.video.extraction import ChosenPicture, extract
 from gcs_mosaic.frames.video.film import Film
 from tests.frames.video.films import GROUND, MOST_PIXELS, RATE, Image, write_film
 
@@ -50,7 +50,7 @@ def main(words: list[str]) -> None:
         path = Path(words[0]) if words else made(Path(folder))
         pictures, plain_s = decoded(path)
         start = time.process_time()
-        chosen = [one for one in extract(path, StreamSettings(), MOST_PIXELS) if isinstance(one, Chosen)]
+        chosen = [one for one in extract(path, StreamSettings(), MOST_PIXELS) if isinstance(one, ChosenPicture)]
         whole_s = time.process_time() - start
         print(
             f"{pictures} pictures, {len(chosen)} frames chosen; decoding {plain_s:.2f} s, with choosing {whole_s:.2f} s"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -231,8 +230,9 @@ def test_an_old_flight_is_not_watched(refused: Refused, tmp_path: Path) -> None:
     assert "old holds a flight" in refused(*listening(), "--watch", "old", "--out", "new")
 
 
-def test_the_folder_beside_is_not_the_watched_one(refused: Refused, flight: Path, tmp_path: Path) -> None:
-    shutil.copytree(flight, tmp_path / "mosaic")
+def test_the_folder_beside_is_not_the_watched_one(refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "mosaic" / "tiles").mkdir(parents=True)  # more than a start that was killed has left
+    (tmp_path / "mosaic" / "flight.sqlite").write_bytes(b"")
     (tmp_path / "mosaic-2").mkdir()
     said = refused(*listening(), "--no-http", "--watch", "mosaic-2")
     assert "the output folder mosaic-2 and the watched folder mosaic-2 overlap" in said

@@ -30,7 +30,7 @@ SEEK_BEFORE_S = (2.0, 15.0, 60.0)  # the decoder begins at a key frame, and thes
 
 
 @dataclass(frozen=True, slots=True)
-class Chosen:
+class ChosenPicture:
     """A frame: `ms` from the beginning, its JPEG, and what the recording tells of its place; `utc` of the beginning where
     metadata within it tell that (seconds since 1970)."""
 
@@ -67,7 +67,7 @@ class GoOn:
     content_hash: str
 
 
-Told: TypeAlias = Described | Chosen | Reached | ReadToTheEnd
+Told: TypeAlias = Described | ChosenPicture | Reached | ReadToTheEnd
 
 
 class _FilmClock(CaptureClock):
@@ -113,7 +113,7 @@ def _gone_on(
     if isinstance(film, str) or go_on is None:
         return None
     begun = _Extraction(film, settings, track, go_on) if film.seek(max(go_on.ms / 1000 - before_s, 0.0)) else None
-    first = None if begun is None else next((one for one in begun.told() if isinstance(one, Chosen)), None)
+    first = None if begun is None else next((one for one in begun.told() if isinstance(one, ChosenPicture)), None)
     film.close()
     if first is None or first.ms != go_on.ms or content_hash(first.jpeg) != go_on.content_hash:
         return None
@@ -169,7 +169,7 @@ class _Extraction:
         yield ReadToTheEnd(seconds, self._pictures, self._damaged, self._taken, stopped)
         self._film.close()
 
-    def _take(self, picture: FilmPicture) -> Iterator[Chosen]:
+    def _take(self, picture: FilmPicture) -> Iterator[ChosenPicture]:
         self._pictures += 1
         self._damaged += picture.damaged
         self._hear()
@@ -190,18 +190,18 @@ class _Extraction:
             return True
         return not picture.damaged and self._wishes.moment(picture) is not None
 
-    def _chosen(self, now: float) -> Iterator[Chosen]:
+    def _chosen(self, now: float) -> Iterator[ChosenPicture]:
         for decided in self._picker.due(self._ring.pictures(), now):
             if isinstance(decided, Pick):
                 self._taken += 1
                 yield self._encoded(decided)
 
-    def _encoded(self, pick: Pick) -> Chosen:
+    def _encoded(self, pick: Pick) -> ChosenPicture:
         turned = self._turned[id(pick.picture)]
         image = turned.applied(square_pixels(pick.picture.colour(), self._film.described.pixel_aspect))
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._settings.jpeg_quality]
         jpeg: bytes = np.asarray(cv2.imencode(".jpg", image, quality)[1]).tobytes()
-        return Chosen(_ms(pick.ask.moment), jpeg, self._track.at(pick.moment), self._track.by, self._utc)
+        return ChosenPicture(_ms(pick.ask.moment), jpeg, self._track.at(pick.moment), self._track.by, self._utc)
 
     def _hear(self) -> None:
         """Positions within the recording count where there are none beside it."""

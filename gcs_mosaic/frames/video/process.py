@@ -67,7 +67,7 @@ def _limit_time() -> None:
 
 def _messages(path: Path, settings: StreamSettings, max_pixels: int, go_on: object) -> Iterator[tuple[Message, bytes]]:
     from gcs_mosaic.frames.video.described import Described
-    from gcs_mosaic.frames.video.extraction import Chosen, GoOn, Reached, ReadToTheEnd, extract
+    from gcs_mosaic.frames.video.extraction import ChosenPicture, GoOn, Reached, ReadToTheEnd, extract
 
     av_quiet()
     begun = GoOn(*go_on) if isinstance(go_on, tuple) else None
@@ -79,7 +79,7 @@ def _messages(path: Path, settings: StreamSettings, max_pixels: int, go_on: obje
                 yield {"refused": one}, b""
             case Described():
                 yield {"described": asdict(one)}, b""
-            case Chosen():
+            case ChosenPicture():
                 place = None if one.position is None else asdict(one.position)
                 yield {"frame": {"ms": one.ms, "position": place, "told_by": one.told_by, "utc": one.utc}}, one.jpeg
             case Reached() if time.monotonic() >= next_s:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.frames.files import looks_in
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.video.extraction import Chosen, GoOn, ReadToTheEnd, Told, extract
+from gcs_mosaic.frames.video.extraction import ChosenPicture, GoOn, ReadToTheEnd, Told, extract
 from gcs_mosaic.frames.video.klv import KEY, checksum
 from gcs_mosaic.frames.video.reading import Known, VideoReading
 
@@ -130,15 +130,15 @@ def told(path: Path, go_on: GoOn | None = None, **settings: str) -> list[Told | 
     return list(extract(path, StreamSettings(**settings), MOST_PIXELS, go_on))  # type: ignore[arg-type]
 
 
-def chosen(path: Path, go_on: GoOn | None = None, **settings: str) -> list[Chosen]:
-    return [one for one in told(path, go_on, **settings) if isinstance(one, Chosen)]
+def chosen(path: Path, go_on: GoOn | None = None, **settings: str) -> list[ChosenPicture]:
+    return [one for one in told(path, go_on, **settings) if isinstance(one, ChosenPicture)]
 
 
 def the_end(path: Path) -> ReadToTheEnd:
     return next(one for one in told(path) if isinstance(one, ReadToTheEnd))
 
 
-def picture_of(one: Chosen) -> Image:
+def picture_of(one: ChosenPicture) -> Image:
     found = cv2.imdecode(np.frombuffer(one.jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert found is not None
     return np.asarray(found, np.uint8)
