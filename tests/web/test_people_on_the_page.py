@@ -152,7 +152,11 @@ def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, 
 def test_pins_lay_the_map_and_the_cursor_tells_its_coordinate(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-anchors")
-    for x, y, coordinate in ((300, 300, "44.5, 7.0"), (700, 300, "44.49787, 7.0"), (300, 600, "44.5, 6.99776")):
+    for x, y, coordinate in (
+        (300, 300, "44.50000, 7.00000"),
+        (700, 300, "44.49787, 7.00000"),
+        (300, 600, "44.50000, 6.99776"),
+    ):
         someone.press("anchors-set")
         someone.click(x, y)
         someone.type("anchors-form", coordinate=coordinate)
