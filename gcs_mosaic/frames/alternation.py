@@ -53,8 +53,9 @@ class Alternation:
 
 
 def _in_turn(sizes: list[PictureSize]) -> bool:
+    """One sensor's pictures that are turned, or cropped to another shape, have a side in common: they are one camera's."""
     one, other = sizes[:2]
-    return one != other and sizes == [one, other] * (len(sizes) // 2)
+    return not {*one} & {*other} and sizes == [one, other] * (len(sizes) // 2)
 
 
 def _file(key: str, series: _Series, count: int, size: PictureSize) -> ShotFile:

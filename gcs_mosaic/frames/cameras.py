@@ -7,12 +7,14 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC
 from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 
 from gcs_mosaic.frames.alternation import CAMERAS as COUNTED_TOGETHER
 from gcs_mosaic.frames.alternation import Alternation
-from gcs_mosaic.frames.guesses import proved
+from gcs_mosaic.frames.exif import capture_time
+from gcs_mosaic.frames.guesses import is_beyond_bands, proved
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.picture_size import picture_size
 from gcs_mosaic.frames.scan import Look
@@ -72,11 +74,14 @@ class Cameras:
         if file.camera in COUNTED_TOGETHER and size is not None and (told := self._alternation.note(frame.name, size)):
             yield from self._add_in_turn(frame, told)
             return
+        if file.guess == "bands" and self._is_counter(file, frame):
+            yield from self._refuse_bands()
+            file = self._file(frame.name)
+        if self._held and file.shot not in {self._file(one.frame.name).shot for one in self._held}:
+            yield from self._decide()
         if file.guess in self._proved or (file.guess is None and file.camera in self._settled):
             yield from self._add(frame, file, size)
             return
-        if self._held and file.shot not in {self._file(one.frame.name).shot for one in self._held}:
-            yield from self._decide()
         until = now + (HOLD_KIND_S if file.camera.startswith(".") else HOLD_S)
         self._held.append(_Held(frame if len(self._held) < HELD_DATA else replace(frame, data=None), size, until))
 
@@ -127,22 +132,37 @@ class Cameras:
             self._tries[guess] += 1
         told = [self._believed(one.frame.name, file) for one, (file, _) in zip(held, files, strict=True)]
         for one, file in zip(held, told, strict=True):
-            self._register.add(file, one.size)
+            self._register.add(file, one.size, one.frame.captured)
             self._settled.add(file.camera)
         for one, file in zip(held, told, strict=True):
             yield from self._sorted(one.frame, file)
+
+    def _is_counter(self, file: ShotFile, frame: Frame) -> bool:
+        """Whether what was believed to be bands is shown by this file to count pictures."""
+        if file.guess not in self._proved:
+            return False
+        return is_beyond_bands(file) or self._register.is_of_another_moment(file, frame.captured)
+
+    def _refuse_bands(self) -> Iterator[Frame]:
+        """All of those left out are frames after all."""
+        self._proved.discard("bands")
+        self._tries["bands"] = MOST_TRIES
+        self._register = ShotRegister()
+        cameras = [camera for camera, files in self._aside.items() if shot_file(files[0].name).guess == "bands"]
+        frames = [frame for camera in cameras for frame in self._aside.pop(camera)]
+        yield from sorted(frames, key=lambda one: one.received)
 
     def _believed(self, name: str, file: ShotFile) -> ShotFile:
         return file if file.guess is None or file.guess in self._proved else without_guess(name)
 
     def _add_in_turn(self, frame: Frame, told: Sequence[tuple[str, Size, ShotFile]]) -> Iterator[Frame | OtherFile]:
         """Those of them that came before it showed are frames already."""
-        for _, size, file in told:
-            self._register.add(file, size)
+        for name, size, file in told:
+            self._register.add(file, size, frame.captured if name == frame.name else None)
         yield from self._sorted(frame, told[-1][2])
 
     def _add(self, frame: Frame, file: ShotFile, size: Size) -> Iterator[Frame | OtherFile]:
-        self._register.add(file, size)
+        self._register.add(file, size, frame.captured)
         yield from self._sorted(frame, file)
 
     def _sorted(self, frame: Frame, file: ShotFile) -> Iterator[Frame | OtherFile]:
@@ -177,9 +197,10 @@ def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = ()) -> Chosen:
     copies = _small_copies(looks)
     looks = [look for look in looks if look.name not in copies]
     files = _told(looks)
-    register = ShotRegister()
-    for file in files:
-        register.add(file)
+    register, shots = ShotRegister(), Counter(file.shot for file in files)
+    for look, file in zip(looks, files, strict=True):
+        when = capture_time(look.path) if shots[file.shot] > 1 else None
+        register.add(file, captured=None if when is None else when.replace(tzinfo=UTC).timestamp())
     kept = [look for look, file in zip(looks, files, strict=True) if register.mapped(file.camera) == file.camera]
     told = f"{len(copies)} small copies of other images are left out, {min(copies)} for one" if copies else ""
     return Chosen(kept, "; ".join(filter(None, [in_words(register.counts()), told])))

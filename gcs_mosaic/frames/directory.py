@@ -235,8 +235,8 @@ class FolderWatch:
         self._unread.discard(look.path)
         if isinstance(item, Frame):
             item = self._dated(item, self._candidates[look.path])
-            whole = self._previews.take(item, image_size(item.data or b""), now)
-            yield from () if whole is None else self._accepted(whole, now)
+            for frame in self._previews.take(item, image_size(item.data or b""), now):
+                yield from self._accepted(frame, now)
         elif item is not None:
             yield item
         if isinstance(item, Frame):

@@ -14,8 +14,8 @@ from gcs_mosaic.frames.shot_names import Guess, ShotFile
 Files: TypeAlias = Sequence[tuple[ShotFile, Path]]
 
 AT_ONCE_S = 1.0  # bands of one shot are taken within this
-BANDS_OF_ONE = frozenset({4, 5, 6, 10})  # how many bands cameras have
-ENOUGH = 3  # bands of one shot, of a camera that writes no time
+MOST_BANDS = 10  # of a camera; numbers beyond count pictures
+ENOUGH = 4  # bands of one shot, of a camera that writes no time
 
 
 def are_bands(files: Files, *, more_to_come: bool) -> bool:
@@ -23,14 +23,20 @@ def are_bands(files: Files, *, more_to_come: bool) -> bool:
     shots: dict[str, dict[str, Path]] = {}
     for file, path in files:
         shots.setdefault(file.shot, {})[file.camera] = path
+    if any(is_beyond_bands(file) for file, _ in files):
+        return False
     several = [bands for bands in shots.values() if len(bands) > 1]
     times = [sorted(filter(None, map(capture_time, bands.values()))) for bands in several[:3]]
     if any(len(taken) > 1 for taken in times):
-        return any(_at_once(taken) for taken in times)
+        return all(_at_once(taken) for taken in times if len(taken) > 1)
     if more_to_come:
         return any(len(bands) >= ENOUGH for bands in several)
-    alike = any(len(one.keys() & other.keys()) > 1 for one, other in pairwise(several))
-    return alike or (len(shots) == 1 and any(len(bands) in BANDS_OF_ONE for bands in several))
+    return any(len(one.keys() & other.keys()) > 1 for one, other in pairwise(several))
+
+
+def is_beyond_bands(file: ShotFile) -> bool:
+    """Whether what is guessed to be a band has a number that no camera's band has."""
+    return file.guess == "bands" and int(file.camera[1:]) > MOST_BANDS
 
 
 def are_tens(files: Iterable[ShotFile], cameras_of: Callable[[str], frozenset[str]]) -> bool:
@@ -47,4 +53,6 @@ def proved(guess: Guess, files: Files, cameras_of: Callable[[str], frozenset[str
 
 
 def _at_once(times: Sequence[datetime]) -> bool:
-    return len(times) > 1 and (times[-1] - times[0]).total_seconds() <= AT_ONCE_S
+    """Two pictures a second apart may be two of one camera; of three, bands are as far apart where a second begins."""
+    span_s = (times[-1] - times[0]).total_seconds()
+    return span_s < AT_ONCE_S or (span_s == AT_ONCE_S and len(times) >= ENOUGH)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.frames.pending_file import file_and_version, versioned
 from gcs_mosaic.frames.shot_names import shot_file
 from gcs_mosaic.messages import Frame, content_hash
 
@@ -39,27 +39,43 @@ class Previews:
         self._largest = Counter[str]()  # px, by camera
         self._taken: dict[str, _Taken] = {}  # by file name
         self._waiting: dict[Path, tuple[Frame, tuple[int, int], float]] = {}
+        self._overwritten: dict[Path, tuple[Frame, tuple[int, int]]] = {}  # what waited in files that have changed
+        self._in_vain = set[
+            tuple[str, tuple[int, int]]
+        ]()  # cameras and sizes of small pictures that were frames themselves
         self.again = 0  # files that were written again with the same picture
 
-    def take(self, frame: Frame, size: Size, now: float) -> Frame | None:
-        """The frame, or None if it has to wait; if it is the whole picture of a preview that was taken, it says so."""
+    def take(self, frame: Frame, size: Size, now: float) -> Iterator[Frame]:
+        """The frame, or nothing if it has to wait; if it is the whole picture of a preview that was taken, it says so."""
         self._waiting.pop(frame.path, None)
+        before, size_before = self._overwritten.pop(frame.path, (None, None))
         if size is None:
-            return frame
-        if size[0] * size[1] < MUCH_SMALLER * self._largest[_camera(frame)]:
+            yield frame
+            return
+        if before is not None and size_before == size:  # a camera that writes one name again and again
+            self._in_vain.add((_camera(frame), size))
+            if before.picture is None or before.picture != frame.picture:
+                yield self._noted(before, size, now)
+                file, version = file_and_version(before.name)
+                frame = replace(frame, name=versioned(file, version + 1), earlier=before.name)
+        is_small = size[0] * size[1] < MUCH_SMALLER * self._largest[_camera(frame)]
+        if is_small and (_camera(frame), size) not in self._in_vain:
             self._waiting[frame.path] = frame, size, now + WAIT_S
-            return None
-        return self._noted(frame, size, now)
+            return
+        yield self._noted(frame, size, now)
 
     def changed(self, path: Path) -> None:
         """This file is being written: what waits of it will come again."""
-        self._waiting.pop(path, None)
+        if waiting := self._waiting.pop(path, None):
+            self._overwritten[path] = waiting[:2]
 
     def due(self, now: float) -> Iterator[Frame]:
         """What has stood still for long enough to be no preview."""
-        for path in [path for path, (_, _, until) in self._waiting.items() if now >= until]:
-            frame, size, _ = self._waiting.pop(path)
-            yield self._noted(frame, size, now)
+        self._in_vain |= {(_camera(frame), size) for frame, size, until in self._waiting.values() if now >= until}
+        for path, (frame, size, _) in list(self._waiting.items()):
+            if (_camera(frame), size) in self._in_vain:  # those that came after it need not wait, either
+                del self._waiting[path]
+                yield self._noted(frame, size, now)
 
     def _noted(self, frame: Frame, size: tuple[int, int], now: float) -> Frame:
         file, _ = file_and_version(frame.name)
@@ -74,6 +90,8 @@ class Previews:
         larger = size[0] > before.size[0] and size[1] > before.size[1]
         has_grown = len(data) >= before.length > 0 and _ends(data, before.length) == before.ends
         is_whole = has_grown or (larger and now - before.at <= FINAL_WITHIN_S)
+        if is_whole:
+            self._in_vain.discard((_camera(frame), before.size))
         return replace(frame, is_whole_of_earlier=True) if is_whole else frame
 
 

@@ -38,7 +38,7 @@ MULTISPECTRAL = {"g": 1, "r": 2, "b": 3, "nir": 4, "re": 5}  # after _MS_
 BANDS = {2: 1, 3: 2, 1: 3, 4: 4, 5: 5}  # of MicaSense: blue, green, red, near infrared, red edge; others after them
 _LAST_WORD = re.compile(r"(?P<rest>.*[^_\-. ])[_\-. ]+(?P<word>[a-z]+)", re.DOTALL)
 _FIRST_WORD = re.compile(r"(?P<word>[a-z]+)[_\-. ]*(?P<rest>\d.*)", re.DOTALL)
-_BAND = re.compile(r"(?P<rest>.*[a-z][_\-]?\d{3,6})_(?P<band>\d{1,2})", re.DOTALL)
+_BAND = re.compile(r"(?P<rest>.*[a-z][_\-]?\d{3,6})_(?P<band>[1-9]\d?)", re.DOTALL)
 _TENS = re.compile(r"(?P<rest>dji_\d{3})(?P<band>[1-5])")
 _SECONDS = re.compile(r"(?P<date>dji_\d{8})\d{6}(?P<count>_\d{4})$")
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, deque
 from collections.abc import Iterable
+from statistics import median
 
 from gcs_mosaic.frames.shot_names import ShotFile
 from gcs_mosaic.messages import CameraCount
@@ -15,32 +16,50 @@ AS_MANY = 0.8  # of the most files: among cameras that have so many, the better 
 MANY_MORE, AT_LEAST = 1.5, 3  # times the files, and files beyond that, for which another camera is mapped instead
 EARLY_SHOTS = 3  # up to which a better camera, whose files come later, is mapped instead
 MOST_SHOTS = 20_000  # kept
+ONE_SHOT_S = 3.0  # between the capture times of its files, by one clock
+OWN_CLOCK = ("/", "_")  # ends of the names of cameras that are told by folders and prefixes
+AT_ONCE = (
+    0.8  # of the shots whose capture times are known: by less, two aircraft or two flights count their pictures alike
+)
+COMPARED = 64  # newest shots of two cameras whose capture times are compared
 
 
 class ShotRegister:
     """Which cameras belong together is told by the shots of which several have a file."""
 
     def __init__(self) -> None:
-        self._shots: OrderedDict[str, set[str]] = OrderedDict()
+        self._shots: OrderedDict[str, dict[str, float | None]] = OrderedDict()  # capture times in s by camera
         self._files: dict[str, Counter[Size]] = {}
         self._shared: dict[str, Counter[str]] = {}
+        self._apart: dict[
+            tuple[str, str], deque[float]
+        ] = {}  # s between the files of two cameras, in the order of their names
         self._rank: dict[str, int] = {}
         self._mapped: set[str] = set()
 
-    def add(self, file: ShotFile, size: Size = None) -> None:
-        """A file has come; one that is written again counts once."""
+    def add(self, file: ShotFile, size: Size = None, captured: float | None = None) -> None:
+        """A file has come, with its capture time in s; one that is written again counts once."""
         self._rank[file.camera] = file.rank
         files = self._files.setdefault(file.camera, Counter())
-        cameras = self._shots.setdefault(file.shot, set())
+        cameras = self._shots.setdefault(file.shot, {})
         if file.camera in cameras:
-            return
+            if not _are_apart(captured, cameras[file.camera]):
+                return
+            cameras.clear()  # a counter has begun anew
         files[size] += 1
-        for other in cameras:
+        for other, when in cameras.items():
             self._shared.setdefault(file.camera, Counter())[other] += 1
             self._shared.setdefault(other, Counter())[file.camera] += 1
-        cameras.add(file.camera)
+            if captured is not None and when is not None:
+                apart = captured - when if file.camera < other else when - captured
+                self._apart.setdefault(_pair(file.camera, other), deque(maxlen=COMPARED)).append(apart)
+        cameras[file.camera] = captured
         if len(self._shots) > MOST_SHOTS:
             self._shots.popitem(last=False)
+
+    def is_of_another_moment(self, file: ShotFile, captured: float | None) -> bool:
+        """Whether other files of this one's shot were taken seconds before or after it, so that they are no shot."""
+        return any(_are_apart(captured, when) for when in self._shots.get(file.shot, {}).values())
 
     def cameras_of(self, shot: str) -> frozenset[str]:
         """Of whose files one has come."""
@@ -73,7 +92,16 @@ class ShotRegister:
 
     def _share(self, one: str, other: str) -> bool:
         fewer = min(self._files[one].total(), self._files[other].total())
-        return self._shared[one][other] >= SHARED * fewer
+        return self._shared[one][other] >= SHARED * fewer and self._at_once(one, other) >= AT_ONCE
+
+    def _at_once(self, one: str, other: str) -> float:
+        """Share of their shots that both took together, as far as it is known. Cameras with folders or prefixes of their own may
+        have clocks of their own."""
+        apart = self._apart.get(_pair(one, other))
+        if not apart:
+            return 1.0
+        usual = median(apart) if one.endswith(OWN_CLOCK) or other.endswith(OWN_CLOCK) else 0.0
+        return sum(abs(seconds - usual) <= ONE_SHOT_S for seconds in apart) / len(apart)
 
     def _as_many(self, group: Iterable[str]) -> list[str]:
         most = max(map(self._most_alike, group))
@@ -90,3 +118,11 @@ class ShotRegister:
         if self._most_alike(best) >= MANY_MORE * self._most_alike(so_far) + AT_LEAST:
             return True
         return self._rank[best] < self._rank[so_far] and self._files[so_far].total() <= EARLY_SHOTS
+
+
+def _pair(one: str, other: str) -> tuple[str, str]:
+    return (one, other) if one < other else (other, one)
+
+
+def _are_apart(one: float | None, other: float | None) -> bool:
+    return one is not None and other is not None and abs(one - other) > ONE_SHOT_S
