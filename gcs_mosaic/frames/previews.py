@@ -30,6 +30,8 @@ class _Taken:
     at: float
     length: int  # bytes that an upload would have brought, without an end marker
     ends: str  # hash of the first and last of them
+    captured: float | None
+    is_reused: bool  # whether pictures of one size have followed one another under this name
 
 
 class Previews:
@@ -40,9 +42,7 @@ class Previews:
         self._taken: dict[str, _Taken] = {}  # by file name
         self._waiting: dict[Path, tuple[Frame, tuple[int, int], float]] = {}
         self._overwritten: dict[Path, tuple[Frame, tuple[int, int]]] = {}  # what waited in files that have changed
-        self._in_vain = set[
-            tuple[str, tuple[int, int]]
-        ]()  # cameras and sizes of small pictures that were frames themselves
+        self._in_vain = set[tuple[str, tuple[int, int]]]()  # cameras and sizes of small pictures that were frames
         self.again = 0  # files that were written again with the same picture
 
     def take(self, frame: Frame, size: Size, now: float) -> Iterator[Frame]:
@@ -82,17 +82,26 @@ class Previews:
         before = self._taken.get(file)
         data = frame.data or b""
         length = len(data) - 2 * data.endswith(END_MARKER)
-        self._taken[file] = _Taken(size, frame.picture, now, length, _ends(data, length))
+        new = _Taken(size, frame.picture, now, length, _ends(data, length), frame.captured, is_reused=False)
+        self._taken[file] = new
         self._largest[_camera(frame)] = max(self._largest[_camera(frame)], size[0] * size[1])
         if before is None:
             return frame
         self.again += before.picture is not None and before.picture == frame.picture
         larger = size[0] > before.size[0] and size[1] > before.size[1]
         has_grown = len(data) >= before.length > 0 and _ends(data, before.length) == before.ends
-        is_whole = has_grown or (larger and now - before.at <= FINAL_WITHIN_S)
+        new.is_reused = before.is_reused or (size == before.size and before.picture != frame.picture and not has_grown)
+        is_whole = has_grown or (larger and now - before.at <= FINAL_WITHIN_S and not _is_another(before, new))
         if is_whole:
             self._in_vain.discard((_camera(frame), before.size))
         return replace(frame, is_whole_of_earlier=True) if is_whole else frame
+
+
+def _is_another(before: _Taken, new: _Taken) -> bool:
+    """Whether a larger picture under one name is no whole one of what was there before."""
+    if before.captured is not None and new.captured is not None and abs(new.captured - before.captured) >= 1.0:
+        return True
+    return new.is_reused
 
 
 def _ends(data: bytes, length: int) -> str:

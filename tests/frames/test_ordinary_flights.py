@@ -124,3 +124,14 @@ def test_one_name_written_again_and_again_in_a_smaller_size_loses_nothing(tmp_pa
     assert [frame.name for frame in frames] == ["latest.jpg", *(f"latest.jpg#{k}" for k in range(2, 6))]
     assert [frame.earlier for frame in frames[1:]] == [frame.name for frame in frames[:-1]]
     assert not any(frame.is_whole_of_earlier for frame in frames)
+
+
+@pytest.mark.parametrize("small", [[(LYING, 0, None), (LYING, 1, None)], [(LYING, 0, 7)]], ids=["again", "other time"])
+def test_a_larger_picture_under_a_name_that_is_written_again_replaces_nothing(
+    tmp_path: Path, small: list[tuple[tuple[int, int], int, int | None]]
+) -> None:
+    watched, frames = Watched(tmp_path), list[Frame]()
+    for size, seed, seconds in [*small, ((320, 240), 2, 9)]:
+        watched.write("latest.jpg", file("latest.jpg", size, seconds, seed))
+        frames += [item for item in watched.look(4) if isinstance(item, Frame)]
+    assert [frame.is_whole_of_earlier for frame in frames] == [False] * (len(small) + 1)
