@@ -18,9 +18,8 @@ EARLY_SHOTS = 3  # up to which a better camera, whose files come later, is mappe
 MOST_SHOTS = 20_000  # kept
 ONE_SHOT_S = 3.0  # between the capture times of its files, by one clock
 OWN_CLOCK = ("/", "_")  # ends of the names of cameras that are told by folders and prefixes
-AT_ONCE = (
-    0.8  # of the shots whose capture times are known: by less, two aircraft or two flights count their pictures alike
-)
+STEADY_S = 1.0  # ... by two clocks, about their usual difference; times of most cameras are whole seconds
+AT_ONCE = 0.8  # of the shots with times: by less, two aircraft or two flights count their pictures alike
 COMPARED = 64  # newest shots of two cameras whose capture times are compared
 
 
@@ -100,8 +99,9 @@ class ShotRegister:
         apart = self._apart.get(_pair(one, other))
         if not apart:
             return 1.0
-        usual = median(apart) if one.endswith(OWN_CLOCK) or other.endswith(OWN_CLOCK) else 0.0
-        return sum(abs(seconds - usual) <= ONE_SHOT_S for seconds in apart) / len(apart)
+        has_own = one.endswith(OWN_CLOCK) or other.endswith(OWN_CLOCK)
+        usual, most = (median(apart), STEADY_S) if has_own else (0.0, ONE_SHOT_S)
+        return sum(abs(seconds - usual) <= most for seconds in apart) / len(apart)
 
     def _as_many(self, group: Iterable[str]) -> list[str]:
         most = max(map(self._most_alike, group))

@@ -34,6 +34,11 @@ FLIGHTS: dict[str, list[Shot]] = {
     "two shapes in turn": [(f"IMG_{k:04}.jpg", WIDE if k % 2 else LYING, None) for k in range(12)],
     "two aircraft by colour": flights("red_{:04}.jpg blue_{:04}.jpg", (0, 600), (2, 4)),
     "two aircraft's folders": flights("red/DJI_{:04}.jpg blue/DJI_{:04}.jpg", (0, 600), (2, 4)),
+    "two aircraft at the same time": [
+        (f"{name}/DJI_{k:04}.jpg", LYING, 2 * k + (k // 3 if name == "blue" else 0))
+        for name in ("red", "blue")
+        for k in range(15)
+    ],
     "two lenses, two flights": flights("wide_{:03}.jpg zoom_{:03}.jpg", (0, 900), (3, 5)),
     "the day's and the night's flight": flights("DJI_{:04}_W.jpg DJI_{:04}_T.jpg", (0, 9000), (3, 3)),
     "retaken": flights("IMG_{:04}.jpg IMG_{:04}_R.jpg", (0, 6), (20, 20)),
