@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 from gcs_mosaic.frames.alternation import CAMERAS as COUNTED_TOGETHER
 from gcs_mosaic.frames.alternation import Alternation
 from gcs_mosaic.frames.exif import capture_time
-from gcs_mosaic.frames.guesses import is_beyond_bands, proved
+from gcs_mosaic.frames.guesses import AT_ONCE_S, is_beyond_bands, proved
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.picture_size import picture_size
 from gcs_mosaic.frames.scan import Look
@@ -141,7 +141,7 @@ class Cameras:
         """Whether what was believed to be bands is shown by this file to count pictures."""
         if file.guess not in self._proved:
             return False
-        return is_beyond_bands(file) or self._register.is_of_another_moment(file, frame.captured)
+        return is_beyond_bands(file) or self._register.is_of_another_moment(file, frame.captured, AT_ONCE_S)
 
     def _refuse_bands(self) -> Iterator[Frame]:
         """All of those left out are frames after all."""

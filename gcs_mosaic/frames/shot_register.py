@@ -56,9 +56,9 @@ class ShotRegister:
         if len(self._shots) > MOST_SHOTS:
             self._shots.popitem(last=False)
 
-    def is_of_another_moment(self, file: ShotFile, captured: float | None) -> bool:
-        """Whether other files of this one's shot were taken seconds before or after it, so that they are no shot."""
-        return any(_are_apart(captured, when) for when in self._shots.get(file.shot, {}).values())
+    def is_of_another_moment(self, file: ShotFile, captured: float | None, most_s: float) -> bool:
+        """Whether other files of this one's shot were taken more than so long before or after it, so that they are no shot."""
+        return any(_are_apart(captured, when, most_s) for when in self._shots.get(file.shot, {}).values())
 
     def cameras_of(self, shot: str) -> frozenset[str]:
         """Of whose files one has come."""
@@ -124,5 +124,5 @@ def _pair(one: str, other: str) -> tuple[str, str]:
     return (one, other) if one < other else (other, one)
 
 
-def _are_apart(one: float | None, other: float | None) -> bool:
-    return one is not None and other is not None and abs(one - other) > ONE_SHOT_S
+def _are_apart(one: float | None, other: float | None, most_s: float = ONE_SHOT_S) -> bool:
+    return one is not None and other is not None and abs(one - other) > most_s

@@ -6,17 +6,18 @@ In the field: pictures turned by hand, two aircraft called red and blue, picture
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.frames.cameras import HOLD_S
+from gcs_mosaic.frames.cameras import HOLD_S, Cameras
 from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.frames.previews import WAIT_S
 from gcs_mosaic.messages import Frame
 from tests.frames.image_files import encoded, photographed, picture, with_exif
-from tests.frames.test_cameras import Arriving
+from tests.frames.test_cameras import Arriving, frame
 from tests.frames.test_directory import Watched
 
 LYING, UPRIGHT, WIDE = (160, 120), (120, 160), (160, 90)
@@ -93,6 +94,18 @@ def test_numbers_beyond_those_of_bands_bring_back_what_was_taken_for_bands() -> 
         arriving.shot([name], pause_s=0.0, apart_s=0.3)
     arriving.wait(HOLD_S)
     assert sorted(arriving.frames) == sorted(names)
+
+
+def test_times_that_go_on_bring_back_what_was_taken_for_bands() -> None:
+    """Two pictures a second, whose times are whole seconds: the first four may be bands."""
+    cameras, names, frames = Cameras(), [f"flight_0001_{k}.tif" for k in range(1, 7)], list[str]()
+    for k, name in enumerate(names):
+        come = replace(frame(name), captured=float(k // 2), received=0.5 * k)
+        items = [*cameras.take(come, None, 0.5 * k), *cameras.due(0.5 * k + 0.5)]
+        frames += [item.name for item in items if isinstance(item, Frame)]
+    frames += [item.name for item in cameras.due(9.0) if isinstance(item, Frame)]
+    assert sorted(frames) == names
+    assert cameras.left_out == 0
 
 
 def test_a_flight_of_the_other_camera_alone_that_counts_anew_is_not_left_out(tmp_path: Path) -> None:
