@@ -42,6 +42,8 @@ _SAME_COUNT = 0.5  # in favour of a number that is the counter's own
 _EARLIEST_S, _LATEST_S = -1.5, 15.0  # a file's arrival after its shot
 _IMPOSSIBLE_S, _NEVER = -10.0, -100.0  # a file that came so long before its shot is another one's
 _STRANGERS = -2.0  # a pair less likely than chance by more is left out
+_MORE = 2 * -_LOST + _AGREES + 3.2  # what one more pair brings: nothing is lost, number and time agree
+_BY_CHANCE = 2.0  # times the root of what is lost: pairs by which a wrong shift may be ahead
 _KEPT_APART = 1.0  # by which pairs of the best alignment are made worse, to find the next best
 
 
@@ -113,7 +115,7 @@ def align(
     if not best.told_by and not is_whole:
         unsure = len(pairs)  # some are lost, and nothing tells which
     likely = rows.likely(best)
-    current = None if known is None else best.score - rows.score_of(known)
+    current = None if known is None else rows.better_by(best, known)
     return Alignment(
         [pair for pair in pairs if pair[0] in likely], tuple(sorted(shifts)), unsure, best.told_by, best.score, current
     )
@@ -152,6 +154,14 @@ def _shifted(shift: int, shots: int, files: int) -> Places:
     """File k belongs to shot k + `shift`."""
     file_of = np.arange(shots) - shift
     return np.where((file_of >= 0) & (file_of < files), file_of, -1)
+
+
+def _lucky(best: Places, other: Places, files: int) -> float:
+    """What the best may owe to chance: where shots and files are lost independently, as many meet by any shift of the rows,
+    give or take a few; only that many of its additional pairs are discounted."""
+    more = int((best >= 0).sum() - (other >= 0).sum())
+    lost = len(best) + files - 2 * int((best >= 0).sum())
+    return _MORE * min(max(more, 0), _BY_CHANCE * float(np.sqrt(lost)))
 
 
 def _apart(best: _Explained, other: _Explained) -> int:
@@ -236,6 +246,14 @@ class _Rows:
                 shots[0] + len(self._moments) - 1 - shots[-1] + files.min() + len(self._captured) - 1 - files.max()
             )
         return float(scores[shots, files].sum() + prior + _LOST * (lost - at_ends) + _LOST_AT_END * at_ends)
+
+    def better_by(self, best: _Explained, known: Places) -> float:
+        """By how much the best is likelier than the known pairs, and than these where a few of them are mended by the rest."""
+        mended = self.explain(known)
+        better = best.score - self.score_of(known) - _lucky(best.file_of, known, len(self._captured))
+        if _apart(best, mended) == 0:
+            return better
+        return min(better, best.score - mended.score - _lucky(best.file_of, mended.file_of, len(self._captured)))
 
     def next_best(self, best: _Explained) -> _Explained:
         """The same zeros, but with as few of these pairs as that is worth it."""

@@ -35,6 +35,13 @@ def keys_of(name: str) -> list[Hashable]:
     return [name, ("folded", name.casefold()), ("stem", stem_of(name))]
 
 
+def _is_named_rather(event: PendingEvent, frame: PendingFrame) -> bool:
+    """Whether the event names the frame itself, but was matched with a companion of it."""
+    names = {hint.casefold() for _, hint in event.hints}
+    held = event.frame
+    return held is not None and held.frame.path.name.casefold() not in names and frame.frame.path.name.casefold() in names
+
+
 class FrameSearch:
     """Searches both indexes with the learnt offsets and delay; read-only."""
 
@@ -66,14 +73,14 @@ class FrameSearch:
         return next((frame for frame in frames if self._may_be_named(event, frame)), None)
 
     def naming(self, frame: PendingFrame) -> PendingEvent | None:
-        """The event that names the frame, unless already matched by name; the more credible comes first."""
+        """The event that names the frame, unless already matched by name as well; the more credible comes first."""
         keys = keys_of(frame.frame.path.name)
         events = {event: None for key in keys for event in self._events.under(key)}
         meant = [
             event
             for event in events
             if event.state is not State.FAILED
-            if event.how is not How.NAME and not _came_before(event, frame)
+            if (event.how is not How.NAME or _is_named_rather(event, frame)) and not _came_before(event, frame)
             if any(keys_of(hint)[-1] == keys[-1] and self._is_believed(event, teller) for teller, hint in event.hints)
         ]
         return max(meant, key=self.rank, default=None)  # the first of equals
