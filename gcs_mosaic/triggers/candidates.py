@@ -35,11 +35,12 @@ def keys_of(name: str) -> list[Hashable]:
     return [name, ("folded", name.casefold()), ("stem", stem_of(name))]
 
 
-def _is_named_rather(event: PendingEvent, frame: PendingFrame) -> bool:
-    """Whether the event names the frame itself, but was matched with a companion of it."""
+def _may_take(event: PendingEvent, frame: PendingFrame) -> bool:
+    """Whether no name has settled the event, or only that of a companion while it names this frame itself."""
     names = {hint.casefold() for _, hint in event.hints}
-    held = event.frame
-    return held is not None and held.frame.path.name.casefold() not in names and frame.frame.path.name.casefold() in names
+    if event.frame is not None and event.frame.frame.path.name.casefold() in names:
+        return False
+    return event.how is not How.NAME or frame.frame.path.name.casefold() in names
 
 
 class FrameSearch:
@@ -80,7 +81,7 @@ class FrameSearch:
             event
             for event in events
             if event.state is not State.FAILED
-            if (event.how is not How.NAME or _is_named_rather(event, frame)) and not _came_before(event, frame)
+            if _may_take(event, frame) and not _came_before(event, frame)
             if any(keys_of(hint)[-1] == keys[-1] and self._is_believed(event, teller) for teller, hint in event.hints)
         ]
         return max(meant, key=self.rank, default=None)  # the first of equals
