@@ -86,6 +86,11 @@ class FrameSearch:
         ]
         return max(meant, key=self.rank, default=None)  # the first of equals
 
+    def names(self, event: PendingEvent, frame: PendingFrame) -> bool:
+        """Whether a believed message about the event gives just this name."""
+        name = frame.frame.path.name.casefold()
+        return any(hint.casefold() == name and self._is_believed(event, teller) for teller, hint in event.hints)
+
     def may_fail(self, event: PendingEvent, teller: Teller) -> bool:
         """Whether `teller` may say that the shot brought no picture: who told it first, or nobody more credible disagrees."""
         return teller == event.tellers[0] or self._is_believed(event, teller)

@@ -6,22 +6,21 @@ import random
 
 import pytest
 
+from gcs_mosaic.messages import Frame, TriggerEvent
 from tests.triggers.test_matcher import Flight, file, shot
 
 
-@pytest.mark.parametrize("every", [0.5, 1.0, 2.0])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("every", [0.5, 1.0])
+@pytest.mark.parametrize("seed", range(4))
 def test_losses_of_a_steady_row_do_not_shift_what_was_paired_in_flight(every: float, seed: int) -> None:
     """Shots at an even pace, a tenth of the messages and a tenth of the files lost: by a wrong shift one pair more may fit."""
-    dice, items, heard, came = random.Random(seed), [], set[int](), set[int]()
-    for number in range(100):
+    dice, items = random.Random(seed), list[tuple[int, TriggerEvent] | Frame]()
+    for number in range(60):
         at = 100 + every * number + 0.02 * dice.random()
         if dice.random() < 0.9:
             items.append((number, shot(at + 0.1 * dice.random(), number, source_time=at, clock="boot")))
-            heard.add(number)
         if dice.random() < 0.9:
             items.append(file(at + 1.5 + 0.3 * dice.random(), f"IMG_{number + 7:04d}.JPG"))
-            came.add(number)
     flight = Flight().fly(*items)
     in_flight = flight.pairs()
     flight.outcomes += flight.pairing.close()
@@ -32,10 +31,10 @@ def test_losses_of_a_steady_row_do_not_shift_what_was_paired_in_flight(every: fl
 @pytest.mark.parametrize("late", [1.0, 2.5])
 def test_the_file_that_is_named_itself_comes_before_its_companions(other: str, late: float) -> None:
     """Two lenses, one event per shot that names the right one's file; the other's is there first, or comes later."""
-    items, right = list[object](), {}
+    items, right = list[tuple[int, TriggerEvent] | Frame](), dict[int, str]()
     for number in range(12):
         at = 100 + 3.0 * number
         name = f"cam_{number:03d}_right.jpg"
         items += [(number, shot(at, number, name)), file(at + late, name), file(at + 1.5, other.format(number))]
         right[number] = name
-    assert Flight().fly(*items).pairs() == right  # type: ignore[arg-type]
+    assert Flight().fly(*items).pairs() == right
