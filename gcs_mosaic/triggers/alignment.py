@@ -98,26 +98,30 @@ def align(
     if not shots or not files:
         return Alignment([], (), 0, (), 0.0)
     known = None if pairs_so_far is None else _file_of(pairs_so_far, len(shots))
-    guesses = [*rows.guesses(), *([] if known is None else [known])]
-    first = [rows.explain(guess) for guess in guesses]
-    explained = sorted(first, key=lambda one: -one.score)  # stable: of equals the smallest shift
-    for _ in range(2):
-        explained += [rows.explain(one.file_of) for one in explained[:_REFINED]]
-        explained.sort(key=lambda one: -one.score)
+    explained = rows.refined([*rows.guesses(), *([] if known is None else [known])])
     best = explained[0]
     others = [*explained, rows.next_best(best)]
+    better_by = None if known is None else rows.better_by(best, known)
     pairs = [(shot, int(file)) for shot, file in enumerate(best.file_of) if file >= 0]
     is_whole = len(pairs) == len(shots) == len(files)
     margin = SURE if is_whole or {CLOCK, ARRIVAL} & {*best.told_by} else _SURE_BY_ORDER
     rivals = [one for one in others if best.score - one.score < margin and _apart(best, one) > 0]
-    shifts = {shift for one in rivals if (shift := _shift(best, one))}
+    base = best
+    if known is not None and better_by is not None and (known >= 0).any():
+        base = _Explained(0.0, known, ())  # what there is, and stays where anything is as good
+        rivals += [base] if better_by < margin else []
+    shifts = {shift for one in [best, *rivals] if (shift := _shift(base, one))}
     unsure = max((_apart(best, one) for one in rivals), default=0)
     if not best.told_by and not is_whole:
         unsure = len(pairs)  # some are lost, and nothing tells which
     likely = rows.likely(best)
-    current = None if known is None else rows.better_by(best, known)
     return Alignment(
-        [pair for pair in pairs if pair[0] in likely], tuple(sorted(shifts)), unsure, best.told_by, best.score, current
+        [pair for pair in pairs if pair[0] in likely],
+        tuple(sorted(shifts)),
+        unsure,
+        best.told_by,
+        best.score,
+        better_by,
     )
 
 
@@ -227,6 +231,15 @@ class _Rows:
             total, aligned = _needleman_wunsch(self._scores(zeros))
             self._explained[zeros] = _Explained(total + self._prior(zeros), aligned, zeros.told_by)
         return self._explained[zeros]
+
+    def refined(self, guesses: Sequence[Places]) -> list[_Explained]:
+        """Explanations by these first guesses, and by what the best of them give, the likeliest first."""
+        explained = [self.explain(guess) for guess in guesses]
+        explained.sort(key=lambda one: -one.score)  # stable: of equals the smallest shift
+        for _ in range(2):
+            explained += [self.explain(one.file_of) for one in explained[:_REFINED]]
+            explained.sort(key=lambda one: -one.score)
+        return explained
 
     def likely(self, best: _Explained) -> frozenset[int]:
         """The shots whose pairs are no worse than chance: between two losses strangers may have been left beside each other."""

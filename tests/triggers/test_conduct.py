@@ -164,3 +164,15 @@ def test_two_cameras_of_one_sender_that_tell_of_one_moment_have_a_clock() -> Non
             )
             shots.hear(event)
             assert shots.news(event) == []
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_a_queue_that_grows_is_no_fault_of_the_clock(share: float) -> None:
+    """A slow radio falls behind, message by message."""
+    shots = Shots(ShotSettings())
+    for shot in range(10):
+        at = 5.0 * shot
+        event = trigger_event(shot, 100 + at + share * at, source_time=50 + at, clock="boot")
+        verdict = shots.hear(event).verdict
+        assert isinstance(verdict, New)
+        assert verdict.moment == pytest.approx(100 + at, abs=0.5)
