@@ -6,6 +6,7 @@ the file names in the messages decide, else what is likeliest by numbers, the ca
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC
@@ -112,16 +113,55 @@ def _by_likelihood(
 ) -> Alignment:
     """The pairs among the shots and files that no name connects; a shot whose file has another name is none of them."""
     taken, placed = {shot for shot, _ in named}, {place for _, place in named}
-    free = [k for k, shot in enumerate(shots) if k not in taken and not (named and shot.stems)][:MOST]
+    free = [k for k, shot in enumerate(shots) if k not in taken and not (named and shot.stems)]
     times = [capture_time(look.path) for look in looks]
     captured = [None if time is None else time.replace(tzinfo=UTC).timestamp() for time in times]
-    files = [place for place in range(len(looks)) if place not in placed][:MOST]
+    files = [place for place in range(len(looks)) if place not in placed]
     if None not in captured:
         files.sort(key=lambda place: captured[place] or 0.0)  # stable: of one second in the order of names
     shot_clues = [ShotClue(shots[k].moment, shots[k].counts) for k in free]
     file_clues = [FileClue(numbers_in(looks[place].path.name), captured[place]) for place in files]
-    told = align(shot_clues, file_clues, began_utc)
+    told = _aligned(shot_clues, file_clues, began_utc)
     return replace(told, pairs=[(free[shot], files[file]) for shot, file in told.pairs])
+
+
+def _aligned(shots: Sequence[ShotClue], files: Sequence[FileClue], began_utc: float | None) -> Alignment:
+    """Long rows one part after another: numbers go on as in the first part, what they do not tell is aligned."""
+    share = min(1.0, MOST / max(len(shots), len(files), 1))
+    most_shots, most_files = round(len(shots) * share), round(len(files) * share)
+    told = align(shots[:most_shots], files[:most_files], began_utc)
+    pairs = list(told.pairs)
+    while pairs:
+        shot, file = pairs[-1][0] + 1, pairs[-1][1] + 1
+        row, against = shots[shot : shot + most_shots], files[file : file + most_files]
+        found = _by_numbers(pairs, shots, files, range(shot, shot + len(row)))
+        if len(found) < ENOUGH * min(len(row), len(against)):
+            part = align(row, against, began_utc)
+            found = [(shot + one, file + other) for one, other in part.pairs]
+            told = replace(told, shifts=tuple({*told.shifts, *part.shifts}), unsure=told.unsure + part.unsure)
+        if not found:
+            break
+        pairs += found
+    return replace(told, pairs=pairs)
+
+
+def _by_numbers(
+    pairs: Sequence[tuple[int, int]], shots: Sequence[ShotClue], files: Sequence[FileClue], row: range
+) -> list[tuple[int, int]]:
+    """Pairs of these shots, by the numbers that differ by as much in nearly all pairs so far."""
+    apart = Counter(
+        (key, place, number - count)
+        for shot, file in pairs[-MOST:]
+        for key, count in shots[shot].counts.items()
+        for place, number in files[file].numbers.items()
+    )
+    ((key, place, offset), times), *_ = [*apart.most_common(1), ((None, ("", 0), 0), 0)]
+    if times < ENOUGH * min(len(pairs), MOST):
+        return []
+    file_of = {one.numbers[place]: k for k, one in enumerate(files) if k > pairs[-1][1] and place in one.numbers}
+    wanted = [(shot, shots[shot].counts[key] + offset) for shot in row if key in shots[shot].counts]
+    found = [(shot, file_of[number]) for shot, number in wanted if number in file_of]
+    return [pair for k, pair in enumerate(found) if not k or pair[1] > found[k - 1][1]]
 
 
 def _filled_up(known: dict[int, float], count: int) -> list[float]:

@@ -42,6 +42,8 @@ _SAME_COUNT = 0.5  # in favour of a number that is the counter's own
 _EARLIEST_S, _LATEST_S = -1.5, 15.0  # a file's arrival after its shot
 _IMPOSSIBLE_S, _NEVER = -10.0, -100.0  # a file that came so long before its shot is another one's
 _STRANGERS = -2.0  # a pair less likely than chance by more is left out
+_MORE = 2 * -_LOST + _AGREES + 3.2  # what one more pair brings: nothing is lost, number and time agree
+_BY_CHANCE = 2.0  # times the root of what is lost: pairs by which a wrong shift may be ahead
 _KEPT_APART = 1.0  # by which pairs of the best alignment are made worse, to find the next best
 
 
@@ -96,26 +98,30 @@ def align(
     if not shots or not files:
         return Alignment([], (), 0, (), 0.0)
     known = None if pairs_so_far is None else _file_of(pairs_so_far, len(shots))
-    guesses = [*rows.guesses(), *([] if known is None else [known])]
-    first = [rows.explain(guess) for guess in guesses]
-    explained = sorted(first, key=lambda one: -one.score)  # stable: of equals the smallest shift
-    for _ in range(2):
-        explained += [rows.explain(one.file_of) for one in explained[:_REFINED]]
-        explained.sort(key=lambda one: -one.score)
+    explained = rows.refined([*rows.guesses(), *([] if known is None else [known])])
     best = explained[0]
     others = [*explained, rows.next_best(best)]
+    better_by = None if known is None else rows.better_by(best, known)
     pairs = [(shot, int(file)) for shot, file in enumerate(best.file_of) if file >= 0]
     is_whole = len(pairs) == len(shots) == len(files)
     margin = SURE if is_whole or {CLOCK, ARRIVAL} & {*best.told_by} else _SURE_BY_ORDER
     rivals = [one for one in others if best.score - one.score < margin and _apart(best, one) > 0]
-    shifts = {shift for one in rivals if (shift := _shift(best, one))}
+    base = best
+    if known is not None and better_by is not None and (known >= 0).any():
+        base = _Explained(0.0, known, ())  # what there is, and stays where anything is as good
+        rivals += [base] if better_by < margin else []
+    shifts = {shift for one in [best, *rivals] if (shift := _shift(base, one))}
     unsure = max((_apart(best, one) for one in rivals), default=0)
     if not best.told_by and not is_whole:
         unsure = len(pairs)  # some are lost, and nothing tells which
     likely = rows.likely(best)
-    current = None if known is None else best.score - rows.score_of(known)
     return Alignment(
-        [pair for pair in pairs if pair[0] in likely], tuple(sorted(shifts)), unsure, best.told_by, best.score, current
+        [pair for pair in pairs if pair[0] in likely],
+        tuple(sorted(shifts)),
+        unsure,
+        best.told_by,
+        best.score,
+        better_by,
     )
 
 
@@ -152,6 +158,14 @@ def _shifted(shift: int, shots: int, files: int) -> Places:
     """File k belongs to shot k + `shift`."""
     file_of = np.arange(shots) - shift
     return np.where((file_of >= 0) & (file_of < files), file_of, -1)
+
+
+def _lucky(best: Places, other: Places, files: int) -> float:
+    """What the best may owe to chance: where shots and files are lost independently, as many meet by any shift of the rows,
+    give or take a few; only that many of its additional pairs are discounted."""
+    more = int((best >= 0).sum() - (other >= 0).sum())
+    lost = len(best) + files - 2 * int((best >= 0).sum())
+    return _MORE * min(max(more, 0), _BY_CHANCE * float(np.sqrt(lost)))
 
 
 def _apart(best: _Explained, other: _Explained) -> int:
@@ -218,6 +232,15 @@ class _Rows:
             self._explained[zeros] = _Explained(total + self._prior(zeros), aligned, zeros.told_by)
         return self._explained[zeros]
 
+    def refined(self, guesses: Sequence[Places]) -> list[_Explained]:
+        """Explanations by these first guesses, and by what the best of them give, the likeliest first."""
+        explained = [self.explain(guess) for guess in guesses]
+        explained.sort(key=lambda one: -one.score)  # stable: of equals the smallest shift
+        for _ in range(2):
+            explained += [self.explain(one.file_of) for one in explained[:_REFINED]]
+            explained.sort(key=lambda one: -one.score)
+        return explained
+
     def likely(self, best: _Explained) -> frozenset[int]:
         """The shots whose pairs are no worse than chance: between two losses strangers may have been left beside each other."""
         scores, shots = self._scores(self._zeros(best.file_of)), np.flatnonzero(best.file_of >= 0)
@@ -236,6 +259,14 @@ class _Rows:
                 shots[0] + len(self._moments) - 1 - shots[-1] + files.min() + len(self._captured) - 1 - files.max()
             )
         return float(scores[shots, files].sum() + prior + _LOST * (lost - at_ends) + _LOST_AT_END * at_ends)
+
+    def better_by(self, best: _Explained, known: Places) -> float:
+        """By how much the best is likelier than the known pairs, and than these where a few of them are mended by the rest."""
+        mended = self.explain(known)
+        better = best.score - self.score_of(known) - _lucky(best.file_of, known, len(self._captured))
+        if _apart(best, mended) == 0:
+            return better
+        return min(better, best.score - mended.score - _lucky(best.file_of, mended.file_of, len(self._captured)))
 
     def next_best(self, best: _Explained) -> _Explained:
         """The same zeros, but with as few of these pairs as that is worth it."""

@@ -35,6 +35,14 @@ def keys_of(name: str) -> list[Hashable]:
     return [name, ("folded", name.casefold()), ("stem", stem_of(name))]
 
 
+def _may_take(event: PendingEvent, frame: PendingFrame) -> bool:
+    """Whether no name has settled the event, or only that of a companion while it names this frame itself."""
+    names = {hint.casefold() for _, hint in event.hints}
+    if event.frame is not None and event.frame.frame.path.name.casefold() in names:
+        return False
+    return event.how is not How.NAME or frame.frame.path.name.casefold() in names
+
+
 class FrameSearch:
     """Searches both indexes with the learnt offsets and delay; read-only."""
 
@@ -66,17 +74,22 @@ class FrameSearch:
         return next((frame for frame in frames if self._may_be_named(event, frame)), None)
 
     def naming(self, frame: PendingFrame) -> PendingEvent | None:
-        """The event that names the frame, unless already matched by name; the more credible comes first."""
+        """The event that names the frame, unless already matched by name as well; the more credible comes first."""
         keys = keys_of(frame.frame.path.name)
         events = {event: None for key in keys for event in self._events.under(key)}
         meant = [
             event
             for event in events
             if event.state is not State.FAILED
-            if event.how is not How.NAME and not _came_before(event, frame)
+            if _may_take(event, frame) and not _came_before(event, frame)
             if any(keys_of(hint)[-1] == keys[-1] and self._is_believed(event, teller) for teller, hint in event.hints)
         ]
         return max(meant, key=self.rank, default=None)  # the first of equals
+
+    def names(self, event: PendingEvent, frame: PendingFrame) -> bool:
+        """Whether a believed message about the event gives just this name."""
+        name = frame.frame.path.name.casefold()
+        return any(hint.casefold() == name and self._is_believed(event, teller) for teller, hint in event.hints)
 
     def may_fail(self, event: PendingEvent, teller: Teller) -> bool:
         """Whether `teller` may say that the shot brought no picture: who told it first, or nobody more credible disagrees."""

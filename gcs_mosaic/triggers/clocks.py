@@ -26,11 +26,11 @@ class OffsetClock:
 
     offset: float | None = None
     wrap_s: float | None = None  # period after which the clock wraps
-    pace: Pace = field(default_factory=Pace)
+    paces: dict[int, Pace] = field(default_factory=dict)  # by camera: several of one sender may tell of one moment
     _updated: float = 0.0
     _suspect: tuple[float, float] | None = None
 
-    def moment(self, source_time: float, received: float) -> float:
+    def moment(self, source_time: float, received: float, camera: int = 0) -> float:
         """Time of the event in seconds of the host's monotonic clock; never later than `received`."""
         if self.wrap_s is not None and self.offset is not None:
             source_time = unwrapped(source_time, received - self.offset, self.wrap_s)
@@ -41,7 +41,7 @@ class OffsetClock:
         if self.offset is None or sample <= self.offset or leapt:
             self.offset = sample
         ahead = before is not None and before - sample > JUMP_S
-        self.pace.heard(source_time, received, self.offset, jumped=leapt or ahead)
+        self.paces.setdefault(camera, Pace()).heard(source_time, received, self.offset, jumped=leapt or ahead)
         self._updated = received
         return source_time + self.offset
 
@@ -73,7 +73,8 @@ class SourceClocks:
         if len(self._clocks) > _MOST_CLOCKS:
             self._clocks.popitem(last=False)
         came = event.received if event.latest is None else event.latest
-        moment, fault = clock.moment(event.source_time, came), clock.pace.fault()
+        moment = clock.moment(event.source_time, came, event.camera)
+        fault = clock.paces[event.camera].fault()
         self.faults.pop(event.teller, None)
         if fault is None:
             return moment

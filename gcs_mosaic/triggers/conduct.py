@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -11,12 +11,14 @@ from statistics import median
 from gcs_mosaic.messages import TriggerEvent
 
 _TOLD_BY = ("sequence", "source_time", "utc", "file_hint")  # fields that differ from shot to shot where they are kept
-_JUDGED = 3  # shots after which it is said what a sender does not keep
+_JUDGED = 3  # shots after which it is said what a sender does not keep, and what has moved so often is kept
 _MOST_RESENDS = 3  # of one shot, one after another: what comes more often is a sender that says the same of every shot
 _STEPS = 12  # intervals by which a clock is judged
 _LEAST_STEPS = 3
-_DELAY_S = 3.0  # by which messages may be later or earlier than the one before: no fault of the clock
-_RATE = 0.05  # by which the usual interval may differ; quartz differs by 0.00005
+_DELAY_S = 4.0  # by which messages may be later or earlier than the one before: no fault of the clock
+_RATE = (
+    0.2  # by which the usual interval may differ: quartz differs by 0.00005, but a slow link's queue grows for minutes
+)
 _STILL_S, _STILL_FOR_S = 0.05, 1.0  # a clock that goes less than this in that time stands still: no shots are so close
 _MOST_JUMPS = 3  # within the steps
 
@@ -25,7 +27,7 @@ _MOST_JUMPS = 3  # within the steps
 class Conduct:
     """Of one stream: which of its fields have ever differed between two shots, and how often its last shot was repeated."""
 
-    moved: set[str] = field(default_factory=set)
+    moved: Counter[str] = field(default_factory=Counter)  # how often
     shots: int = 0
     _last: TriggerEvent | None = None
     _repeats: int = 0
@@ -34,7 +36,7 @@ class Conduct:
     def shot(self, event: TriggerEvent) -> None:
         """A message about a shot of which this sender has not told before."""
         if self._last is not None:
-            self.moved |= {one for one in _TOLD_BY if getattr(event, one) != getattr(self._last, one)}
+            self.moved.update(one for one in _TOLD_BY if getattr(event, one) != getattr(self._last, one))
         self._last, self._repeated, self._repeats = event, event.received, 0
         self.shots += 1
 
@@ -48,7 +50,7 @@ class Conduct:
 
     def tells_by(self, name: str) -> bool:
         """Whether a field that is the same in two messages says that they are about one shot."""
-        return name in self.moved and self._repeats < _MOST_RESENDS
+        return self.moved[name] >= _JUDGED or (name in self.moved and self._repeats < _MOST_RESENDS)
 
     @property
     def is_stuck(self) -> bool:

@@ -229,6 +229,8 @@ class Pairing:
         if robbed:
             yield from self._release(robbed)
         yield from self._release(event)
+        if how < How.NAME and self._search.names(event, frame):
+            how = How.NAME  # found by other means before the names were looked at
         event.frame, event.how, frame.event = frame, how, event
         self._move(event, State.MATCHED)
         if how is How.NAME:

@@ -190,6 +190,8 @@ class ShotMerger:
         late_s, same_time = event.received - before.received, _same(before.source_time, event.source_time)
         if same_time and conduct.tells_by("source_time"):
             return True
+        if same_time and event.clock == "boot" and _same(before.utc, event.utc):
+            return True  # two clocks are not both stuck, and the first shot of all may be told again, too
         timeless = before.source_time is None and event.source_time is None
         alike = (timeless and conduct.tells_by("sequence")) or any(
             _same(getattr(before, name), getattr(event, name)) and conduct.tells_by(name)

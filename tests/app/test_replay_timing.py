@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -140,3 +141,19 @@ def test_the_size_of_frames_in_their_names_is_no_counter() -> None:
     names = [f"frame_{13 + k:06d}_1920x1080.jpg" for k in range(10)]
     told = came(looks(names), link([event(7.0 * k, k) for k in range(10)]))
     assert told.seconds == [7.0 * k for k in range(10)]
+
+
+@pytest.mark.parametrize("name", ["IMG_{:04d}.JPG", "DSC{:05d}.JPG"])
+@pytest.mark.parametrize("lost", [0, 9])
+def test_a_long_flight_is_paired_to_its_end(name: str, lost: int) -> None:
+    """Two thousand shots; the copies of the files have lost their times, and some of them are lost."""
+    kept = [k for k in range(2000) if not lost or k % lost != 4]
+    recorded = replace(link([event(10 + 2.0 * k, k + 1) for k in range(2000)]), seconds=4020.0)
+    told = came(looks([name.format(k + 1) for k in kept]), recorded)
+    assert told.seconds == [10 + 2.0 * k for k in kept]
+
+
+def test_a_long_flight_without_numbers_is_paired_in_order() -> None:
+    recorded = replace(link([event(10 + 2.0 * k) for k in range(2000)]), seconds=4020.0)
+    told = came(looks([f"IMG_{k + 1:04d}.JPG" for k in range(2000)]), recorded)
+    assert told.seconds == [10 + 2.0 * k for k in range(2000)]

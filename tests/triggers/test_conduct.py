@@ -12,6 +12,7 @@ import pytest
 from gcs_mosaic.mavlink.messages import decode
 from gcs_mosaic.messages import Notice, TriggerEvent
 from gcs_mosaic.triggers.shots import CameraMessage, Duplicate, New, Shots, ShotSettings
+from tests.factories import trigger_event
 from tests.mavlink.mavlink_peer import captured, received
 
 Fields = Callable[[int], dict[str, Any]]
@@ -124,3 +125,54 @@ def test_forgers_are_remarked_upon_only_so_often() -> None:
         shots.hear(event)
         texts += shots.news(event)
     assert 0 < len(texts) <= 8
+
+
+@pytest.mark.parametrize("times", ["boot", "date", "both", "none"])
+def test_a_counter_that_has_proved_itself_counts_on_while_its_last_shot_is_told_again_and_again(times: str) -> None:
+    """A camera that sends its last message every two seconds until the next shot, as where a message interval was asked for."""
+    shots, new = Shots(ShotSettings()), 0
+    for shot in range(10):
+        for copy in range(1 if shot < 4 else 8):
+            boot = 60_000 + 20_000 * shot if times in ("boot", "both") else 0
+            date = 1_700_000_000_000_000 + 20_000_000 * shot if times in ("date", "both") else 0
+            event = decode(
+                received(captured(shot, time_boot_ms=boot, time_utc=date), component=100), 100.0 + 20 * shot + 2 * copy
+            )
+            assert event is not None
+            new += isinstance(shots.hear(event).verdict, New)
+    assert new == 10
+
+
+@pytest.mark.parametrize("later", [0.5, 5.0, 50.0])
+def test_the_first_shot_of_all_that_is_told_again_is_one(later: float) -> None:
+    """A ground station asks for the message again before the second shot."""
+    shots, message = Shots(ShotSettings()), received(captured(0, time_boot_ms=60_000, time_utc=1_700_000_000_000_000))
+    first, again = decode(message, 100.0), decode(message, 100.0 + later)
+    assert first is not None
+    assert again is not None
+    assert isinstance(shots.hear(first).verdict, New)
+    assert isinstance(shots.hear(again).verdict, Duplicate)
+
+
+def test_two_cameras_of_one_sender_that_tell_of_one_moment_have_a_clock() -> None:
+    """One trigger, two cameras: the second one's message comes when its file is written, more than a second later."""
+    shots = Shots(ShotSettings())
+    for shot in range(10):
+        for camera, late in ((1, 0.3), (2, 1.9)):
+            event = trigger_event(
+                shot, 100 + 3.0 * shot + late, source_time=50 + 3.0 * shot, clock="boot", camera=camera, component=100
+            )
+            shots.hear(event)
+            assert shots.news(event) == []
+
+
+@pytest.mark.parametrize("share", [0.05, 0.1])
+def test_a_queue_that_grows_is_no_fault_of_the_clock(share: float) -> None:
+    """A slow radio falls behind, message by message."""
+    shots = Shots(ShotSettings())
+    for shot in range(10):
+        at = 5.0 * shot
+        event = trigger_event(shot, 100 + at + share * at, source_time=50 + at, clock="boot")
+        verdict = shots.hear(event).verdict
+        assert isinstance(verdict, New)
+        assert verdict.moment == pytest.approx(100 + at, abs=0.5)
