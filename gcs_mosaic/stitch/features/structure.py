@@ -15,11 +15,12 @@ COARSE = (32, 16, 8)  # px, side of the large squares: the first that leaves eno
 FINER = 8  # times smaller are the small ones
 FEWEST_SQUARES = 150  # a variance of fewer is known too badly
 # Variance among small squares over that among large ones, as a share of what it is for white noise: 0.09 and less in all recorded
-# flights (most over dry grass), 0.9 of noise, before and after JPEG; 0.3 where ground is a sixth as strong as the noise over it.
-LEAST_LIKE_NOISE = 0.4
+# flights (most over dry grass), 0.64 over plants in rows that nothing else tells apart; 0.9 of noise, before and after JPEG; 0.3
+# where ground is a sixth as strong as the noise over it. Nearer to noise: a true frame that is refused costs more than a shutter.
+LEAST_LIKE_NOISE = 0.75
 # Noise varies from pixel to pixel, too, which soft things do not: variance of pixels over that of squares of two. 4 of white
 # noise, 1.2 after a Bayer pattern or JPEG; 0.5 and less of noise that was blurred or enlarged.
-WHITE = 1.1
+WHITE = 1.15
 # Deviation of a sensor's noise, in levels or counts: at most; and where compression or a Bayer pattern has smoothed it.
 LOUDEST = {"uint8": 40.0, "uint16": 4000.0}
 FAINT = {"uint8": 3.0, "uint16": 12.0}
