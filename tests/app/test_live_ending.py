@@ -18,6 +18,7 @@ import pytest
 from gcs_mosaic.app.live import RETRY_S
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
+from tests.benchmarks.flood import numbered
 from tests.documents import placements
 from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, until
 from tests.sure import sure
@@ -57,12 +58,6 @@ def assert_accounts_close(flight: Running, frames: int, *, open_ones: bool = Fal
     assert sum(of_frames.values()) == frames
     assert sum(of_events.values()) == len(events_of(flight.out)) <= flight.taken
     assert open_ones or of_frames["pending"] == of_events["pending"] == 0
-
-
-def numbered(picture: bytes, number: int) -> bytes:
-    """The same picture as another file: with a comment in it."""
-    comment = b"%08d" % number
-    return picture[:2] + b"\xff\xfe\x00\x0a" + comment + picture[2:]
 
 
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])

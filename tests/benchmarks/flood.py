@@ -17,11 +17,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cv2
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from tests.running import Running, flying, six_pictures
+from tests.sure import sure
 
 SHOT_EVERY_S, SAMPLE_EVERY_S = 0.5, 0.5
 SETTLED_S = 2.0  # until what came last is in the ledger; the map itself is of no interest here
@@ -87,8 +90,10 @@ def forged(count: int) -> Iterator[bytes]:
 
 
 def numbered(picture: bytes, number: int) -> bytes:
-    """The same picture as another file: with a comment in it."""
-    return picture[:2] + b"\xff\xfe\x00\x0a" + b"%08d" % number + picture[2:]
+    """Next to the same picture: with a mark in a corner."""
+    image = sure(cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR))
+    image[:8, :8] = 2 * (number % 128)
+    return sure(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]).tobytes()
 
 
 def flood(home: Path, seconds: float, rate: float, pictures: list[bytes], *options: str) -> Outcome:

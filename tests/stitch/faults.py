@@ -68,7 +68,11 @@ def event_of(code: CodeType, what: str, about: Any) -> Event | None:
     where = code.co_filename.rpartition(PACKAGE)[2], code.co_qualname
     if what in ("call", "return"):
         return None if what == "return" and where[0].endswith(BEYOND) else (":".join(where), what)
-    return (":".join(where), f"calls {about.__qualname__}") if what == "c_call" else None
+    if (
+        what != "c_call" or about.__name__ == "__exit__"
+    ):  # which ends a with block: what raises before it leaves locks held
+        return None
+    return ":".join(where), f"calls {about.__qualname__}"
 
 
 def chosen(counts: Counter[Event], count: int, rng: random.Random, but: str = "") -> list[tuple[Event, int]]:

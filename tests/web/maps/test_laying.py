@@ -219,7 +219,7 @@ def lay_again(table: Table, client: Writer, places: Array) -> None:
     table.take(sigma=500, said="or say that they are more exact")
     table.take()
     assert [pin["label"] for pin in client.get("/anchors")["pins"]] == ["corner 1", "corner 2", "corner 4"]
-    assert client.get("/anchors")["islands"][0]["checked"]
+    assert client.get("/anchors")["islands"][0]["fits"]
     assert metres_off(client, places) < pixel_m
 
 
