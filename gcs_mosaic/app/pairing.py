@@ -57,11 +57,11 @@ def pair(flight: Path, shift: int | None) -> str:
         raise UsageError(f"{path} cannot be written ({error.strerror}): pair a copy of it") from error
     if lock is None:
         raise UsageError(f"{path} is being written by another gcs-mosaic: pair it once that has ended")
-    with closing(Ledger(path / LEDGER_NAME)) as ledger:
-        try:
+    try:
+        with closing(Ledger(path / LEDGER_NAME)) as ledger:
             return _told(ledger, _shifted(path, ledger, shift))
-        finally:
-            lock.release()
+    finally:
+        lock.release()
 
 
 def contradiction(ledger: Ledger) -> int | None:

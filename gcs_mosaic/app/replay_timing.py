@@ -15,10 +15,11 @@ from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink
 from gcs_mosaic.messages import CaptureResult, TriggerEvent
-from gcs_mosaic.triggers.alignment import MOST, Alignment, FileClue, ShotClue, align
+from gcs_mosaic.triggers.alignment import MOST, Alignment, align
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.doubts import NONE, Doubts
 from gcs_mosaic.triggers.names import numbers_in, stem_of
+from gcs_mosaic.triggers.rulers import FileClue, ShotClue
 from gcs_mosaic.triggers.shots import CameraMessage, New
 
 MOST_WITHIN = 0.9  # of all files: some were there before the flight, or were touched later

@@ -96,7 +96,8 @@ def _orders(frames: Sequence[PendingFrame]) -> list[list[PendingFrame]]:
 
 
 def _aligned(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> Alignment:
-    from gcs_mosaic.triggers.alignment import FileClue, ShotClue, align
+    from gcs_mosaic.triggers.alignment import align
+    from gcs_mosaic.triggers.rulers import FileClue, ShotClue
 
     place = {id(frame): number for number, frame in enumerate(frames)}
     so_far = [(number, place[id(held.frame)]) for number, held in enumerate(shots) if id(held.frame) in place]

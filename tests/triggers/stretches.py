@@ -5,7 +5,8 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass, field
 
-from gcs_mosaic.triggers.alignment import Alignment, FileClue, ShotClue, align
+from gcs_mosaic.triggers.alignment import Alignment, align
+from gcs_mosaic.triggers.rulers import FileClue, ShotClue
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import pytest
 
-from gcs_mosaic.triggers.alignment import FileClue, ShotClue, align
+from gcs_mosaic.triggers.alignment import align
 from gcs_mosaic.triggers.names import numbers_in, stem_of
+from gcs_mosaic.triggers.rulers import FileClue, ShotClue
 from tests.triggers.stretches import KINDS, aligned, stretch
 
 IRREGULAR = [0.0, 3.0, 5.0, 11.0, 13.0, 20.0, 24.0, 25.5, 31.0, 36.0]
