@@ -22,20 +22,15 @@ SECRET = "TOP SECRET"
 OURS_ELSEWHERE = (".draft.part", "0/16/1/1.jpg", "unfinished/x", "packing-x/y", "gcs-mosaic-reprocess")
 
 
+def written(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+
+
 def an_outside(folder: Path) -> Path:
     """Somebody else's files."""
-    for name in (
-        "secret.txt",
-        ".draft.part",
-        "0/16/1/1.jpg",
-        "frames/a.jpg",
-        "unfinished/x",
-        "packing-x/y",
-        "gcs-mosaic-reprocess",
-    ):
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"{SECRET} {name}\n")
+    for name in ("secret.txt", "frames/a.jpg", *OURS_ELSEWHERE):
+        written(folder / name, f"{SECRET} {name}\n".encode())
     (folder / "document.json").write_text(json.dumps({"revision": 1, "flight": SECRET, "islands": []}))
     return folder
 
@@ -111,16 +106,9 @@ def deep(flight: Path, _: Path) -> None:
 
 def names(flight: Path, _: Path) -> None:
     """Names with line breaks, escapes, undecodable bytes."""
-    for name in (
-        "frames/a\nb.jpg",
-        "frames/\x1b[2J.jpg",
-        "tiles/0/16/x\ny.jpg",
-        "tiles/٣/16/1/1.jpg",
-        "tiles/0/99/1/1.jpg",
-    ):
-        path = flight / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"x")
+    tiles = ("tiles/0/16/x\ny.jpg", "tiles/٣/16/1/1.jpg", "tiles/0/99/1/1.jpg")
+    for name in ("frames/a\nb.jpg", "frames/\x1b[2J.jpg", *tiles):
+        written(flight / name, b"x")
     (Path(os.fsdecode(os.fsencode(flight) + b"/frames/\xff.jpg"))).write_bytes(b"x")
 
 

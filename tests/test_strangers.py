@@ -21,20 +21,10 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.app.driver import Driver
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import prepare
-from gcs_mosaic.app.resuming import checkpoints_of
-from gcs_mosaic.config.tree import Config
-from gcs_mosaic.frames.files import frames_in
-from gcs_mosaic.messages import Frame
 from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.store.documents import write_json
-from gcs_mosaic.store.status import Status, status_document
+from tests.ended_flights import ended_flight, photographed
 from tests.ports import free_port
-from tests.running import six_pictures
 from tests.strangers import LEDGERS, LINKS, SECRET, STRANGE_FILES, Trick, an_outside, seen
-from tests.sure import sure
 
 pytestmark = [
     pytest.mark.long,
@@ -63,19 +53,8 @@ COMMANDS = {
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """A flight of six frames that has ended, with notes."""
-    folder, out, config = tmp_path_factory.mktemp("camera"), tmp_path_factory.mktemp("flown") / "flight", Config()
-    for number, data in enumerate(six_pictures(world_cache, size=(480, 360))):
-        (folder / f"{number}.jpg").write_bytes(data)
-    out.mkdir()
-    with closing(Pipeline(out, config, lambda notice: None, checkpoints=checkpoints_of(out, config))) as flight:
-        for frame in (sure(flight.accept(item)) for item in frames_in(folder).frames if isinstance(item, Frame)):
-            Driver(flight).process(prepare(frame, flight.features_of, config.reduction, flight.feature_pixels))
-        for _ in Driver(flight).finish():
-            pass
-        flight.checkpoint(at_once=True)
-        accounts, revision = flight.accounts(), flight.store.revision
-    status = Status(flight="x", state="stopped", updated_utc=2.0, started_utc=1.0, revision=revision, accounts=accounts)
-    write_json(out / "status.json", status_document(status))
+    pictures = photographed(tmp_path_factory.mktemp("camera"), world_cache)
+    out = ended_flight(tmp_path_factory.mktemp("flown") / "flight", pictures)
     with closing(NotesBook(out)) as book, book.change():
         pass
     return out

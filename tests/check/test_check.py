@@ -12,23 +12,18 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.app.driver import Driver
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import prepare
-from gcs_mosaic.app.resuming import checkpoints_of
 from gcs_mosaic.check.check import check, repair
 from gcs_mosaic.check.findings import Findings
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.files import frames_in
-from gcs_mosaic.messages import Frame, SourceReport
+from gcs_mosaic.messages import SourceReport
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.lock import try_lock
 from gcs_mosaic.store.schema import VERSION
 from gcs_mosaic.store.status import AircraftStatus, Status, status_document
-from tests.running import six_pictures
+from tests.ended_flights import ended_flight, photographed
 from tests.sure import sure
 
 CONFIG = Config()
@@ -38,30 +33,13 @@ Damage = Callable[[Path], object]
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """What the camera has written."""
-    folder = tmp_path_factory.mktemp("camera")
-    for number, data in enumerate(six_pictures(world_cache, size=(480, 360))):
-        (folder / f"{number}.jpg").write_bytes(data)
-    return folder
+    return photographed(tmp_path_factory.mktemp("camera"), world_cache)
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, pictures: Path) -> Path:
-    """A flight of six frames that has ended, as the live program leaves it."""
-    out = tmp_path_factory.mktemp("flown") / "mosaic"
-    out.mkdir()
-    with closing(Pipeline(out, CONFIG, lambda notice: None, checkpoints=checkpoints_of(out, CONFIG))) as flight:
-        for frame in (sure(flight.accept(item)) for item in frames_in(pictures).frames if isinstance(item, Frame)):
-            Driver(flight).process(prepare(frame, flight.features_of, CONFIG.reduction, flight.feature_pixels))
-        for _ in Driver(flight).finish():
-            pass
-        flight.checkpoint(at_once=True)
-        accounts, revision = flight.accounts(), flight.store.revision
-    assert accounts.frames.placed == 6
-    status = Status(
-        flight="mosaic", state="stopped", updated_utc=2.0, started_utc=1.0, revision=revision, accounts=accounts
-    )
-    write_json(out / "status.json", status_document(status))
-    return out
+    """A flight of six frames that has ended."""
+    return ended_flight(tmp_path_factory.mktemp("flown") / "mosaic", pictures)
 
 
 @pytest.fixture
