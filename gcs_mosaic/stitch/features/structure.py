@@ -2,9 +2,12 @@
 
 Averaged over squares, white noise loses three quarters of its variance each time the squares are doubled, whatever its strength.
 Ground loses far less: it has things of all sizes. So the differences between neighbouring squares of two sizes tell them apart.
+Fine things alone, such as plants, are like noise in that; but they stand in rows, of which noise has none.
 """
 
 from __future__ import annotations
+
+from itertools import product
 
 import cv2
 import numpy as np
@@ -24,6 +27,11 @@ WHITE = 1.15
 # Deviation of a sensor's noise, in levels or counts: at most; and where compression or a Bayer pattern has smoothed it.
 LOUDEST = {"uint8": 40.0, "uint16": 4000.0}
 FAINT = {"uint8": 3.0, "uint16": 12.0}
+# Power at one frequency over the mean of all that are as fine, in windows of so many pixels: 3.2 and less of noise, a shutter
+# after its stripes, JPEG; 17 to 68 over fields in rows.
+ROWS_FROM = 8.0
+WINDOW = 256
+SMOOTHED = 5  # frequencies whose power is averaged
 CROP = 512  # px a side, in the middle of the picture as it is: enough to see whether its noise is white
 
 
@@ -36,10 +44,30 @@ def shows_nothing(small: Band, image: Bands) -> bool:
     sides = [side for side in COARSE if (grey.shape[0] // side) * (grey.shape[1] // side) >= FEWEST_SQUARES]
     if not sides:
         return False
-    fine = _without_stripes(_squares(grey, sides[0] // FINER))
+    if image.ndim == 2 or image.shape[2] == 1:
+        grey = _without_stripes(grey)  # of a thermal sensor; in colour they are rows of something
+    fine = _squares(grey, sides[0] // FINER)
     coarse = _without_shading(_squares(fine, FINER))
     like_noise = _variance(fine) / max(_variance(coarse), 1e-9) / FINER**2
-    return like_noise > LEAST_LIKE_NOISE and _is_sensor_noise(image)
+    return like_noise > LEAST_LIKE_NOISE and _is_sensor_noise(image) and not _has_rows(grey)
+
+
+def _has_rows(grey: FloatImage) -> bool:
+    """Whether something repeats in a picture (h, w), a sensor's stripes left out."""
+    side = min(WINDOW, *grey.shape)
+    taper = np.outer(np.hanning(side), np.hanning(side)).astype(np.float32)
+    power = np.zeros((side, side // 2 + 1))
+    for top, start in product(
+        range(0, grey.shape[0] - side + 1, side // 2), range(0, grey.shape[1] - side + 1, side // 2)
+    ):
+        window = grey[top : top + side, start : start + side]
+        power += np.abs(np.fft.rfft2((window - window.mean()) * taper)) ** 2
+    smooth = cv2.blur(np.fft.fftshift(power, axes=0), (SMOOTHED, SMOOTHED))
+    down, across = np.indices(smooth.shape)
+    ring = np.hypot(down - side // 2, across).astype(np.intp)  # of equal frequency
+    mean = np.bincount(ring.ravel(), smooth.ravel()) / np.maximum(np.bincount(ring.ravel()), 1)
+    whole = (ring > SMOOTHED) & (ring < side // 2 - SMOOTHED)
+    return bool((smooth > ROWS_FROM * mean[ring])[whole].any())
 
 
 def _is_sensor_noise(image: Bands) -> bool:

@@ -52,6 +52,9 @@ SOMETHING: dict[str, Callable[[], np.ndarray]] = {
     "ground under a fixed pattern": lambda: frame(scene(), 100, 100, 1, contrast=2.0, pattern=fixed_pattern(9.0)),
     "a night with a lamp": lambda: night(),
     "snow with a track": lambda: snow(),
+    "plants in rows": lambda: rows(0.4),
+    "plants in rows along a side": lambda: rows(0.0),
+    "rows without gaps along a side": lambda: rows(0.0, gaps=0),
 }
 
 
@@ -65,6 +68,16 @@ def snow() -> np.ndarray:
     white = RNG.normal(225, 3, (480, 640)).astype(np.float32)
     cv2.polylines(white, [np.array([[0, 300], [200, 260], [420, 330], [639, 200]])], False, 205, 5)
     return np.clip(white, 0, 255).astype(np.uint8)
+
+
+def rows(turned: float, gaps: int = 6) -> np.ndarray:
+    """A field of plants that are all alike, 10 px from row to row, so many from plant to plant, under a sensor's noise."""
+    down, across = np.mgrid[:480, :640].astype(np.float32)
+    along, beside = across * np.cos(turned) + down * np.sin(turned), down * np.cos(turned) - across * np.sin(turned)
+    plants = np.cos(2 * np.pi * beside / 10) * (1 + np.cos(2 * np.pi * along / gaps) if gaps else 1)
+    field = 110 + 8 * plants[..., None] + RNG.normal(0, 7, (480, 640, 3))
+    picture: np.ndarray = np.clip(field, 0, 255).astype(np.uint8)
+    return picture
 
 
 @pytest.mark.parametrize("name", SOMETHING)
