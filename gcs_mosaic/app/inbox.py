@@ -88,7 +88,7 @@ def initial_report(config: Config) -> SourceReport:
 
 
 class Inbox:
-    """Collects items from the sources until `stop` is set."""
+    """Collects items from the sources until they end, which they do once `stop` is set."""
 
     def __init__(self, stop: threading.Event) -> None:
         self._stop = stop
@@ -152,9 +152,11 @@ class Inbox:
         if isinstance(item, Frame) and item.data is not None:
             item = self._within_memory(item)
         came = time.monotonic()
-        while not self._stop.is_set():
+        while True:  # once more after `stop`: a link that ends tells which triggers it still held back
             with suppress(queue.Full):
                 self._items.put((came, item), timeout=PUT_S)
+                return
+            if self._stop.is_set():
                 return
 
     def _within_memory(self, frame: Frame) -> Frame | DroppedFrame:

@@ -72,3 +72,13 @@ def test_until_when_everything_is_taken() -> None:
     inbox.next(0.0)
     assert inbox.taken_until(after) == after
     assert inbox.frames() == []
+
+
+def test_what_a_source_tells_as_it_ends_is_taken() -> None:
+    """A link that has not decided yet whom to follow gives its triggers when it is stopped."""
+    stop = threading.Event()
+    inbox = Inbox(stop)
+    stop.set()
+    inbox.fill([ItemSource(iter([picture(0, None)]), FAILED)])
+    inbox.join()
+    assert inbox.next(0.0) == picture(0, None)

@@ -62,7 +62,7 @@ CONSTANTS = {
         "PAIRS_PER_WITNESS",
         "TELLING_CELLS",
     ),
-    "mapping.incremental_mapper": ("WAITING_TRIES", "BRIDGE_TRIES"),
+    "mapping.incremental_mapper": ("WAITING_TRIES", "BRIDGE_TRIES", "OUTDONE", "OUTDONE_TRIES"),
     "bundle.levenberg_marquardt": ("TILT_PRIOR_REACH", "EXPECTED_SIZE2", "MOST_EXCESS"),
     "bundle.lens": ("SHORTEST_FOCAL", "LONGEST_FOCAL", "MOST_BARREL", "MOST_PINCUSHION", "REACH", "DOUBT"),
     "bundle.relief_points": ("ROUNDS",),

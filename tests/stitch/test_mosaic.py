@@ -91,6 +91,25 @@ def test_one_thing_that_looks_alike_founds_no_island(ground: Image, other_ground
     assert isinstance(mosaic.add(other, "other"), Waiting)
 
 
+def test_much_in_common_with_a_waiting_frame_outdoes_a_weak_link(
+    ground: Image, other_ground: Image, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two lands of one make: the link to the placed frame is false, and the neighbour tells."""
+    register = Search.register
+
+    def deceived(search: Search, frame: int, other: int) -> Registration | None:
+        if (frame, other) != (3, 0):
+            return register(search, frame, other)
+        found = register(search, 3, 2)
+        return found and replace(found, evidence=found.evidence / 20)
+
+    monkeypatch.setattr(Search, "register", deceived)
+    mosaic = Mosaic()
+    fly(mosaic, ground, line(500, 500, 2, step=80))
+    fly(mosaic, other_ground, line(500, 500, 2, step=80), first=2)
+    assert mosaic.frame_counts() == {0: 2, 1: 2}
+
+
 @pytest.mark.parametrize("grey", [0, 128, 255])
 def test_an_empty_picture_is_rejected_with_a_reason(grey: int) -> None:
     outcome = Mosaic().add(np.full((360, 480, 3), grey, np.uint8), "empty")

@@ -23,6 +23,8 @@ from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
 WAITING_TRIES = 2  # waiting frames, or lone founders, that a newly placed frame is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
+OUTDONE = 8.0  # times the evidence of its link to a placed frame: with so much more for a waiting one, a frame joins that
+OUTDONE_TRIES = 1  # waiting frames that a frame is matched with for that
 
 NO_SECOND_LOOK = SecondLookSettings(megapixels=0)
 
@@ -193,9 +195,21 @@ class Assembly:
             self._found_island(frame)
             return [frame]
         links = self._search.first_links(frame, self._graph.last_placed, compared)
-        if any(self._place_beside(frame, other, registration) for other, registration in links):
-            return [frame]
+        for other, registration in links:
+            if self._is_outdone(frame, registration):
+                break
+            if self._place_beside(frame, other, registration):
+                return [frame]
         return self._found_with_waiting(frame)
+
+    def _is_outdone(self, frame: int, registration: Registration) -> bool:
+        """Whether a waiting frame shows much more of the same than the placed one: that one may be a look-alike, and both
+        frames find the right island together."""
+        for other in self._search.likeliest(frame, list(self._graph.waiting), OUTDONE_TRIES):
+            beside = self._search.register(frame, other)
+            if beside is not None and beside.evidence > OUTDONE * registration.evidence:
+                return True
+        return False
 
     def _found_island(self, frame: int) -> None:
         """The frame is placed level and at its own resolution on a new canvas."""
